@@ -38,8 +38,8 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 test: $(VENV)/installed  ## run the test suite (PYTEST="-p tools.spent": what each file takes)
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal $(PYTEST)
 
-test-long: $(VENV)/installed  ## run the long proofs whose evidence is older than the code, and keep what they find
-	$(BIN)/python -m tools.proofs --workers $(WORKERS)
+test-long: $(VENV)/installed  ## run the long tests (PYTEST="-p tools.part --part 3/24": one part of them)
+	$(BIN)/python -m pytest -q -m long --numprocesses $(WORKERS) --dist worksteal $(PYTEST)
 
 # Chromium is Debian's (apt-get install chromium) or the one that CHROMIUM names.
 browser: $(VENV)/installed  ## do what a visitor of the pages does, in Chromium (PYTEST="-k slice": some of it)

@@ -1,7 +1,7 @@
 """The observing bands: centre, width, optical transmission and quantum efficiency, each with its source."""
 
-import copy
 import functools
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.spectra import Curve
-from cpic_core import ArrayLike, InputError, Provenance, load_yaml, read_text, split_sourced
+from cpic_core import ArrayLike, InputError, Provenance, load_yaml, read_file, split_sourced
 
 #: The two cameras.
 CAMERAS = ("VIS", "NIR")
@@ -18,6 +18,12 @@ CAMERAS = ("VIS", "NIR")
 _FILE = Path(__file__).resolve().parent / "data" / "bands.yaml"
 _MAX_BYTES = 4_000_000
 _UNITS_NM = {"nm": 1.0, "nanometer": 1.0, "nanometre": 1.0, "angstrom": 0.1, "aa": 0.1}
+_UNITS_NM |= dict.fromkeys(
+    ("um", "\N{MICRO SIGN}m", "\N{GREEK SMALL LETTER MU}m", "micron", "micrometer", "micrometre"), 1e3
+)
+_ALLOWED = "nm, um, Angstrom"
+_OTHER_UNITS = frozenset(("m", "cm", "mm", "pm", "hz", "ghz", "thz", "ev"))
+_STRUCTURED = (b"SIMPLE  =", b"<?xml", b"<VOTABLE", b"# %ECSV")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,19 +114,14 @@ def band_provenance() -> dict[str, Provenance]:
     return dict(_load()[1])
 
 
-def bands_tree() -> dict[str, Any]:
-    """Return the band entries as they stand in the file, with sources; a new copy at each call."""
-    return copy.deepcopy(_tree()["bands"])
-
-
 def band_from_file(
     path: str | Path, name: str, *, t_opt: float, qe: float, camera: str = "VIS", unit: str | None = None
 ) -> Band:
-    """Read a filter transmission curve from a two-column text file.
+    """Read a filter transmission curve from a file of two columns.
 
-    Columns are wavelength and transmission (0 to 1), separated by blanks or a comma; ``#`` starts a
-    comment. The wavelength unit is stated by ``unit`` or by a comment line that contains ``nm`` or
-    ``Angstrom`` as a word.
+    Columns are wavelength and transmission, 0 to 1 or in percent where the heading says ``%``. A text file separates
+    them by blanks or a comma; ``#`` starts a comment. The wavelength unit is stated by ``unit``, or as a word of the
+    heading or of a comment; in an ECSV, VOTable or FITS table, by its column. Zeros beyond the ends are left out.
 
     Parameters
     ----------
@@ -132,8 +133,8 @@ def band_from_file(
         Transmission of everything else, and quantum efficiency, both over 0 to 1.
     camera : {"VIS", "NIR"}
         The camera that sees it.
-    unit : {"nm", "Angstrom"}, optional
-        Wavelength unit; overrides the header.
+    unit : {"nm", "um", "Angstrom"}, optional
+        Wavelength unit; overrides the file.
 
     Returns
     -------
@@ -146,15 +147,18 @@ def band_from_file(
         If the file cannot be read, the unit is not stated, or values are not finite, wavelengths do not
         increase, or transmissions are negative, above 1 or all zero.
     """
-    text = read_text(path, key="file", allowed="a readable text file", max_bytes=_MAX_BYTES)
-    scale = _unit_scale(unit, text)
-    wavelength_nm, transmission = _two_columns(text, str(path))
-    wavelength_nm = wavelength_nm * scale
+    data = read_file(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES)
+    read = _structured if data.lstrip().startswith(_STRUCTURED) else _two_columns
+    wavelength_nm, transmission, said = read(data, str(path))
+    wavelength_nm *= _unit_scale(unit or said, str(path))
     if wavelength_nm[0] <= 0.0 or np.any(np.diff(wavelength_nm) <= 0.0):
         raise InputError(f"{path}: wavelength", "not increasing", allowed="positive, strictly increasing wavelengths")
     if transmission.min() < 0.0 or transmission.max() > 1.0 or transmission.max() == 0.0:
         worst = transmission.min() if transmission.min() < 0.0 else transmission.max()
         raise InputError(f"{path}: transmission", float(worst), allowed="0 to 1, not all zero")
+    open_at = np.flatnonzero(transmission)
+    part = slice(max(open_at[0] - 1, 0), open_at[-1] + 2)
+    wavelength_nm, transmission = wavelength_nm[part].copy(), transmission[part].copy()
     # Exact area and first moment of a piecewise linear curve.
     step = np.diff(wavelength_nm)
     left, right = transmission[:-1], transmission[1:]
@@ -188,22 +192,50 @@ def _in_range(key: str, value: float, unit: str, low: float, high: float) -> Non
         raise InputError(key, value, unit=unit, allowed=f"above {low:g}, at most {high:g}")
 
 
-def _unit_scale(unit: str | None, text: str) -> float:
-    if unit is not None:
-        if unit.lower() not in _UNITS_NM:
-            raise InputError("unit", unit, allowed="nm, Angstrom")
-        return _UNITS_NM[unit.lower()]
-    comments = " ".join(line for line in text.splitlines() if line.lstrip().startswith("#")).lower()
-    words = re.findall(r"[a-z]+", comments.replace("angstroms", "angstrom"))
+def _unit_scale(said: str, path: str) -> float:
+    """Return the nanometres of the unit that a text names."""
+    words = re.findall(r"[^\W\d_]+", said.lower().replace("angstroms", "angstrom").replace("microns", "micron"))
     scales = {_UNITS_NM[word] for word in words if word in _UNITS_NM}
     if len(scales) != 1:
-        raise InputError("unit", "not stated", allowed="nm, Angstrom", hint="name it in the header or as argument")
+        other = next((word for word in words if word in _OTHER_UNITS), "")
+        value = "more than one" if scales else other or "not stated"
+        hint = "name it in the heading or in a comment" if value == "not stated" else ""
+        raise InputError(f"{path}: unit", value, allowed=_ALLOWED, hint=hint)
     return scales.pop()
 
 
-def _two_columns(text: str, where: str) -> tuple[np.ndarray, np.ndarray]:
-    rows = []
-    for number, line in enumerate(text.splitlines(), start=1):
+def _structured(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return the first two columns of a table, and the unit of the first."""
+    from catalogs.table_files import TableBytes, parse_table
+
+    columns = parse_table(TableBytes(where, data, "")).columns[:2]
+    try:
+        wavelength, transmission = (np.array(column.cells, dtype=np.float64) for column in columns)
+        if not (np.isfinite(wavelength).all() and np.isfinite(transmission).all()):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InputError(where, "other columns", allowed="two columns of finite numbers") from None
+    if not columns[0].unit:
+        return wavelength, transmission, columns[0].heading
+    from astropy import units
+
+    try:
+        factor = units.Unit(columns[0].unit).to(units.nm)
+    except ValueError:
+        factor = math.nan
+    name = next((word for word, scale in _UNITS_NM.items() if math.isclose(scale, factor)), columns[0].unit)
+    return wavelength, transmission, name
+
+
+def _two_columns(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return the columns of a text, and its comments and heading."""
+    try:
+        lines = data.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise InputError(where, "binary or not UTF-8", allowed="text, ECSV, VOTable or FITS") from None
+    said = [line for line in lines if line.lstrip().startswith("#")]
+    rows, percent = [], False
+    for number, line in enumerate(lines, start=1):
         fields = line.split("#")[0].replace(",", " ").split()
         if not fields:
             continue
@@ -211,10 +243,14 @@ def _two_columns(text: str, where: str) -> tuple[np.ndarray, np.ndarray]:
             row = [float(field) for field in fields]
         except ValueError:
             row = []
+        if not row and not rows and not percent and line not in said:
+            said.append(line)
+            percent = "%" in line
+            continue
         if len(row) != 2 or not np.all(np.isfinite(row)):
             raise InputError(f"{where} line {number}", "something else", allowed="two finite numbers")
         rows.append(row)
     if len(rows) < 2:
         raise InputError(where, f"{len(rows)} rows", allowed="at least two rows")
     table = np.array(rows)
-    return table[:, 0].copy(), table[:, 1].copy()
+    return table[:, 0].copy(), table[:, 1] / (100.0 if percent else 1.0), "\n".join(said)

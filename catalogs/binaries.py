@@ -3,9 +3,9 @@
 ``data/binary_orbits.csv`` is kept by hand: the relative orbit of one pair a row, with its reference and the date at
 which its source was read. Both stars of a pair get each other, the second with the position angle turned by 180 deg.
 ORB6 is the Sixth Catalog of Orbits of Visual Binary Stars (US Naval Observatory, public). Left out are orbits of a
-photocentre (grade 9), incomplete ones (grade 7), pairs that are arcminutes apart, and two orbits that no stars of such
-colours can follow (104 Tau, HD 90508). Of several companions of a star the one with the largest flux over squared
-separation has the row.
+photocentre (grade 9), incomplete ones (grade 7), pairs that are arcminutes apart, two orbits that no stars of such
+colours can follow (104 Tau, HD 90508), and one that puts its pair 15 arcsec from where Hipparcos saw it (HD 72945). Of
+several companions of a star the one with the largest flux over squared separation has the row.
 """
 
 import csv
@@ -168,6 +168,19 @@ def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tupl
     places = orbit_places(axis, e, tilt, omega, node, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
     pa = np.rad2deg(np.arctan2(places.east_au, places.north_au)) % 360.0
     return np.hypot(places.east_au, places.north_au), pa
+
+
+def companion_share(orbit: BinaryOrbit) -> float:
+    """Return the mass of the companion over that of both; half where neither masses nor orbit tell it.
+
+    Published masses count first, then what Kepler's third law leaves for the companion, then the star table.
+
+    Parameters
+    ----------
+    orbit : BinaryOrbit
+    """
+    limit = stability_limit(orbit.star)
+    return 0.5 if limit is None else limit.mass_ratio
 
 
 @dataclass(frozen=True)

@@ -298,12 +298,13 @@ def _from_file(path: str | Path) -> Catalogue:
         )
     from catalogs.user_table import user_table
 
-    made = user_table(parse_table(file))
+    raw = parse_table(file)
+    made = user_table(raw)
     return Catalogue(
         table=made.table,
         kind="file",
-        provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest})",
-        sample=f"every star of {file.name}",
+        provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest}{raw.shortened})",
+        sample=f"every star of {file.name}{raw.shortened}",
         ranked_v_mag=None,
         orbits=False,
         notes=made.notes,

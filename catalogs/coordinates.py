@@ -130,6 +130,30 @@ def tangent_offset(
     return np.asarray(xi * _ARCSEC_PER_RAD), np.asarray(eta * _ARCSEC_PER_RAD)
 
 
+def offset_place(
+    ra0_deg: ArrayLike, dec0_deg: ArrayLike, east_arcsec: ArrayLike, north_arcsec: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return the position at gnomonic offsets from a tangent point, the inverse of `tangent_offset`.
+
+    Parameters
+    ----------
+    ra0_deg, dec0_deg : array_like
+        Tangent point, degrees.
+    east_arcsec, north_arcsec : array_like
+        Standard coordinates (xi, eta) of the tangent plane, arcsec.
+
+    Returns
+    -------
+    ra_deg, dec_deg : ndarray
+        Position, degrees; RA in [0, 360).
+    """
+    ra0, dec0 = np.deg2rad(ra0_deg), np.deg2rad(dec0_deg)
+    xi, eta = (np.asarray(offset, float) / _ARCSEC_PER_RAD for offset in (east_arcsec, north_arcsec))
+    along = np.cos(dec0) - eta * np.sin(dec0)
+    dec = np.arctan2(np.sin(dec0) + eta * np.cos(dec0), np.hypot(xi, along))
+    return np.rad2deg(ra0 + np.arctan2(xi, along)) % 360.0, np.rad2deg(dec)
+
+
 def position_angle(east: ArrayLike, north: ArrayLike) -> FloatArray:
     """Return the position angle in degrees, east of north, in [0, 360), of an offset (any common unit).
 

@@ -36,6 +36,19 @@ def _error(name: str, unit: str, high: float, aliases: str) -> Column:
     return _float(name, unit, (0.0, high), aliases, "its error")
 
 
+LOOKALIKES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "period_days": (r"(?<!rot)(?<!rotation)period|orbper", ()),
+    "msini_mjup": (r"sini|min(?:imum)?mass", ("best_mass_mjup",)),
+    "best_mass_kind": (r"mass(?:detection|measurement)?(?:type|method|prov|kind)", ("msini_mjup",)),
+    "semi_major_axis_au": (r"axis|orbsmax|^sma", ()),
+    "eccentricity": (r"^ecc|orbecc", ()),
+    "omega_star_deg": (r"^arg\w*p|^aop$|orblper|lon\w*peri|^w$", ("omega_planet_deg",)),
+    "inclination_deg": (r"^incl?|orbincl", ()),
+    "node_deg": (r"^raan$|^lan$|node", ()),
+    "periastron_jd": (r"tper|time\w*peri", ("conjunction_jd",)),
+    "conjunction_jd": (r"tconj|tranmid|time\w*conj", ("periastron_jd",)),
+}
+"""Headings that look like those of a column and are none of its names, and columns that say the same instead of it."""
 COLUMNS = Columns(
     _text("star", "hostname plhostname host starname", "name of the star"),
     _text("planet", "planetname plname name", "name of the planet, unique"),
@@ -77,10 +90,10 @@ COLUMNS = Columns(
     _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
     _angle(
         "node_deg",
-        "node bigomega ascendingnode",
+        "node bigomega ascendingnode Omega",
         "position angle of the node where the planet moves away from the observer, east of north",
     ),
-    _error("node_err_deg", "deg", 360.0, "nodeerr"),
+    _error("node_err_deg", "deg", 360.0, "nodeerr Omegaerr"),
     _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
     _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
     _float("star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"),
@@ -108,6 +121,11 @@ COLUMNS = Columns(
     _text("status_reference", "", "where the status was published, if not where the orbit was"),
     _text("updated", "", "date on which the row was last changed"),
     _text("note", "", "a remark on the planet"),
+    cased={
+        "omega": "omega_star_deg, omega_planet_deg or node_deg",
+        "omegaerr": "omega_err_deg or node_err_deg",
+        "m": "mass_mjup, msini_mjup or star_mass_msun",
+    },
 )
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")
@@ -138,7 +156,7 @@ FLAGS: dict[str, str] = {
     "mass_lower_limit": "the source gives the mass as a lower limit: taken as m sin i",
     "eccentricity_upper_limit": "the eccentricity is an upper limit",
     "mass_upper_limit": "the mass is an upper limit",
-    "phase_unknown": "no time of periastron or conjunction, or no error of it or of the period: phase unknown",
+    "phase_unknown": "no time of periastron or conjunction, or in archives no error of time or period: phase unknown",
     "period_unknown": "no period: that of the semi-major axis around a star of its mass",
     "axis_unknown": "no semi-major axis: that of the period around a star of its mass",
     "eccentricity_unknown": "no eccentricity: drawn from those of long-period planets",
@@ -147,12 +165,16 @@ FLAGS: dict[str, str] = {
     "mass_unknown": "neither mass nor m sin i",
     "inclination_unknown": "no inclination: any orientation of the orbit's pole",
     "radius_unknown": "no radius: that of the mass, with scatter",
-    "period_err_unknown": "no error of the period",
+    "period_err_unknown": "no error of the period: taken as exact",
+    "time_err_unknown": "no error of the time of periastron or conjunction: taken as exact",
     "eccentricity_err_unknown": "no error of the eccentricity: taken as exact",
     "omega_err_unknown": "no error of omega: taken as exact",
     "axis_err_unknown": "no error of the semi-major axis: taken as exact",
     "mass_err_unknown": "no error of the mass or m sin i: taken as exact",
     "inclination_err_unknown": "no error of the inclination: taken as exact",
+    "node_err_unknown": "no error of the node: taken as exact",
+    "radius_err_unknown": "no error of the radius: taken as exact",
+    "columns_not_used": "columns of the table were not used: what is unknown may stand in one of them",
 }
 """What each flag means."""
 
@@ -161,7 +183,7 @@ GIVEN_FLAGS = ("controversial", "earlier_orbit", "edge_on_assumed", *_LIMITS)
 """Flags that a table states; the others follow from what is missing."""
 
 
-def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str, ...]:
+def flags_of(row: Mapping[str, float], given: tuple[str, ...] = (), *, exact: bool = False) -> tuple[str, ...]:
     """Return the flags of one planet, in the order of `FLAGS`.
 
     Parameters
@@ -170,6 +192,9 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str
         Numbers by column; nan or absent where missing.
     given : tuple of str
         Flags that the table states.
+    exact : bool
+        Whether a number without an error is exact, the time of periastron or conjunction too: so it is in a row of a
+        user's own. A row of an archive does not state the error, and its phase is unknown without.
     """
 
     def has(name: str) -> bool:
@@ -178,11 +203,13 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str
     def lacks_error(name: str, error: str) -> bool:
         return has(name) and not has(error)
 
-    dated = any(has(f"{what}_jd") and has(f"{what}_err_days") for what in ("periastron", "conjunction"))
+    times = [what for what in ("periastron", "conjunction") if has(f"{what}_jd")]
+    dated = [what for what in times if exact or (has(f"{what}_err_days") and has("period_err_days"))]
+    unsure = exact and times and not any(has(f"{what}_err_days") for what in times)
     mass = "mass" if has("mass_mjup") else "msini"
     limited = {name: f"{name}_upper_limit" in given for name in ("eccentricity", "mass")}
     found = {
-        "phase_unknown": not (dated and has("period_days") and has("period_err_days")),
+        "phase_unknown": not (dated and has("period_days")),
         "period_unknown": not has("period_days"),
         "axis_unknown": not has("semi_major_axis_au"),
         "eccentricity_unknown": not has("eccentricity"),
@@ -197,6 +224,9 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str
         "axis_err_unknown": lacks_error("semi_major_axis_au", "semi_major_axis_err_au"),
         "mass_err_unknown": lacks_error(f"{mass}_mjup", f"{mass}_err_mjup") and not limited["mass"],
         "inclination_err_unknown": lacks_error("inclination_deg", "inclination_err_deg"),
+        "time_err_unknown": bool(unsure) and has("period_days"),
+        "node_err_unknown": exact and lacks_error("node_deg", "node_err_deg"),
+        "radius_err_unknown": exact and lacks_error("radius_rjup", "radius_err_rjup"),
     }
     return tuple(name for name in FLAGS if name in given or found.get(name, False))
 

@@ -39,6 +39,8 @@ class KnownPlanetTable:
         ``solution_weight``. In ``columns`` these planets have the orbit of the largest weight.
     candidates : bool
         Whether candidates are counted as well.
+    unused : tuple of str
+        Headings of a user's file that were not used; its planets have the flag ``columns_not_used``.
     """
 
     columns: Mapping[str, NDArray[np.generic]]
@@ -47,6 +49,7 @@ class KnownPlanetTable:
     notes: tuple[str, ...] = ()
     solutions: Mapping[str, "KnownPlanetTable"] = field(default_factory=dict)
     candidates: bool = False
+    unused: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of planets, counted or not."""
@@ -54,7 +57,7 @@ class KnownPlanetTable:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
-        rest = (self.label, self.provenance, self.notes, dict(self.solutions), self.candidates)
+        rest = (self.label, self.provenance, self.notes, dict(self.solutions), self.candidates, self.unused)
         return (table_of, (dict(self.columns), *rest))
 
     def number(self, name: str) -> NDArray[np.float64]:
@@ -78,7 +81,7 @@ class KnownPlanetTable:
         index = np.asarray(rows)
         index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
         columns = {name: cells[index] for name, cells in self.columns.items()}
-        return table_of(columns, self.label, self.provenance, (), self.solutions, self.candidates)
+        return table_of(columns, self.label, self.provenance, (), self.solutions, self.candidates, self.unused)
 
     def orbits_of(self, row: int) -> "KnownPlanetTable":
         """Return the published orbits of one planet, each a row: one, or several with their weights."""
@@ -190,6 +193,7 @@ def table_of(
     notes: tuple[str, ...] = (),
     solutions: Mapping[str, KnownPlanetTable] | None = None,
     candidates: bool = False,
+    unused: tuple[str, ...] = (),
 ) -> KnownPlanetTable:
     """Return a table whose columns nobody can change.
 
@@ -205,8 +209,10 @@ def table_of(
         Orbits of the planets that have several.
     candidates : bool
         Whether candidates are counted.
+    unused : tuple of str
+        Headings of a user's file that were not used.
     """
     for cells in columns.values():
         cells.flags.writeable = False
     several = MappingProxyType(dict(solutions or {}))
-    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes, several, candidates)
+    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes, several, candidates, unused)

@@ -15,7 +15,9 @@ import csv
 import functools
 import hashlib
 import math
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ from catalogs.known_planet_columns import (
     COLUMNS,
     FLAGS,
     GIVEN_FLAGS,
+    LOOKALIKES,
     STANDING,
     STATUSES,
     flags_of,
@@ -39,7 +42,7 @@ from catalogs.known_planet_table import (
     star_key as star_key,
     table_of,
 )
-from catalogs.table_cells import Row, Rows, read_rows
+from catalogs.table_cells import Row, Rows, heading, listed, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
 from cpic_core import InputError, NDArray, check_flag
 
@@ -56,6 +59,7 @@ PRESETS = "snapshot, archive_2019, latest"
 """Those that need no file, for messages."""
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
+_EDGE_ON = 0.99
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
@@ -108,8 +112,12 @@ def _with_file(base: str, name: str) -> KnownPlanetTable:
     """Return a file laid over a shipped table."""
     file = read_bytes(name, key="known_planets", presets=PRESETS)
     raw = parse_table(file)
-    own, notes = _rows_of_file(raw)
-    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
+    own, given = _rows_of_file(raw, own=True)
+    notes = given.notes
+    about = (
+        f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
+    )
+    about += f", columns not used: {listed(given.unused)}" if given.unused else ""
     below: Sequence[Row] = ()
     if base != "none":
         below, table = _base(base)
@@ -117,7 +125,7 @@ def _with_file(base: str, name: str) -> KnownPlanetTable:
     rows = _laid_over(below, own, file.name)
     if below:
         notes += (_overlay_note(below, own, file.name),)
-    return _table(rows, file.name, about, notes)
+    return replace(_table(rows, file.name, about, notes), unused=given.unused)
 
 
 def split_source(source: str | Path) -> tuple[str, str]:
@@ -282,28 +290,43 @@ def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
     )
 
 
-def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of a file, and remarks on the reading.
+def _rows_of_file(raw: RawTable, *, own: bool = False) -> tuple[list[Row], Rows]:
+    """Return the rows of a file by the columns of a table, and as they were read; ``own`` for a file of the user's.
 
     Raises
     ------
     InputError
         If a column or cell is missing or out of range, or a planet is there twice without weights.
     """
-    with_status = any(column.name == "status" for item in raw.columns if (column := COLUMNS.meant_by(item.heading)[0]))
+    with_status = any(heading(item.heading) in ("status", *COLUMNS["status"].headings) for item in raw.columns)
     given = read_rows(raw, COLUMNS, _NAMED if with_status else (*_NAMED, *_REQUIRED), about="planet")
     if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
-    rows = [_user_row(row, where, given) for where, row in given]
+    _refuse_lookalikes(raw, given)
+    rows = [_user_row(row, where, given, own) for where, row in given]
     unweighted = {_key(row) for _, row in given if "solution_weight" not in row}
     given.refuse_twins(
         lambda row: (_key(row), "" if _key(row) in unweighted else row.get("reference", "")),
         remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
     )
-    return _one_each(rows), given.notes
+    return _one_each(rows), given
 
 
-def _user_row(given: Row, where: str, table: Rows) -> Row:
+def _refuse_lookalikes(raw: RawTable, given: Rows) -> None:
+    """Refuse a table that says more of an orbit or a mass than is understood: other columns would stand for it."""
+    read = set(given.headings)
+    unread = [item.heading for item in raw.columns if COLUMNS.meant_by(item.heading)[0] is None]
+    remedies = {}
+    for name, (pattern, instead) in LOOKALIKES.items():
+        found = [text for text in unread if re.search(pattern, heading(text)) and not re.match("st|sy", heading(text))]
+        if found and not read & {name, *instead}:
+            remedies[found[0]] = f"{found[0]} as {' or '.join((name, *instead))}"
+    if remedies:
+        hint = f"name {', '.join(remedies.values())}, or leave out what is not meant"
+        raise InputError(f"{raw.name} columns", ", ".join(remedies), allowed="headings that are understood", hint=hint)
+
+
+def _user_row(given: Row, where: str, table: Rows, own: bool) -> Row:
     """Return one row by the columns of a table, its flags included.
 
     Raises
@@ -333,9 +356,14 @@ def _user_row(given: Row, where: str, table: Rows) -> Row:
     }
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
+    edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
+    if not edge_on and numbers.get("mass_mjup") == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
+        numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
     numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
     texts["reference"] = reference_text(texts.get("reference", ""))
-    texts["flags"] = ";".join(flags_of(numbers, found + tuple(word for word in stated if word in GIVEN_FLAGS)))
+    found += tuple(word for word in stated if word in GIVEN_FLAGS)
+    found += ("columns_not_used",) if own and table.unused else ()
+    texts["flags"] = ";".join(flags_of(numbers, found, exact=own))
     return texts | numbers
 
 

@@ -60,6 +60,11 @@ def snapshot_aliases() -> dict[str, tuple[str, int]]:
     return {key: (name, int(kind)) for key, name, kind in _lines("aliases.csv")}
 
 
+_WAY_OUT = (
+    "cpic etc answers for it with --v-mag, --sp-type or --teff-k, and --distance-pc; rankings, with a table of yours"
+)
+
+
 @functools.cache
 def _outsiders() -> dict[str, str]:
     """Return key -> coded reason of well-known stars outside the catalogue."""
@@ -232,10 +237,13 @@ def _system_others(key: str, star: str) -> list[str]:
 def _refusal(name: str, key: str) -> InputError:
     outsiders = _outsiders()
     base, letter = split_component(key)
-    for form in (key, base, f"{key} a"):
+    for form in (key, base, f"{key} a") if letter in ("", "a") else (key,):
         if form in outsiders:
             allowed = "F, G or K within 40 pc and V <= 7.5"
-            return InputError("star", name, allowed=allowed, hint=_reason(outsiders[form]))
+            return InputError("star", name, allowed=allowed, hint=f"{_reason(outsiders[form])}; {_WAY_OUT}")
+    if letter and base in outsiders:
+        hint = f"component {letter.upper()} is not in the catalogue, nor is {name.strip()[:-1].strip()}; {_WAY_OUT}"
+        return InputError("star", name, allowed=_ALLOWED, hint=hint)
     if letter and (star := _find(base)):
         listed = _component(star[0])
         shown = f"{star[0]} (component {listed})" if listed else star[0]

@@ -15,6 +15,7 @@ PARAMETERS_SOURCE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"
 _LETTERS = "OBAFGKM"
 _RANKS = {"I": 1.0, "II": 2.0, "III": 3.0, "IV": 4.0, "V": 5.0, "VI": 5.0}
+_NAMES = ("I", "I-II", "II", "II-III", "III", "III-IV", "IV", "IV-V", "V")
 _PREFIX_RANKS = {"usd": 5.0, "esd": 5.0, "sd": 5.0, "d": 5.0, "g": 3.0, "c": 1.0}
 _MIDDLE_SUBCLASS = 5.0
 _LONGEST = 200
@@ -30,7 +31,10 @@ _HYDROGEN = re.compile(r"^k[OBAFGKM]\d.*?(?=h[OBAFGKM]\d)")
 _CLASS = r"(III|II|IV|I|VI|V)(?![IVX])(?:a0|a\+|ab|a|b|0)?"
 _LUMINOSITY = re.compile(rf"(?<![A-RT-Z]){_CLASS}(?:{_MARKS}\s?[-/,]\s?\(?{_CLASS})?")
 _LOWER_CLASS = re.compile(r"^(\s?)((?:iii|ii|iv|i|vi|v)(?:[-/](?:iii|ii|iv|i|vi|v))?)(?![a-df-z])")
-_SECOND_STAR = re.compile(r"\+\s?(?:\.\.|\(?(?:[sdgck]|sd)?:?[OBAFGKMDWLTSCN](?![a-z])|[obafgkm]\d|$)")
+# A plus before the luminosity class is a subtype a little later (G8+V), one before an index an abundance (V+CN+1).
+_SECOND_STAR = re.compile(
+    r"\+\s?(?:\.\.|\(?(?:[sdgck]|sd)?:?(?!C[NH])[OBAFGKMDWLTSCN](?![a-z])|[obafgkm]\d|(?<!C[NH]\+)(?<!Fe\+|Ba\+)(?P<end>[\s?:]*$))"
+)
 # Am, Fp, Be: a peculiarity right after the letter, where the subclass is missing.
 _BARE_LETTER = re.compile(r"(?:[empnswv]+(?![a-z])|(?![a-z]))(?![A-HJ-UW-Z])")
 
@@ -88,10 +92,8 @@ def parse_spectral_type(text: str) -> SpectralType:
         If the text is not a type of class O, B, A, F, G, K or M.
     """
     name = _plain(text)
-    first = name
     second_star = _SECOND_STAR.search(name, 1)
-    if second_star:
-        first = name[: second_star.start()]
+    first = name[: second_star.start()] if second_star else name
     body = re.sub(r"^\([^)]*\)(?=[OBAFGKM])", "", _HYDROGEN.sub("", first)).removeprefix("h")
     if re.match(r"k[OBAFGKM]\d", body):
         body = body[1:]
@@ -113,6 +115,8 @@ def parse_spectral_type(text: str) -> SpectralType:
         other = 10.0 * _LETTERS.index(found["letter2"] or found["letter"]) + float(found["sub2"])
         position = 0.5 * (position + other)
     rank, subdwarf = _luminosity(rest, found["prefix"] or ("d" if rest.startswith("d") else ""))
+    if rank is None and second_star:  # F8+G0V: one class for both
+        rank = _luminosity(name[len(first) :], "")[0]
     if rank is None:
         rank = 5.0
         flags.append("luminosity_class_assumed")
@@ -120,7 +124,7 @@ def parse_spectral_type(text: str) -> SpectralType:
         flags.append("subdwarf_as_dwarf")
     if re.search(r"[:?]", first):
         flags.append("type_uncertain")
-    if second_star and len(second_star[0]) > 1:
+    if second_star and (second_star["end"] is None or _class_ends(first, name)):
         flags.append("composite_first_used")
     return SpectralType(position, rank, tuple(flags))
 
@@ -183,6 +187,32 @@ def _luminosity(rest: str, prefix: str) -> tuple[float | None, bool]:
         classes = [item for item in found.groups() if item]
         return sum(_RANKS[item] for item in classes) / len(classes), "VI" in classes or "sd" in prefix
     return _PREFIX_RANKS.get(prefix), "sd" in prefix
+
+
+def is_composite(sp_type: str) -> bool:
+    """Tell whether a spectral type names more than one star; a plus may also be a mark (``G8+V``, ``G8V+CN+1``)."""
+    try:
+        return "composite_first_used" in parse_spectral_type(sp_type).flags
+    except InputError:
+        return "+" in sp_type[1:]
+
+
+def _class_ends(first: str, name: str) -> bool:
+    """Tell whether a luminosity class has ended before a plus at the end of a type (F5V+, not G8+ and not A0Va+)."""
+    found = _LUMINOSITY.search(name, 1)
+    return found is not None and found.end() <= len(first)
+
+
+def luminosity_class(sp_type: str) -> str:
+    """Return the luminosity class of the first component of a spectral type, ``""`` if it has none.
+
+    Prefixes count as classes: that of a giant (``gG8``) as III, those of dwarfs and subdwarfs (``dG2``, ``sdF8``) as V.
+    """
+    try:
+        found = parse_spectral_type(sp_type)
+    except InputError:
+        return ""
+    return "" if "luminosity_class_assumed" in found.flags else _NAMES[round(2.0 * found.luminosity_rank) - 2]
 
 
 def _refusal(name: str) -> InputError:

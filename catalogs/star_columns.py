@@ -7,7 +7,8 @@ import math
 import re
 from dataclasses import replace
 
-from catalogs.stellar_physics import is_giant, luminosity_class
+from catalogs.spectral_types import is_composite, luminosity_class
+from catalogs.stellar_physics import is_giant
 from catalogs.table_cells import Column, Columns
 
 
@@ -82,11 +83,17 @@ COLUMNS: tuple[Column, ...] = (
 _BY_NAME = {column.name: column for column in COLUMNS}
 
 
+BRIGHTEST_V_MAG = -1.5
+"""V that no star is brighter than, mag: Sirius has -1.46."""
+
+
 def _given(name: str, aliases: str = "", low: float = 0.0, high: float = 0.0) -> Column:
     """Return a column as a user's own table may give it: what people call it, and the range that is believed."""
-    return replace(_BY_NAME[name], aliases=aliases, low=low, high=high)
+    return replace(_BY_NAME[name], aliases=aliases, low=low, high=high, fills=True)
 
 
+PAIRS = (("ra_deg", "dec_deg"), ("pm_ra_mas_yr", "pm_dec_mas_yr"))
+"""Columns of which a table has both or neither."""
 QUANTITIES = Columns(
     _given("name", "star starname target targetname object objectname mainid identifier designation hostname"),
     _given("hip", "hipnumber hipno hipname", 1.0, 120404.0),
@@ -96,19 +103,21 @@ QUANTITIES = Columns(
     _given("flamsteed"),
     _given("common_name", "propername"),
     _given("simbad_id"),
-    _given("ra_deg", "ra raj2000 raicrs rightascension", 0.0, 360.0),
-    _given("dec_deg", "dec de decj2000 dej2000 decicrs deicrs declination", -90.0, 90.0),
-    _given("pm_ra_mas_yr", "pmra pmracosdec sypmra", -20000.0, 20000.0),
-    _given("pm_dec_mas_yr", "pmdec pmde sypmdec", -20000.0, 20000.0),
-    _given("rv_km_s", "rv radvel radialvelocity rvzradvel strv rvvalue", -2000.0, 2000.0),
-    _given("parallax_mas", "parallax plx plxvalue syplx", 0.01, 1e5),
+    _given("ra_deg", "ra raj2000 raicrs rightascension radegrees RAd", 0.0, 360.0),
+    _given(
+        "dec_deg", "dec de decj2000 dej2000 decicrs deicrs declination dedeg decdegrees dedegrees decd", -90.0, 90.0
+    ),
+    _given("pm_ra_mas_yr", "pmra pmracosdec sypmra", -11000.0, 11000.0),
+    _given("pm_dec_mas_yr", "pmdec pmde sypmdec", -11000.0, 11000.0),
+    _given("rv_km_s", "rv radvel radialvelocity rvzradvel strv rvvalue", -900.0, 900.0),
+    _given("parallax_mas", "parallax plx plxvalue syplx", 0.01, 1000.0),
     _given("parallax_err_mas", "parallaxerr parallaxerror plxerr plxerror eplx", 1e-6, 1e5),
-    _given("distance_pc", "distance dist d dpc distpc sydist", 0.01, 1e5),
-    _given("v_mag", "v magv vmagnitude johnsonv fluxv syvmag vj", -30.0, 30.0),
-    _given("b_v_mag", "bv bminusv colorbv colourbv", -1.0, 5.0),
+    _given("distance_pc", "distance dist d dpc distpc sydist", 1.0, 1e5),
+    _given("v_mag", "v magv vmagnitude johnsonv fluxv syvmag vj", BRIGHTEST_V_MAG, 25.0),
+    _given("b_v_mag", "bv bminusv colorbv colourbv", -0.5, 5.0),
     _given("sp_type", "spt sp spectraltype spectype stspectype mktype"),
     _given("teff_k", "teff effectivetemperature temperature stteff teffgspphot", 2000.0, 50000.0),
-    _given("log_g", "loggcgs surfacegravity stlogg", -2.0, 7.0),
+    _given("log_g", "loggcgs surfacegravity stlogg", -0.9, 7.0),
     _given("metallicity", "feh mh stmet stmetfe met", -5.0, 1.5),
     _given("luminosity_lsun", "luminosity lum lbol lumlsun lbollsun", 1e-6, 1e7),
     _given("close_companion", "binary isbinary"),
@@ -117,7 +126,7 @@ QUANTITIES = Columns(
     _given("companion_pa_deg", "companionpa", -360.0, 720.0),
     _given("companion_epoch_yr", "companionepoch", 1600.0, 2200.0),
     _given("companion_delta_v_mag", "companiondeltav companiondeltamag companiondmag", -30.0, 30.0),
-    Column("companion_v_mag", "V of the companion", "float", "mag", "companionv", -30.0, 40.0),
+    Column("companion_v_mag", "V of the companion", "float", "mag", "companionv", BRIGHTEST_V_MAG, 40.0, fills=True),
 )
 """Every column that a user's table may give, by its name."""
 
@@ -176,7 +185,7 @@ def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
     checks = {
         "giant": is_giant(sp_type),
         "no_class": not luminosity_class(sp_type),
-        "composite_spectrum": "+" in sp_type[1:] and not re.search(r"\+\d", sp_type),
+        "composite_spectrum": is_composite(sp_type),
         "peculiar": bool(re.search(r"p|m", sp_type[1:])),
         "variable": object_type in _VARIABLE_TYPES.split() or simbad_id.startswith("V*"),
         "spectroscopic_binary": object_type in _BINARY_TYPES.split(),

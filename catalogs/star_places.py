@@ -2,6 +2,11 @@
 
 Proper motion carries the stars. A companion on a known orbit follows it; any other stays where it was last seen, and
 may have moved since by as much as on a circular orbit in the plane of the sky.
+
+Where both stars of such an orbit have a row, their centre of mass is carried by proper motion, and they stand around it
+as the orbit has them: the mean of two places or motions by mass has no orbital motion in it, whenever they were
+measured. So the place of one star from the other is the same by their coordinates and by the columns of the companion.
+A star whose companion has no row stands where its own proper motion carries it.
 """
 
 from dataclasses import replace
@@ -9,8 +14,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from catalogs.binaries import POSITION_ERROR_ARCSEC, companion_places, orbits_by_star
-from catalogs.coordinates import propagate
+from catalogs.binaries import (
+    POSITION_ERROR_ARCSEC,
+    binary_orbits,
+    companion_places,
+    companion_share,
+    orbits_by_star,
+)
+from catalogs.coordinates import offset_place, propagate, tangent_offset
 from catalogs.stars import StarTable
 from cpic_core import FloatArray, NDArray
 
@@ -40,6 +51,7 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     columns = _moved(table, epoch_yr) | {POSITION_ERROR: _drift_arcsec(table, epoch_yr)}
     if orbits:
         columns |= _on_orbits(table, epoch_yr, columns[POSITION_ERROR])
+        columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
     for values in columns.values():
         values.flags.writeable = False
     return replace(
@@ -109,6 +121,28 @@ def _on_orbits(table: StarTable, epoch_yr: float, error: NDArray[np.generic]) ->
     columns = {name: _put(table.column(name), rows, cells) for name, cells in values.items()}
     errors = np.array([POSITION_ERROR_ARCSEC[orbit.grade] for orbit in found])
     return {**columns, POSITION_ERROR: _put(error, rows, errors)}
+
+
+def _around_centres(
+    table: StarTable, epoch_yr: float, ra_deg: NDArray[np.generic], dec_deg: NDArray[np.generic]
+) -> dict[str, NDArray[np.generic]]:
+    """Return the positions with both stars of each orbit around the centre of mass of the places that are given."""
+    rows = {name: row for row, name in enumerate(table.column("name").tolist())}
+    pairs = [pair for pair in binary_orbits() if pair.resolved and pair.star in rows and pair.companion in rows]
+    places = np.array([ra_deg, dec_deg], float)
+    stars, others = (np.array([rows[getattr(pair, name)] for pair in pairs], int) for name in ("star", "companion"))
+    placed = np.isfinite(places[:, stars]).all(axis=0) & np.isfinite(places[:, others]).all(axis=0)
+    pairs, stars, others = [pair for pair, has in zip(pairs, placed, strict=True) if has], stars[placed], others[placed]
+    if not pairs:
+        return {}
+    separation, pa = companion_places(pairs, epoch_yr)
+    angle, share = np.deg2rad(pa), np.array([companion_share(pair) for pair in pairs])
+    orbit = separation * np.array([np.sin(angle), np.cos(angle)])
+    start = places[:, stars]
+    centre = share * np.array(tangent_offset(*places[:, others], *start))
+    places[:, stars] = offset_place(*start, *(centre - share * orbit))
+    places[:, others] = offset_place(*places[:, stars], *orbit)
+    return {"ra_deg": places[0], "dec_deg": places[1]}
 
 
 def _put(values: NDArray[np.generic], rows: list[int], cells: NDArray[np.generic]) -> NDArray[np.generic]:

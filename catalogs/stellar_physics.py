@@ -22,7 +22,7 @@ from statistics import median
 import numpy as np
 
 from catalogs.coordinates import ecliptic
-from catalogs.spectral_types import parse_spectral_type
+from catalogs.spectral_types import luminosity_class, parse_spectral_type
 from cpic_core import InputError, NDArray, in_unit
 
 DWARF_LOG_G = 4.5
@@ -74,8 +74,7 @@ _TEFF_SUN_K = 5772.0
 _LOG_G_SUN = 4.438
 _NEAR_SUBTYPES = 2.0
 _LEAST_IN_SUBTYPE = 3
-_CLASSES = re.compile(r"(III|II|IV|I|V)(?:ab|a|b)?(?:\s*[-/]\s*(III|II|IV|I|V))?")
-_GIANTS = ("III", "II", "I", "III-IV", "II-III")
+_GIANTS = ("III", "II", "I", "III-IV", "II-III", "I-II")
 # Coefficients of Flower 1996 as corrected by Torres 2010.
 _COOL = (-19053.7291496456, 15514.4866764412, -4212.78819301717, 381.476328422343)
 _WARM = (-37051.0203809015, 38567.2629965804, -15065.1486316025, 2617.24637119416, -170.623810323864)
@@ -94,14 +93,6 @@ def spectral_letter(sp_type: str) -> str:
         return ""
 
 
-def luminosity_class(sp_type: str) -> str:
-    """Return the luminosity class of the first component of a spectral type, ``""`` if it has none."""
-    found = _CLASSES.search(sp_type[1:])
-    if not found:
-        return ""
-    return found[1] if found[2] in (None, found[1]) else f"{found[1]}-{found[2]}"
-
-
 def is_giant(sp_type: str) -> bool:
     """Tell whether the luminosity class is III-IV or brighter."""
     return luminosity_class(sp_type) in _GIANTS
@@ -114,7 +105,7 @@ def usual_gravity(sp_type: str) -> float:
 
 def has_giant_scale(sp_type: str) -> bool:
     """Tell whether the type follows the giants' temperature scale; F giants share the dwarfs'."""
-    return is_giant(sp_type) and sp_type[0] != "F"
+    return is_giant(sp_type) and spectral_letter(sp_type) != "F"
 
 
 def spectral_subtype(sp_type: str) -> float:
@@ -297,7 +288,10 @@ def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
     teff_k : float
         Effective temperature, K.
     """
-    return float(np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun")) * (_TEFF_SUN_K / _positive("teff_k", teff_k, "K")) ** 2)
+    return float(
+        np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun"))
+        * (_TEFF_SUN_K / _positive("teff_k", teff_k, "K")) ** 2
+    )
 
 
 def mass_from_luminosity(luminosity_lsun: float) -> float:

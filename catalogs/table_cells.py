@@ -5,7 +5,7 @@ The one reader of users' tables: which column is which, cells in their unit and 
 
 import math
 import re
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,11 +28,14 @@ class Column:
     unit : str
         Unit in which it is kept (astropy's spelling); of a column that names none, the unit that is assumed.
     aliases : str
-        Other headings as reduced by :func:`heading`, blanks between them.
+        Other headings as reduced by :func:`heading`, blanks between them. One with a capital letter is meant as it is
+        written: ``Omega`` is another angle than ``omega``.
     low, high : float
         Range that is believed, inclusive.
     decimals : int
         Digits that a shipped table has after the point.
+    fills : bool
+        Whether a number such as 9999 stands for a missing one; of columns below zero one such as -99.99 always does.
     """
 
     name: str
@@ -43,6 +46,7 @@ class Column:
     low: float = 0.0
     high: float = 0.0
     decimals: int = 0
+    fills: bool = False
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -62,26 +66,65 @@ class Column:
         """The range in words."""
         return f"{self.low:g} to {self.high:g} {self.unit}".strip()
 
+    def is_fill(self, value: float) -> bool:
+        """Tell whether a number of the file is one that tables write where they have none: nothing but nines."""
+        digits = f"{abs(value):.12g}".replace(".", "")
+        if value == -1.0 and self.unit == "mag":
+            return self.low > -2.0  # no star has a V of exactly that, while differences of magnitudes may
+        if set(digits) != {"9"}:
+            return False
+        if value < 0.0:
+            return len(digits) >= _FEWEST_NINES and (value <= -99.0 or self.unit == "mag")
+        return self.fills and len(digits) > _FEWEST_NINES and value > 999.0
+
 
 def heading(text: str) -> str:
     """Reduce a column heading to its letters and digits, lower case: ``Sp_Type``, ``sp type``, ``SpType`` are one."""
-    return re.sub(r"[^a-z0-9]", "", text.lower())
+    return _plain(text).lower()
+
+
+def _plain(text: str) -> str:
+    """Return a heading's letters and digits; a sign at its end is part of its meaning (``DE-`` of split angles)."""
+    return re.sub(r"[^A-Za-z0-9]", "", text) + ("sign" if re.search(r"[-+]\s*$", text) else "")
 
 
 class Columns(dict[str, Column]):
-    """The columns that a table may have, by name."""
+    """The columns that a table may have, by name.
 
-    def __init__(self, *columns: Column) -> None:
+    Parameters
+    ----------
+    *columns : Column
+    cased : mapping of str to str, optional
+        Headings as reduced by :func:`heading` that mean something else with a capital letter, and the names of the
+        columns that may be meant.
+    """
+
+    def __init__(self, *columns: Column, cased: Mapping[str, str] | None = None) -> None:
         super().__init__((column.name, column) for column in columns)
         self._by_heading = {form: item for item in self.values() for form in (heading(item.name), *item.headings)}
+        self._cased = cased or {}
 
     def meant_by(self, text: str) -> tuple[Column | None, str]:
-        """Return the column that a heading means and the unit written in it (``plx [mas]``), None if unknown."""
-        if item := self._by_heading.get(heading(text)):
+        """Return the column that a heading means and the unit written in it (``plx [mas]``), None if unknown.
+
+        Raises
+        ------
+        InputError
+            For a heading whose capitals leave open what it means (``OMEGA``).
+        """
+        if item := self._known(text):
             return item, ""
         if found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text):
-            return self._by_heading.get(heading(found[1])), found[2].strip()
+            return self._known(found[1]), found[2].strip()
         return None, ""
+
+    def _known(self, text: str) -> Column | None:
+        form = _plain(text)
+        if (names := self._cased.get(form.lower())) is None:
+            return self._by_heading.get(form, self._by_heading.get(form.lower()))
+        if form[1:2].isupper() or (item := self._by_heading.get(form[0] + form[1:].lower())) is None:
+            raise InputError(f"column {text}", "more than one meaning", allowed=names, hint="name it as it is meant")
+        return item
 
 
 Row = dict[str, Any]
@@ -93,6 +136,7 @@ _YES, _NO = ("1", "1.0", "true", "t", "yes", "y"), ("0", "0.0", "false", "f", "n
 _HOURS = ("h", "hour", "hours", "hourangle")
 _PLURALS = {"days": "d", "degrees": "deg", "years": "yr", "hours": "h"}
 _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
+_FEWEST_NINES = 3
 _SHOWN = 40
 _MANY = 12
 
@@ -114,6 +158,8 @@ class Rows:
         Name of the column that says what a row is about.
     notes : tuple of str
         Remarks on the reading.
+    unused : tuple of str
+        Headings of the file that were not used.
     """
 
     label: str
@@ -122,6 +168,7 @@ class Rows:
     rows: list[Row]
     about: str
     notes: tuple[str, ...]
+    unused: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
@@ -194,19 +241,25 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) 
         Naming file, row, column, value, unit and range: a required column is missing, two columns claim to be one, a
         unit is not understood, or a cell is not what its column holds.
     """
-    chosen, notes = _chosen(raw, columns, required)
+    chosen, unused = _chosen(raw, columns, required)
+    said = f"{raw.name}: columns not used: {listed(unused)}"
+    notes = raw.notes + ((said,) if unused else ())
     names = chosen[about].cells if about in chosen else [None] * len(raw)
     cells = {name: _read(raw.name, columns[name], column, names) for name, column in chosen.items()}
     rows = [{name: values[i] for name, values in cells.items() if values[i] is not None} for i in range(len(raw))]
-    return Rows(raw.name, columns, {name: column.heading for name, column in chosen.items()}, rows, about, notes)
+    headings = {name: column.heading for name, column in chosen.items()}
+    return Rows(raw.name, columns, headings, rows, about, notes, unused)
 
 
 def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
-    """Return the column of the file for each of ours, and remarks."""
+    """Return the column of the file for each of ours, and the headings of the others."""
     candidates: dict[str, list[RawColumn]] = {}
     ignored = []
     for column in raw.columns:
-        meant, unit = columns.meant_by(column.heading)
+        try:
+            meant, unit = columns.meant_by(column.heading)
+        except InputError as error:
+            raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
         if meant is None:
             ignored.append(column.heading or "(no heading)")
         else:
@@ -222,19 +275,19 @@ def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str
         ignored += [column.heading for column in found if column is not chosen[name]]
     lacking = [group for group in required if not any(name in chosen for name in group)]
     if lacking:
-        names = [name for group in lacking for name in group]
-        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in names)
+        needed = [name for group in lacking for name in group]
+        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in needed)
         wanted = ", ".join(" or ".join(group) for group in lacking)
         # With one known column or none it may be any file at all, and is not quoted.
-        listed = f": {_listed([column.heading for column in raw.columns], ', ...')}"
-        hint = f"the file has{listed if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
+        names = f": {listed([column.heading for column in raw.columns])}"
+        hint = f"the file has{names if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
         raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=hint)
-    shown = _listed(ignored, f" and {len(ignored) - _MANY} more")
-    return chosen, raw.notes + ((f"{raw.name}: columns not used: {shown}",) if ignored else ())
+    return chosen, tuple(ignored)
 
 
-def _listed(words: Sequence[str], more: str) -> str:
-    return ", ".join(words[:_MANY]) + (more if words[_MANY:] else "")
+def listed(words: Sequence[str]) -> str:
+    """Return words with commas, and how many more there are than can be read."""
+    return ", ".join(words[:_MANY]) + (f" and {len(words) - _MANY} more" if words[_MANY:] else "")
 
 
 def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) -> list[Any]:
@@ -243,9 +296,12 @@ def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) ->
     convert = _converter(label, column, given) if number else None
     values = []
     for i, cell in enumerate(given.cells):
+        fill = False
         try:
             value = None if cell is None else _READERS[column.kind](cell)
             if value is not None and convert is not None:
+                if fill := column.is_fill(value):
+                    raise ValueError
                 value = convert(value)
                 if not column.low <= value <= column.high or (column.kind == "whole" and value % 1):
                     raise ValueError
@@ -254,6 +310,7 @@ def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) ->
             key = f"{label} row {i + 1}{who} column {given.heading}"
             unit = (given.unit or column.unit) if number else ""
             hint = "write a decimal point" if isinstance(cell, str) and "," in cell else ""
+            hint = "it stands for a missing number: leave the cell empty" if fill else hint
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint) from None
         values.append(value)
     return values

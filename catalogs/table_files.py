@@ -4,6 +4,7 @@ A file is read once, as bytes; what it is, its content says before its name does
 an address is refused before it is parsed: reading a table opens nothing but that table.
 """
 
+import base64
 import csv
 import hashlib
 import io
@@ -15,12 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, bounded_fits, read_file, unguarded
+from cpic_core import InputError, NDArray, bounded_fits, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
 _PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
 _NAMES = "names of columns in the first line"
+_FAILED = re.compile(r"QUERY_STATUS\W+(?:value\W+)?ERROR\b", re.IGNORECASE)
+_CUT_OFF = re.compile(r"\bOVERFLOW\b|\btruncated\b", re.IGNORECASE)
+_CUT = "was cut off, as it says itself: rows are missing"
 _MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "--", "-", "…", "..."))
 
 
@@ -53,6 +57,11 @@ class RawTable:
     def __len__(self) -> int:
         return len(self.columns[0].cells)
 
+    @property
+    def shortened(self) -> str:
+        """Words for the provenance of a table that says that rows are missing; ``""`` for any other."""
+        return ", cut off: rows are missing" if any(note.endswith(_CUT) for note in self.notes) else ""
+
 
 def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest, simbad_2012") -> TableBytes:
     """Read a file whole; ``key`` is what it is asked for as, ``presets`` what may be given instead of a file.
@@ -82,7 +91,7 @@ def parse_table(file: TableBytes) -> RawTable:
     Raises
     ------
     InputError
-        If it is empty, of another format, or damaged.
+        If it is empty, of another format, damaged, or says of itself that the query behind it failed.
     """
     if not file.data.strip():
         raise InputError(file.name, "an empty file", allowed=f"a {_FORMATS} table with a heading and rows")
@@ -140,13 +149,26 @@ def _csv(name: str, text: str) -> RawTable:
         if len(row) < width or any(map(str.strip, row[width:])):
             allowed = f"{width} cells, as in the heading"
             raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
+    notes = _remarks(name, "\n".join(line for line in text.splitlines() if line.lstrip().startswith("#")))
     cells: list[list[str | None]] = [[_unguarded(_cell(row[i])) for row in filled] for i in range(width)]
-    notes: tuple[str, ...] = ()
     if mark == ";" and (commas := [text for text, column in zip(headings, cells, strict=True) if _has_commas(column)]):
         cells = [[_pointed(cell) for cell in column] if _has_commas(column) else column for column in cells]
-        notes = (f"{name}: decimal commas read in {', '.join(commas)}",)
+        notes += (f"{name}: decimal commas read in {', '.join(commas)}",)
     columns = [RawColumn(text, "", column) for text, column in zip(headings, cells, strict=True)]
     return RawTable(name, [column for column in columns if column.heading or any(column.cells)], notes)
+
+
+def _remarks(name: str, said: str) -> tuple[str, ...]:
+    """Return a note on a table that says of itself, beside its rows, that some are missing.
+
+    Raises
+    ------
+    InputError
+        If it says that the query failed that it is the answer to (IVOA DALI 1.1, section 4.4).
+    """
+    if _FAILED.search(said):
+        raise InputError(name, "QUERY_STATUS ERROR", allowed="a whole table", hint="the query behind it failed")
+    return (f"{name} {_CUT}",) if _CUT_OFF.search(said) else ()
 
 
 def _has_commas(cells: list[str | None]) -> bool:
@@ -208,7 +230,7 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
         if kind == "votable":
-            found = reference_in(file.data)
+            found, said = _outside_and_said(file.data)
             if found:
                 raise InputError(
                     file.name, found, allowed="a VOTable that holds its own data", hint="references are not followed"
@@ -218,15 +240,61 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
             parsed = parse(io.BytesIO(file.data))
             several = sum(1 for _ in parsed.iter_tables()) > 1
             notes = (f"{file.name} holds several tables: the first is read",) if several else ()
-            return parsed.get_first_table().to_table(use_names_over_ids=True), notes
+            first = parsed.get_first_table()
+            if (nulls := _nulls(file.data, first.fields)) is not None:
+                first.array.mask = nulls
+            return first.to_table(use_names_over_ids=True), _remarks(file.name, said) + notes
         if kind == "fits":
-            from astropy.table import Table
+            table = _fits_table(file.data)
+        else:
+            from astropy.io import ascii as text_tables
 
-            return Table.read(bounded_fits(io.BytesIO(file.data)), format="fits"), ()
-        from astropy.io import ascii as text_tables
+            # As lines: a text without an end of line would be taken for the name of a file.
+            table = text_tables.read(_text(file).splitlines(), format="ecsv")
+        return table, _remarks(file.name, repr(table.meta))
 
-        # As lines: a text without an end of line would be taken for the name of a file.
-        return text_tables.read(_text(file).splitlines(), format="ecsv"), ()
+
+def _fits_table(data: bytes) -> Any:
+    """Return the first table of a FITS file, masked where the integers of the file are those of TNULL.
+
+    The standard (FITS 4.0, section 7.3.2) compares them before TSCAL and TZERO; astropy does so without these alone.
+    """
+    from astropy.io import fits
+    from astropy.table import MaskedColumn, Table
+
+    with fits.open(bounded_fits(io.BytesIO(data))) as units:
+        unit = next(item for item in units if isinstance(item, fits.BinTableHDU | fits.TableHDU))
+        table, written = Table.read(unit, format="fits"), unit.data.view(np.ndarray)
+        for column in unit.columns:
+            raw = written[column.name]
+            if isinstance(column.null, int) and raw.dtype.kind in "iu" and raw.ndim == 1:
+                found = table[column.name]
+                gone = np.ma.getmaskarray(found) | (raw == column.null)
+                table[column.name] = MaskedColumn(np.asarray(found), mask=gone, unit=found.unit)
+    return table
+
+
+_BINARY2 = re.compile(
+    rb"<(?:\w+:)?DATA\b[^>]*>(?:\s*<(?:\w+:)?BINARY2\b[^>]*>\s*<(?:\w+:)?STREAM\b[^>]*>(.*?)</)?", re.DOTALL
+)
+
+
+def _nulls(xml: bytes, fields: Any) -> NDArray[np.generic] | None:
+    """Return the null flags of a VOTable's first table if it is BINARY2, else None; astropy leaves out those of texts.
+
+    Each row begins with one bit for each field, the highest first (IVOA VOTable 1.4, section 6.4).
+    """
+    from astropy.io.votable.converters import bitarray_to_bool
+
+    if (found := _BINARY2.search(xml)) is None or found[1] is None:
+        return None
+    stream = io.BytesIO(base64.b64decode(found[1]))
+    rows = []
+    while flags := stream.read((len(fields) + 7) // 8):
+        rows.append(tuple(bitarray_to_bool(flags, len(fields))))
+        for field in fields:
+            field.converter.binparse(stream.read)
+    return np.array(rows, [(field.ID, bool) for field in fields])
 
 
 class _Reference(Exception):
@@ -240,10 +308,16 @@ def reference_in(xml: bytes) -> str:
     or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document
     is damaged, its parser will say so; what is in front of the damage is judged.
     """
+    return _outside_and_said(xml)[0]
+
+
+def _outside_and_said(xml: bytes) -> tuple[str, str]:
+    """Return what leads outside of a document (`reference_in`), and the names and values of its INFO elements."""
     from xml.parsers import expat
 
     if xml.startswith(_PACKED):
-        return "packed data"
+        return "packed data", ""
+    said: list[str] = []
 
     def element(name: str, attributes: dict[str, str]) -> None:
         plain = name.rpartition(":")[2].upper()
@@ -251,6 +325,8 @@ def reference_in(xml: bytes) -> str:
             raise _Reference("a STREAM with href")
         if plain == "INCLUDE":
             raise _Reference("an inclusion")
+        if plain == "INFO":
+            said.append(f"{attributes.get('name', '')} {attributes.get('value', '')}")
 
     def doctype(*_: object) -> None:
         raise _Reference("a document type (DOCTYPE)")
@@ -261,12 +337,12 @@ def reference_in(xml: bytes) -> str:
     try:
         parser.Parse(xml, True)
     except _Reference as found:
-        return str(found)
+        return str(found), ""
     except expat.ExpatError:
         pass
     except (LookupError, ValueError):
-        return "an unknown encoding"
-    return ""
+        return "an unknown encoding", ""
+    return "", "\n".join(said)
 
 
 def raw_column(name: str, heading: str, column: Any) -> RawColumn:

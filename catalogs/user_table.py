@@ -14,7 +14,7 @@ from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
+from catalogs.star_columns import PAIRS, QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable, load_stars, star_table
 from catalogs.table_cells import Row, read_rows
@@ -54,6 +54,15 @@ def user_table(raw: RawTable) -> UserTable:
         understood, a cell is not what its column holds or out of range, or a name occurs twice.
     """
     given = read_rows(raw, QUANTITIES, _ONE_OF, about="name")
+    for pair in PAIRS:
+        if len(found := [name for name in pair if name in given.headings]) == 1:
+            column, absent = given.headings[found[0]], next(name for name in pair if name not in found)
+            raise InputError(
+                f"{raw.name} column {column}",
+                f"without {absent}",
+                allowed="both or neither",
+                hint=(f"name the other one {absent}"),
+            )
     rows = []
     for where, row in given:
         given.refuse_missing(where, row, _ONE_OF)

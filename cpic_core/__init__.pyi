@@ -51,11 +51,14 @@ from cpic_core.quantities import (
     check_word as check_word,
     checked_array as checked_array,
     checked_scalar as checked_scalar,
+    converted as converted,
     element_name as element_name,
     in_unit as in_unit,
     is_quantity as is_quantity,
+    number_and_unit as number_and_unit,
     real_array as real_array,
     unit_of as unit_of,
+    units_like as units_like,
 )
 from cpic_core.random_streams import PathPart as PathPart, stream as stream
 from cpic_core.registry import Registry as Registry
@@ -77,6 +80,7 @@ from cpic_core.user_files import (
     bounded_fits as bounded_fits,
     digest_of as digest_of,
     file_state as file_state,
+    files_read as files_read,
     is_file as is_file,
     only_sent_files as only_sent_files,
     open_file as open_file,

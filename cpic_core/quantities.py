@@ -1,8 +1,10 @@
 """Types of arrays, one name for each; numbers from outside, with or without a unit of `astropy.units`."""
 
 import functools
+import math
 import re
 from collections.abc import Collection
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -259,3 +261,41 @@ def unit_of(key: str) -> str:
     key = re.sub(r"(\.\d+)+$", "", key)
     tails = (key[mark.end() :] for mark in re.finditer("_", key))
     return next((_UNITS[tail] for tail in tails if tail in _UNITS), "")
+
+
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+_LENGTHS = {"pm": -12, "nm": -9, "um": -6, "mm": -3, "cm": -2, "m": 0, "km": 3}
+_FAMILIES: tuple[dict[str, Fraction], ...] = (
+    {unit: Fraction(10) ** power for unit, power in _LENGTHS.items()},
+    {"s": Fraction(1), "min": Fraction(60), "h": Fraction(3600), "d": Fraction(86400)},
+    {"mas": Fraction(1, 1000), "arcsec": Fraction(1), "arcmin": Fraction(60), "deg": Fraction(3600)},
+    {"pm/sqrt(h)": Fraction(1, 1000), "nm/sqrt(h)": Fraction(1), "um/sqrt(h)": Fraction(1000)},
+    {"%": Fraction(1, 100), "": Fraction(1)},
+)
+"""Units that convert into each other, with their sizes; any other unit stands for itself."""
+_SPELLED = {"µm": "um", "μm": "um", "sec": "s", "zodis": "zodi", "e": "e-", "e/s": "e-/s", "AU": "au"}
+_SPELLED |= dict.fromkeys(("hr", "hour", "hours"), "h") | dict.fromkeys(("day", "days"), "d")
+_SPELLED |= {f"{size}/√h": f"{size}/sqrt(h)" for size in ("pm", "nm", "um")}
+"""Other spellings of units."""
+
+
+def number_and_unit(text: str) -> tuple[str, str] | None:
+    """Return the number of a text and the unit behind it as we spell it; None where there is no number or no unit."""
+    match = _NUMBER.fullmatch(text.strip())
+    return None if match is None or not match[2] else (match[1], _SPELLED.get(match[2].strip(), match[2].strip()))
+
+
+def units_like(unit: str) -> dict[str, Fraction]:
+    """Return the units that convert into a unit, itself too, with their sizes."""
+    return next((family for family in _FAMILIES if unit in family), {unit: Fraction(1)})
+
+
+def converted(text: str, unit: str) -> float | None:
+    """Return the number of a text such as ``10h`` in a unit; None where the text has no unit that converts into it."""
+    parts, sizes = number_and_unit(text), units_like(unit)
+    if parts is None or parts[1] not in sizes:
+        return None
+    value = float(parts[0])
+    if value == 0.0 or not math.isfinite(value):
+        return value
+    return float(Fraction(parts[0]) * sizes[parts[1]] / sizes[unit])

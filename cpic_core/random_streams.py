@@ -20,15 +20,6 @@ _INTEGERS = (int, np.integer)
 _PARTS = (str, *_INTEGERS)
 
 
-def stream_key(seed: int, *path: PathPart) -> tuple[int, ...]:
-    """Return the key of a stream: eight 32-bit words.
-
-    Parts are hashed with their type and length, so ``("a", "bc")``, ``("ab", "c")`` and ``("1",)``,
-    ``(1,)`` are all different paths.
-    """
-    return tuple(_words(seed, path).tolist())
-
-
 def _words(seed: int, path: tuple[PathPart, ...]) -> NDArray[np.uint32]:
     if isinstance(seed, bool) or not isinstance(seed, _INTEGERS) or not 0 <= int(seed) <= MAX_SEED:
         raise InputError("seed", seed, allowed=f"an integer from 0 to {MAX_SEED}")

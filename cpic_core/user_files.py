@@ -31,6 +31,7 @@ _KINDS = (
 
 _PART_BYTES = 4_000_000
 _SENT: ContextVar[Mapping[str, bytes] | None] = ContextVar("sent", default=None)
+_READ: ContextVar[set[str] | None] = ContextVar("read", default=None)
 _PACKAGES = tuple(
     Path(__file__).resolve().parents[1] / name for name in ("cpic_core", "catalogs", "simulator", "cpic_planner")
 )
@@ -50,6 +51,21 @@ def only_sent_files(sent: Mapping[str, bytes]) -> Iterator[None]:
         yield
     finally:
         _SENT.reset(token)
+
+
+@contextlib.contextmanager
+def files_read() -> Iterator[set[str]]:
+    """Collect the names of the files that are opened, with and without folders: a refusal may begin with one."""
+    token = _READ.set(names := set())
+    try:
+        yield names
+    finally:
+        _READ.reset(token)
+
+
+def _note_read(path: str | Path) -> None:
+    if (names := _READ.get()) is not None:
+        names.update((str(path), Path(path).name))
 
 
 def at_home(path: str | Path) -> Path:
@@ -158,6 +174,7 @@ def open_file(
         if str(path) not in sent:
             raise InputError(key, str(path), allowed=allowed, hint="no such file was sent")
         _refuse_large(key, path, len(sent[str(path)]), max_bytes, too_large)
+        _note_read(path)
         yield BufferedReader(BytesIO(sent[str(path)]))
         return
     place = at_home(path)
@@ -174,6 +191,7 @@ def open_file(
         except OSError as error:
             raise InputError(key, str(path), allowed=allowed, hint=error.strerror or "") from None
         _refuse_large(key, path, about.st_size, max_bytes, too_large)
+        _note_read(path)
         yield file
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from cpic_core.errors import InputError
-from cpic_core.quantities import checked_array
+from cpic_core.quantities import checked_array, converted, unit_of
 from cpic_core.user_files import read_text
 
 MAX_BYTES = 4_000_000
@@ -153,6 +153,9 @@ _tree_of = functools.lru_cache(maxsize=32)(_parsed)  # presets are asked for aga
 def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
     """Read one YAML file strictly; see `parse_yaml`.
 
+    A number with a unit that converts into the one in which its key ends (``time_s: 10h``) is read as on the command
+    line.
+
     Parameters
     ----------
     path : str or Path
@@ -169,7 +172,19 @@ def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
     text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
     if shipped:
         return yaml.load(text, Loader=_ShippedLoader)  # noqa: S506 - _ShippedLoader derives from SafeLoader
-    return parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None)
+    return _in_units(parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None))
+
+
+def _in_units(tree: Any, key: str = "") -> Any:
+    """Return a tree whose texts of a number and a unit (``10h``) are numbers where their key ends in its unit."""
+    if isinstance(tree, dict):
+        sourced = "value" in tree and set(tree) <= _SOURCED_KEYS
+        return {name: _in_units(item, key if sourced and name == "value" else str(name)) for name, item in tree.items()}
+    if isinstance(tree, list):
+        return [_in_units(item, key) for item in tree]
+    unit = unit_of(key) if isinstance(tree, str) else ""
+    found = converted(tree, unit) if unit else None
+    return tree if found is None else found
 
 
 def load_mapping(path: str | Path, kind: str, keys: Iterable[str]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_flag, check_number, check_word
 from cpic_planner.queries import default_instrument
-from simulator.config import checked_utc, julian_year
+from simulator.config import Scene, checked_utc, julian_year
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +35,9 @@ _DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "compani
 class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
-    ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each.
+    ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each. A target from a
+    ``scene`` has its light, and that of all other stars, from there: any spectrum, any number of them. ``hd`` and
+    ``gj`` are further names, blank where a star has none, which decide nothing.
     """
 
     name: NDArray[np.str_]
@@ -58,6 +60,9 @@ class Targets:
     companions: Literal["on", "off"] = "on"
     roll_deg: float | FloatArray = 0.0
     date_utc: str = ""
+    scene: Scene | None = None
+    hd: NDArray[np.str_] | None = None
+    gj: NDArray[np.str_] | None = None
 
     def __len__(self) -> int:
         return len(self.name)
@@ -67,10 +72,12 @@ class Targets:
         plain: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
+            if item.name in ("hd", "gj"):
+                continue
             if isinstance(value, np.ndarray):
                 value = value.round(_DIGITS[item.name]) if item.name in _DIGITS else value
                 value = [None if isinstance(cell, float) and math.isnan(cell) else cell for cell in value.tolist()]
-            plain[item.name] = value
+            plain[item.name] = value.model_dump(mode="json") if isinstance(value, Scene) else value
         return plain
 
     @classmethod
@@ -150,6 +157,7 @@ def targets_from_table(
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     pa = number("companion_pa_deg")
     age_yr = julian_year(utc) - number("companion_epoch_yr")
+    numbers: dict[str, Any] = {name: number(name) for name in _NUMBERS}
     flags, close_companion = [], np.asarray(table.column("close_companion"), bool)
     rows = zip(
         text("name").tolist(),
@@ -178,8 +186,8 @@ def targets_from_table(
     return Targets(
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
-        sp_type=text("sp_type"),
-        **{name: number(name) for name in _NUMBERS},
+        **{name: text(name) for name in ("sp_type", "hd", "gj")},
+        **numbers,
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=pa,
         companion_position_error_arcsec=np.where(located, number(POSITION_ERROR), np.nan),

@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 _MAGNITUDES = (-30.0, 60.0)
 _MOST_CM2 = 1e12
+_CENTER_TOLERANCE = 0.2
+"""Largest distance between the centre of a band and that of its curve, of the width."""
+_WIDTH_TOLERANCE = 1.25
+"""Largest ratio of the width of a band and that of its curve, area over peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,14 +292,28 @@ def _area(area_cm2: float) -> float:
 
 
 def _band(name: str, config: BandConfig) -> Band:
-    """Return the band of a configuration entry; a file replaces the top-hat, not centre and width."""
-    numbers = (config.camera, config.center_nm, config.width_nm, config.t_opt, config.qe)
-    band = Band(name, *numbers)
+    """Return the band of a configuration entry; a file replaces the top-hat, of which it has centre and width.
+
+    Raises
+    ------
+    InputError
+        If the curve of a file has another centre or width than the entry, by which optics are worked out, or reaches
+        beyond the spectra.
+    """
+    numbers = {"t_opt": config.t_opt, "qe": config.qe, "camera": config.camera}
+    band = Band(name, center_nm=config.center_nm, width_nm=config.width_nm, **numbers)
     if config.transmission_file is None:
         return band
-    read = catalogs.band_from_file(
-        config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera
-    )
+    read, file = catalogs.band_from_file(config.transmission_file, name, **numbers), Path(config.transmission_file).name
+    first, last = catalogs.load_stellar_grid().wavelength_nm[[0, -1]]
+    if not first <= read.support_nm[0] < read.support_nm[1] <= last:
+        span = "{:g} to {:g}".format(*read.support_nm)
+        raise InputError(f"{file} wavelengths", span, unit="nm", allowed=f"{first:g} to {last:g} nm, as spectra have")
+    apart_nm, wider = abs(read.center_nm - band.center_nm), read.width_nm / band.width_nm
+    if apart_nm > _CENTER_TOLERANCE * band.width_nm or not 1.0 / _WIDTH_TOLERANCE <= wider <= _WIDTH_TOLERANCE:
+        given = f"{band.center_nm:g} and {band.width_nm:g}"
+        own = f"{read.center_nm:.1f} and {read.width_nm:.1f} nm, those of {file}"
+        raise InputError(f"instrument.bands.{name}.center_nm and width_nm", given, unit="nm", allowed=own)
     return replace(band, curve=read.curve)
 
 

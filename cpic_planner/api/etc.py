@@ -18,6 +18,7 @@ from cpic_planner.etc import (
     Objective,
     Span,
     check_range,
+    fixed_frames,
     groups_of,
     planets_of,
     questions,
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _ENDLESS_S = 1e12
-_TRIAL_CONTRAST = 1e-8
 _VISITS = ("visits", "reference_visits")
 
 
@@ -98,31 +98,12 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
     return [check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, largest, "au") * across]
 
 
-def times_of(question: EtcQuestion, model: EtcModel, band: str) -> dict[str, float | None]:
-    """Return the wall times of all visits and of one in a band: the given ones, or those of the frames.
-
-    Parameters
-    ----------
-    question : EtcQuestion
-    model : EtcModel
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    """
-    if question.n_frames is None or question.exposure_s is None:
-        return {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
-    # A hair more, lest rounding lose a frame.
-    pace_s = (question.exposure_s + model.camera(band).readout_s) * (1.0 + 1e-12)
-    visit_time_s = float(model.time_s(question.n_frames * pace_s))
-    return {"time_s": (question.strategy.visits or 1) * visit_time_s, "visit_time_s": visit_time_s}
-
-
 def _ask(
     question: EtcQuestion, model: EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
 ) -> list[EtcAnswer]:
     frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
     common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
-    exact = question.exact or question.n_frames is not None
-    given: dict[str, Any] = times_of(question, model, bands[0]) | {"exact": exact}
+    given: dict[str, Any] = {"exact": question.exact} | questions.times_of(question, model, bands[0])
     if question.contrast_limit:
         return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
     planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
@@ -148,9 +129,9 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
         Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
-    fixed = questions.fixed_frames(model, [band], question.exposure_s, question.em_gain)
+    fixed = fixed_frames(model, [band], question.exposure_s, question.em_gain)
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
-    ratios = (_TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
+    ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
@@ -163,26 +144,19 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
 
 def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    cases, every = group.cases, group.programmes
-    possible = cases.usable[0, 0] & (np.isfinite(cases.threshold[0, 0]) | (group.value is not None))
-    given = model.strategy.visits
-
-    def missed(visits: FloatArray, time_s: float) -> FloatArray:
-        cost = every.missed(visits, time_s)[0][0, 0]
-        return np.where(possible & ~np.isnan(cost), cost, np.inf)
-
+    cases, every, given = group.cases, group.programmes, model.strategy.visits
     if not question.asks_time:
-        times = times_of(question, model, cases.bands[0].band)
-        span = Span.of(model, times["time_s"], times["visit_time_s"])
-        return missed(group.visits_in(span), span.time_s or 0.0)
+        times = questions.times_of(question, model, cases.bands[0].band)
+        return group.missed_in(Span.of(model, times["time_s"], times["visit_time_s"]))[0, 0]
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
         visits = every.quickest() if given is None else fixed
         time_s = visits * model.time_s(every.solved(visits)[0])
-    cost = np.where(possible, time_s[0, 0], np.inf)
-    return cost if np.isfinite(cost).any() else missed(fixed if given else fixed * MAX_VISITS, _ENDLESS_S)
+    cost = np.where(group.possible, time_s, np.inf)
+    endless = Span(given or MAX_VISITS, time_s=_ENDLESS_S)
+    return (cost if np.isfinite(cost).any() else group.missed_in(endless))[0, 0]
 
 
 def checked(

@@ -115,6 +115,8 @@ def takes(
                 tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else base
                 if not isinstance(tree, Mapping):
                     raise InputError("strategy", base, allowed="a Strategy or a mapping")
+                for name in own.keys() & tree.keys():
+                    raise InputError(name, "given twice", allowed="once: as a keyword or in strategy")
                 given["strategy"] = dict(tree) | own
             return function(model.of(fixed | given))
 
@@ -139,7 +141,7 @@ def _by_field(
     TypeError
         For a keyword that the function does not have, naming the nearest ones.
     """
-    named = {model.ALIASES.get(name, name): value for name, value in keywords.items()}
+    named = model.named(keywords)
     others = {name: named.pop(name) for name in tuple(named) if name not in signature.parameters}
     if not others:
         return named
@@ -148,7 +150,9 @@ def _by_field(
     for name in others:
         if name not in options:
             shown = "it decides what the command line shows; the result has everything" if name in _SHOWN else ""
-            hint = shown or nearest(name, (*signature.parameters, *options)) or f"known: {', '.join(signature.parameters)}"
+            hint = (
+                shown or nearest(name, (*signature.parameters, *options)) or f"known: {', '.join(signature.parameters)}"
+            )
             raise TypeError(f"{function}() has no keyword {name!r} ({hint})")
         field = options[name].path[0]
         if field in named and not (len(options[name].path) > 1 and isinstance(named[field], Mapping)):

@@ -110,6 +110,7 @@ class NamedPlanet:
             **texts,
             **numbers,
             flags=list(table.flags(self.row)),
+            columns_not_used=list(table.unused),
             date_utc=choice.date_utc,
             planets_table=table.provenance,
             separation_arcsec=_three(separation),

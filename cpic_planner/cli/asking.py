@@ -24,6 +24,32 @@ _FILE_HELP = (
 )
 
 
+class Once(TyperCommand):
+    """A command that refuses an option which is given twice, in one spelling or two, where it takes one value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments, each option at most once."""
+        if not ctx.resilient_parsing:
+            seen: list[Any] = []
+            for option in self.make_parser(ctx).parse_args([*args])[2]:
+                several = getattr(option, "multiple", False) or getattr(option, "count", False)
+                same = getattr(option, "is_flag", False) and not option.secondary_opts  # says the same twice
+                if option in seen and not several and not same:
+                    name, *others = [*option.opts, *option.secondary_opts]
+                    hint = f"{' and '.join([name, *others])} are one option" if others else ""
+                    raise InputError(name, "given twice", allowed="once", hint=hint)
+                seen.append(option)
+        return super().parse_args(ctx, args)
+
+
+class Commands(typer.Typer):
+    """A group of commands, each of them `Once`."""
+
+    def command(self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **how: Any) -> Any:
+        """Add a command."""
+        return super().command(name, cls=cls or Once, **how)
+
+
 def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
     """Return the kind of command that takes its options from the question of a function, once it is called.
 
@@ -35,7 +61,7 @@ def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
         Where its question is, as ``package.module:Model``.
     """
 
-    class Late(TyperCommand):
+    class Late(Once):
         def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
             built = command_of(run, pkgutil.resolve_name(name))
             self.params, self.callback = built.params, built.callback
@@ -60,7 +86,7 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
 
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
-    """Return the arguments with the present names of options, each told once, and times in seconds."""
+    """Return the arguments with the present names of options and times in seconds; say what is called otherwise now."""
     from cpic_planner.queries import seconds_text
 
     arguments: list[str] = []

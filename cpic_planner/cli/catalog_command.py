@@ -6,12 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
 from cpic_core import visible
 from cpic_planner import report
+from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
 from cpic_planner.cli.progress import heard
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
-app = typer.Typer(help=HELP, invoke_without_command=True)
+app = Commands(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
@@ -145,10 +144,10 @@ def table(screen: Console, title: str, headings: tuple[str, ...], rows: Iterable
     from rich.table import Table
     from rich.text import Text
 
-    grid = Table(title=report.fitting(screen, title), title_justify="left")
+    grid = Table(title=report.displayable(screen, title), title_justify="left")
     for heading in headings:
         right = heading in ("stars", "planets", "number")
         grid.add_column(heading, justify="right" if right else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*(Text(report.fitting(screen, visible(cell))) for cell in row))
+        grid.add_row(*(Text(report.displayable(screen, visible(cell))) for cell in row))
     screen.print(grid)

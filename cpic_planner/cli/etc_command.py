@@ -58,17 +58,17 @@ def etc(
     drift or contrast alone would do.
 
     The name of a known planet ("eps Eri b") asks about it: the answer is for the medians of its separation and
-    contrast at --date, and range says what the errors of orbit and size leave open: 16 to 84 % of their draws. It is
-    looked for at its place unless --search says otherwise.
+    contrast at --date, and range says what the errors of orbit and size leave open: median and 16 to 84 % of their
+    draws. It is looked for at its place unless --search says otherwise.
 
     Under the table stands what its headings mean, and in two sentences what is detected and what is missing;
     --explain says the rest.
 
     The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in
-    images, drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed
-    form; reference draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images
-    only where the stated error of the closed forms is larger than that, and says so where none of the two is that
-    good. Answers stay those of the closed forms: what images say stands beside them.
+    images, drawn as sums of frames until their SNR is known to 5 %, and states measured over true flux and predicted
+    over recovered SNR; reference draws every frame with every effect of the camera, in minutes. --tolerance 0.05
+    makes images only where the stated error of the closed forms is larger than that, and says so where none of the
+    two is that good. Answers stay those of the closed forms: what images say stands beside them.
 
     Examples:
 

@@ -105,8 +105,9 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     hole is searched blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more
     realisation a band runs frame by frame with every effect of the camera (--no-audit leaves it out).
 
-    Frames are the best ones for the first planet within --time-s, or those that --exposure-s and --frames give; a
-    gain that is not given is the best one. With --out it writes confirm.json, measurements.csv, report.html,
+    Visits and frames are those of most SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
+    of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
+    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
     panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
 
     Examples:

@@ -10,11 +10,12 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
+from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import Output, help_alone, note, place_of, shown
 from cpic_planner.cli.progress import heard
 
 HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
-app = typer.Typer(help=HELP, invoke_without_command=True)
+app = Commands(help=HELP, invoke_without_command=True)
 app.callback(invoke_without_command=True)(help_alone)
 
 NameArgument: TypeAlias = Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Preset name or YAML file.")]

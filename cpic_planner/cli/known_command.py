@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import Answer, Output, check_file, check_plot, note, place_of, write_out, write_plot
+from cpic_planner.cli.options import (
+    Answer,
+    Output,
+    check_file,
+    check_plot,
+    note,
+    place_of,
+    tell_rows,
+    write_out,
+    write_plot,
+)
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -120,6 +130,7 @@ def known(
         write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
+    tell_rows(output, limit, len(result.planets))
     output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
@@ -174,7 +185,8 @@ def visibility(
     check_plot(plot)
     result = visibility_of(question, note)
     if out is not None:
-        write_out(out, lambda: report.visibility_csv(result), len(result.targets) * len(result.mjd))
+        rows = len(result.targets) * len(result.mjd)
+        write_out(out, lambda: report.visibility_csv(result), rows, rows)
     if plot is not None:
         write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)

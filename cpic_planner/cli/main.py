@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from cpic_core import InputError, numeric_context, private_folder, shortened, visible
+from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import (
     catalog_command,
     etc_command,
@@ -27,17 +27,42 @@ from cpic_planner.cli import (
     study_commands,
     upkeep_command,
 )
-from cpic_planner.cli.asking import late
+from cpic_planner.cli.asking import Commands, late
 from cpic_planner.cli.meant import meant
-from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, error_line, version_text
+from cpic_planner.cli.options import error_line
 from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
+from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 EXIT_HELP = """Exit status: 0 an answer, an unreachable target or a planet that is not detected included; 1 a failure,
 or findings of cpic check; 2 a question that cannot be asked, with one line that says why; 3 no answer, or no detection,
 with --strict; 130 interrupted; 143 terminated
 (SIGTERM, as batch schedulers send it)."""
-app = typer.Typer(
+_DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
+allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
+out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
+are predicted to keep planet flux and SNR within 2 % of the reference. Results state what was left out and what that is
+predicted to cost; a tier that is not good enough for a scene says so in place of an answer. --dry-run tells the
+time."""
+
+_OVERRIDES_HELP = """What if reality is worse than the model? --simulator-overrides alters the images and nothing else:
+the prediction keeps the nominal instrument, and the report says by how much it was off. KEY is a dotted key of the
+instrument's file (* stands for any name) or a short one: throughput, quantum_efficiency, read_noise, dark_current,
+clock_charge, drift, visit_drift, walk, jitter, exozodi; and companions (on, off). VALUE is a number with a unit
+(0.1nm), a factor on the present value (x0.7), a number alone where the dotted key ends in its unit or the quantity has
+none, or a word. Short names always need a unit or an x: drift=x2 doubles the offset of a visit and the walk within it;
+drift=0.1nm makes the offset 0.1 nm rms and scales the walk in the same ratio.
+
+  --simulator-overrides throughput=x0.7
+
+  --simulator-overrides read_noise=x1.5 --simulator-overrides visit_drift=x3
+
+  --simulator-overrides companions=on
+
+  --simulator-overrides bands.F850.qe=0.4 --simulator-overrides detector.switches.cosmic_rays=off
+
+  --simulator-overrides reality.yaml"""
+app = Commands(
     name="cpic",
     help="Compute exposure times, plan surveys and simulate images for CPI-C, the coronagraph of the 2 m CSST.",
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
@@ -47,9 +72,30 @@ app = typer.Typer(
 )
 
 
+def _version_text() -> str:
+    """Return version, fingerprint, data vintage, and whether the top-level packages are this distribution's own."""
+    from importlib import metadata, util
+
+    from catalogs import snapshot_vintage
+
+    home = Path(__file__).resolve().parents[2]
+    lines = [f"{DISTRIBUTION} {__version__}", f"fingerprint: {fingerprint()}", f"star table: {snapshot_vintage()}"]
+    try:
+        owners = metadata.packages_distributions()
+    except Exception:
+        owners = {}
+    for package in PACKAGES:
+        spec = util.find_spec(package)
+        place = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
+        foreign = sorted(set(owners.get(package, ())) - {DISTRIBUTION})
+        state = "ok" if place == home and not foreign else f"also claimed by {', '.join(foreign) or place}"
+        lines.append(f"package {package}: owned by {DISTRIBUTION} ({state})")
+    return "\n".join(lines)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(version_text())
+        typer.echo(_version_text())
         raise typer.Exit
 
 
@@ -88,13 +134,13 @@ def _add(run: Callable[..., None], *more: str) -> None:
     app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
 
 
-_add(image_commands.plan, DIAL_HELP, OVERRIDES_HELP)
+_add(image_commands.plan, _DIAL_HELP, _OVERRIDES_HELP)
 _add(rank_command.rank)
 _add(etc_command.etc)
 _add(searched_commands.curve)
 _add(searched_commands.roc)
 _add(known_command.known)
-_add(image_commands.confirm, DIAL_HELP, OVERRIDES_HELP)
+_add(image_commands.confirm, _DIAL_HELP, _OVERRIDES_HELP)
 _add(image_commands.simulate)
 _add(known_command.visibility)
 _add(study_commands.whatif)

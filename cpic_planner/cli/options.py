@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,10 +18,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar, cast
 import typer
 from pydantic import BaseModel
 
-from cpic_core import InputError, check_writable, dump_json, fingerprint, one_line, visible, write_named
+from cpic_core import InputError, check_writable, dump_json, one_line, visible, write_named
 from cpic_planner import report
 from cpic_planner.cli.progress import is_quiet, progress, rest, write_line
-from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,10 +69,17 @@ class Output:
         One of `Form`.
     brief : bool
         The main table alone.
+    columns : tuple of str
+        Names of its columns; those of the terminal where none is given.
+    caption, label : str
+        Of the table in LaTeX.
     """
 
     form: str = "table"
     brief: bool = False
+    columns: tuple[str, ...] = ()
+    caption: str = ""
+    label: str = ""
 
     @property
     def as_json(self) -> bool:
@@ -82,7 +89,7 @@ class Output:
     @property
     def plain(self) -> bool:
         """Tell whether more than a table is printed, for people."""
-        return self.form == "table" and not self.brief
+        return self.form == "table" and not self.brief and not self.columns
 
     def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
         """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
@@ -102,17 +109,32 @@ class Output:
         if self.as_json:
             print_json(result)
             return
-        screen = console()
-        if self.plain:
-            tables(screen)
-            return
-        sheet = report.Sheet(screen, self.form)
+        if self.columns == _ASKED_FOR:
+            sys.stdout.write(report.offered_text(self._sheet(tables, "csv").taken))
+        elif self.form != "table":
+            sys.stdout.write(self.text(self.form, result, tables))
+        elif self.plain:
+            tables(console())
+        else:
+            self._sheet(tables, self.form)
+
+    def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
+        """Return the first table that ``tables`` print in a form, with the columns that are asked for.
+
+        Raises
+        ------
+        InputError
+            If there is no table.
+        """
+        about = {"columns": self.columns, "caption": self.caption, "label": self.label}
+        return report.form_text(form, result, self._sheet(tables, form).taken, **about)
+
+    def _sheet(self, tables: Callable[[Console], None], form: str) -> report.Sheet:
+        sheet = report.Sheet(console(), form, self.columns if form == "table" else ())
         tables(cast("Console", sheet))
-        if self.form == "table":
-            return
-        if sheet.taken is None:
+        if sheet.taken is None and form != "table":
             raise InputError("--format", self.form, allowed="table or json: this answer has no table")
-        sys.stdout.write(report.form_text(self.form, *sheet.taken))
+        return sheet
 
 
 @dataclass(frozen=True)
@@ -134,6 +156,7 @@ class Answer(Output):
             raise typer.Exit(NOTHING_FOUND)
 
 
+_ASKED_FOR = ("help",)
 NOTHING_FOUND = 3
 """Exit status of --strict where there is no answer, or no detection."""
 
@@ -142,10 +165,16 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     """Print what a run of simulated images would take, as a line or as JSON."""
     line = (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
-        f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
+        f"{time_text(cost, workers)}, {cost['memory_mb']:.0f} MB memory a worker, "
         f"{cost['disk_mb']:.1f} MB disk"
     )
     print_line_or_json(line, cost, as_json)
+
+
+def time_text(cost: Mapping[str, float], workers: int) -> str:
+    """Return the expected time of a run on this machine."""
+    text = f"{cost['wall_s']:.0f} s with {workers} worker(s)"
+    return text if workers == 1 else f"{text}, {cost['cpu_s']:.0f} s of processor time"
 
 
 def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
@@ -192,27 +221,6 @@ def console() -> Console:
     return Console(width=plain, highlight=False, markup=False, emoji=False)
 
 
-def version_text() -> str:
-    """Return version, fingerprint, data vintage, and whether the top-level packages are this distribution's own."""
-    from importlib import metadata, util
-
-    from catalogs import snapshot_vintage
-
-    home = Path(__file__).resolve().parents[2]
-    lines = [f"{DISTRIBUTION} {__version__}", f"fingerprint: {fingerprint()}", f"star table: {snapshot_vintage()}"]
-    try:
-        owners = metadata.packages_distributions()
-    except Exception:
-        owners = {}
-    for package in PACKAGES:
-        spec = util.find_spec(package)
-        place = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
-        foreign = sorted(set(owners.get(package, ())) - {DISTRIBUTION})
-        state = "ok" if place == home and not foreign else f"also claimed by {', '.join(foreign) or place}"
-        lines.append(f"package {package}: owned by {DISTRIBUTION} ({state})")
-    return "\n".join(lines)
-
-
 class Form(StrEnum):
     """Forms in which a command writes its main table."""
 
@@ -227,6 +235,20 @@ class Form(StrEnum):
 FormOption: TypeAlias = Annotated[
     Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
 ]
+ColumnsOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="NAME,...",
+        help="Columns of the main table, in this order and alone, by their names in files; help lists them.",
+    ),
+]
+CaptionOption: TypeAlias = Annotated[
+    str | None, typer.Option("--caption", help="Caption of the table in LaTeX [default: what it is, data, version].")
+]
+LabelOption: TypeAlias = Annotated[
+    str | None, typer.Option("--label", help="Label of the table in LaTeX [default: tab: and the kind of answer].")
+]
 BriefOption: TypeAlias = Annotated[
     bool, typer.Option("--brief", help="The main table alone, without what explains it.")
 ]
@@ -239,7 +261,8 @@ DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estima
 
 def output_options(kind: type[Output]) -> dict[str, Any]:
     """Return the options of an output as annotations, by name."""
-    options: dict[str, Any] = {"form": FormOption, "brief": BriefOption, "as_json": JsonOption}
+    options: dict[str, Any] = {"form": FormOption, "columns": ColumnsOption, "caption": CaptionOption}
+    options |= {"label": LabelOption, "brief": BriefOption, "as_json": JsonOption}
     return options | ({"strict": StrictOption} if issubclass(kind, Answer) else {})
 
 
@@ -282,38 +305,21 @@ def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
     if as_json and form not in ("table", "json"):
         raise InputError("--json", "given with --format", allowed="one of the two")
     if brief and (as_json or form != "table"):
-        given, hint = "--json" if as_json else f"--format {form}", "which has the main table alone in any case"
-        raise InputError("--brief", f"given with {given}", allowed="one of the two", hint=f"{given}, {hint}")
+        asked, hint = "--json" if as_json else f"--format {form}", "which has the main table alone in any case"
+        raise InputError("--brief", f"given with {asked}", allowed="one of the two", hint=f"{asked}, {hint}")
+    form = "json" if as_json else form
+    columns, caption, label = (given.pop(name) for name in ("columns", "caption", "label"))
+    if columns is not None and form == "json":
+        raise InputError("--columns", columns, allowed="with tables: JSON has every field")
+    written = form == "latex" or str(given.get("out") or "").endswith(".tex")
+    for option, text in (("--caption", caption), ("--label", label)):
+        if text is not None and not written:
+            raise InputError(option, text, allowed="with --format latex, or --out FILE.tex where there is one")
+    if label is not None and not re.fullmatch(r"[\w:.+-]+", label, re.ASCII):
+        raise InputError("--label", label, allowed="letters, digits and : . + - _")
+    chosen = () if columns is None else tuple(name.strip() for name in columns.split(","))
     strict = {"strict": bool(given.pop("strict"))} if kind is Answer else {}
-    return kind("json" if as_json else form, brief, **strict)
-
-
-DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
-allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
-out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
-are predicted to keep planet flux and SNR within 2 % of the reference. Results state what was left out and what that is
-predicted to cost; a tier that is not good enough for a scene says so in place of an answer. --dry-run tells the
-time."""
-"""Paragraph for the help of commands that have the dial."""
-
-OVERRIDES_HELP = """What if reality is worse than the model? --simulator-overrides alters the images and nothing else:
-the prediction keeps the nominal instrument, and the report says by how much it was off. KEY is a dotted key of the
-instrument's file (* stands for any name) or a short one: throughput, quantum_efficiency, read_noise, dark_current,
-clock_charge, drift, visit_drift, walk, jitter, exozodi; and companions (on, off). VALUE is a number with a unit
-(0.1nm), a factor on the present value (x0.7), a number alone where the dotted key ends in its unit or the quantity has
-none, or a word. Short names always need a unit or an x: drift=x2 doubles the offset of a visit and the walk within it;
-drift=0.1nm makes the offset 0.1 nm rms and scales the walk in the same ratio.
-
-  --simulator-overrides throughput=x0.7
-
-  --simulator-overrides read_noise=x1.5 --simulator-overrides visit_drift=x3
-
-  --simulator-overrides companions=on
-
-  --simulator-overrides bands.F850.qe=0.4 --simulator-overrides detector.switches.cosmic_rays=off
-
-  --simulator-overrides reality.yaml"""
-"""Paragraph for the help of commands that have the option."""
+    return kind(form, brief, chosen, caption or "", label or "", **strict)
 
 
 def tell_overrides(overrides: SimulatorOverrides) -> None:
@@ -376,23 +382,18 @@ def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     check_writable(path, key=option)
 
 
-FORM_OF_ENDING = {".json": "json", ".tex": "latex", ".md": "markdown"}
+FORM_OF_ENDING = {".json": "json", ".csv": "csv", ".ecsv": "ecsv", ".tex": "latex", ".md": "markdown"}
 """Forms in which a table of the terminal is written to a file, by the ending of its name."""
 
 
-def file_text(path: Path, result: BaseModel, tables: Callable[[Console], None]) -> str:
-    """Return a result as JSON, or its main table, in the form that the ending of a file's name asks for."""
-    form = FORM_OF_ENDING[path.suffix]
-    if form == "json":
-        return dump_json(result.model_dump(mode="json"))
-    sheet = report.Sheet(console(), form)
-    tables(cast("Console", sheet))
-    assert sheet.taken is not None
-    return report.form_text(form, *sheet.taken)
+def tell_rows(output: Output, rows: int, every: int) -> None:
+    """Say of how many rows a table for other programs has the first ones."""
+    if output.form not in ("table", "json") and rows < every:
+        note(f"the first {rows} of {every} rows: --limit {every} gives all")
 
 
-def write_out(path: Path, text: Callable[[], str], rows: int) -> None:
-    """Write a table to the file of ``--out`` and say so.
+def write_out(path: Path, text: Callable[[], str], rows: int, every: int) -> None:
+    """Write a table to the file of ``--out``, and say so and how many of all rows it has.
 
     Raises
     ------
@@ -403,7 +404,7 @@ def write_out(path: Path, text: Callable[[], str], rows: int) -> None:
         write_named(path, text(), key="--out")
     except OSError as error:
         raise InputError("--out", str(path), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {rows} rows to {place_of(path)}")
+    note(f"wrote {rows}{f' of {every}' * (rows < every)} rows to {place_of(path)}")
 
 
 def place_of(path: Path) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_core import InputError
+from cpic_core import InputError, dump_json
 from cpic_planner import ranking, report
 from cpic_planner.cli import options
 from cpic_planner.cli.options import Answer, note, refuse_together
@@ -16,14 +16,20 @@ from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from cpic_planner.queries import RankQuestion
+    from cpic_planner.results import RankResult
 
 
 def rank(
     question: RankQuestion,
     output: Answer,
     limit: Annotated[
-        int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
-    ] = 20,
+        int | None,
+        typer.Option(
+            "--limit",
+            min=1,
+            help="Stars of every table, of --out too, and of the figure [default: 20, and all in --out]. JSON has all.",
+        ),
+    ] = None,
     explain: Annotated[
         str | None, typer.Option("--explain", help="Say why this star stands where it stands, instead of the table.")
     ] = None,
@@ -52,7 +58,8 @@ def rank(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Also write all rows to FILE.csv, .ecsv or .json (all columns), .tex or .md (those of the screen).",
+            help="Also write the rows to FILE.csv or .ecsv (every column, or those of --columns), .tex or .md (as on "
+            "the screen), or everything to FILE.json.",
         ),
     ] = None,
 ) -> None:
@@ -136,11 +143,12 @@ def rank(
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
-    options.check_file(out, (".csv", ".ecsv", *options.FORM_OF_ENDING), "--out")
+    options.check_file(out, tuple(options.FORM_OF_ENDING), "--out")
+    shown = 20 if limit is None else limit
     options.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
-        output.show(moved, partial(report.print_moves, moved, limit=limit))
+        output.show(moved, partial(report.print_moves, moved, limit=shown))
         return
     ready = prepared(question)
     note(*ready.stars.notes)
@@ -164,15 +172,26 @@ def rank(
         return
     result = ready.ranked()
     if out is not None:
-        rows = len(result.targets)
-        whole = partial(report.print_rank, result, limit=rows)
-        own = {".csv": report.ranking_csv, ".ecsv": report.ranking_ecsv}.get(out.suffix)
-        text = partial(options.file_text, out, result, whole) if own is None else partial(own, result)
-        options.write_out(out, text, rows)
+        _write(out, result, output, limit)
     if plot is not None:
-        shown, most = min(limit, len(result.targets)), report.MOST_STARS
-        few = f" with the first {most} stars only: names of {shown} could not be read" * (shown > most)
+        drawn, most = min(shown, len(result.targets)), report.MOST_STARS
+        few = f" with the first {most} stars only: names of {drawn} could not be read" * (drawn > most)
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
-        options.write_plot(plot, draw(result, limit), few)
+        options.write_plot(plot, draw(result, shown), few)
+    options.tell_rows(output, shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
-    output.show(result, partial(report.print_rank, result, limit=limit, full=is_verbose()), detected)
+    output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
+
+
+def _write(out: Path, result: RankResult, output: Answer, limit: int | None) -> None:
+    """Write the ranking, or its first stars, in the form that the ending of the name asks for."""
+    form, every = options.FORM_OF_ENDING[out.suffix], len(result.targets)
+    rows = every if limit is None or form == "json" else min(limit, every)
+    own = {"csv": report.ranking_csv, "ecsv": report.ranking_ecsv}.get(form)
+    if form == "json":
+        text = partial(dump_json, result.model_dump(mode="json"))
+    elif own is not None and not output.columns:
+        text = partial(own, result, rows)
+    else:
+        text = partial(output.text, form, result, partial(report.print_rank, result, limit=rows))
+    options.write_out(out, text, rows, every)

@@ -15,6 +15,7 @@ from cpic_planner.cli.options import (
     check_plot,
     print_line_or_json,
     say,
+    time_text,
     with_progress,
     write_plot,
 )
@@ -127,8 +128,8 @@ def _run(
         cost = estimate(job, workers=question.workers)
         if dry_run:
             line = (
-                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about {cost['wall_s']:.0f} s "
-                f"with {question.workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker"
+                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
+                f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
             )
             print_line_or_json(line, cost, output.as_json)
             return None

@@ -11,7 +11,7 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, say, with_progress
+from cpic_planner.cli.options import Output, note, print_json, print_line_or_json, say, time_text, with_progress
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def whatif(
     if dry_run:
         line = (
             f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
-            f"{cost['n_images']} sets of images: about {cost['wall_s']:.0f} s with {question.workers} worker(s), "
+            f"{cost['n_images']} sets of images: about {time_text(cost, question.workers)}, "
             f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk"
         )
         print_line_or_json(line, cost, output.as_json)

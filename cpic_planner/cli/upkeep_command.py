@@ -11,10 +11,11 @@ import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
+from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json, say
 from cpic_planner.cli.progress import heard
 
-app = typer.Typer(
+app = Commands(
     help="Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables "
     "CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); "
     "what was not used for longest is removed first.",

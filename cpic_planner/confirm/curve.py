@@ -15,6 +15,7 @@ from cpic_planner.confirm.searched import (
     Observed,
     Planets,
     Searched,
+    clearest_place,
     decided_by,
     header,
     observed,
@@ -29,7 +30,7 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, EtcAnswer, RecoveredRow, SearchedProgramme
 from cpic_planner.validation import azimuth_share, azimuths_inside, fraction_interval
 
-RESULT_VERSION = 2
+RESULT_VERSION = 3
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 N_PLACES = 25
 """Separations of a curve: straight lines between them miss at most 0.5 % of a limit."""
@@ -114,9 +115,9 @@ def _programme(
 ) -> tuple[EtcAnswer, Observed | None]:
     """Return the programme of faintest limit, at the best separation, and the answer that chose it."""
     grid = question.separation_arcsec or separation_grid(model, band).tolist()
-    times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
-    answers = etc.contrast_limit(model, asked.target, separation_arcsec=grid, bands=[band], **times)
-    best = min(answers, key=lambda answer: math.inf if answer.value is None else answer.value)
+    place = clearest_place(question, model, asked.target, band, grid)
+    times: dict[str, Any] = {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
+    (best,) = etc.contrast_limit(model, asked.target, separation_arcsec=place, bands=[band], **times)
     return best, observed(model, asked.target, best)
 
 

@@ -124,7 +124,7 @@ def _checked(record: AnswerFidelity, outcome: Outcome[ImageCheck], dial: Dial) -
     if images is None:  # nothing but the closed forms answers
         refused = {"status": outcome.status.value, "reason": outcome.reason.value, "message": outcome.message}
         return record.model_copy(update=refused)
-    error, chance = dict(images.modelled.predicted_error), images.snr_ratio_error
+    error, chance = dict(images.modelled.predicted_error), images.snr_error / images.predicted_snr
     bound = error["snr"]
     error["snr"] = None if bound is None else math.hypot(bound, chance)
     tier = "reference" if dial.fidelity == "reference" else "standard"

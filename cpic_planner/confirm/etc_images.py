@@ -276,6 +276,7 @@ def _compared(
     snr_error = max(snr_error, expected_error)
     spread = float(max(contrast.std(ddof=min(len(done) - 1, 1)), np.sqrt((error**2).mean())))
     ratio, ratio_error = snr / predicted, snr_error / predicted
+    mean = validation.Calibration.of(ratio, ratio_error)
     return ImageCheck(
         draw=modelling.draw,
         realisations=len(done),
@@ -285,8 +286,8 @@ def _compared(
         predicted_snr=predicted,
         snr=snr,
         snr_error=snr_error,
-        snr_ratio=ratio,
-        snr_ratio_error=ratio_error,
+        etc_ratio=mean.etc_ratio,
+        etc_ratio_error=mean.etc_ratio_error,
         predicted_significance=significance,
         significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
         agrees=bool(abs(ratio - 1.0) <= stated_snr_error + 2.0 * ratio_error),

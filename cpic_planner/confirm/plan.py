@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
+from cpic_planner.confirm.period import seen_stars, with_telescope_time
 from cpic_planner.confirm.stars import (
     RESULT_VERSION,
     confirmed_target,
@@ -29,14 +30,13 @@ from cpic_planner.confirm.stars import (
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion, observed_utc
+from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
 from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import (
     BandConfirmation,
     KnownResult,
-    LeftOutRow,
     NotImagedRow,
     PeriodRecord,
     PlanResult,
@@ -44,14 +44,12 @@ from cpic_planner.results import (
     RankResult,
     ReferencePlanetRecord,
     ScheduleImages,
-    SeenRow,
+    SensitivityResult,
 )
-from cpic_planner.survey import ScheduledVisit, read_schedule
-from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, seasons_of, visibility
+from cpic_planner.survey import ScheduledVisit, Sight, read_schedule
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from cpic_planner.validation import ConfirmTask, confirm_task
 
-_CHUNK = 20
 _SHOWN, _KNOWN_DRAWS = 50, 500
 """Stars of the ranking whose known planets are shown, and draws of each planet."""
 
@@ -71,6 +69,7 @@ class _Prepared:
     period: PeriodRecord | None
     schedule: ScheduleImages | None
     rolls_deg: dict[str, float]
+    sights: dict[str, Sight]
 
 
 def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
@@ -100,13 +99,13 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
         sample=stars.text,
         catalogue=catalogue.provenance,
     )
-    ready = _Prepared(model, catalogue, stars.answered, stars.counted, rank, [], [], {}, None, None, {})
+    ready = _Prepared(model, catalogue, stars.answered, stars.counted, rank, [], [], {}, None, None, {}, {})
     if config.schedule is not None:
         return _of_schedule(config, ready, listed, source)
-    chosen, period = _seen(config, ready)
+    chosen, period, sights = seen_stars(config, rank, model)
     each = [_star(ready, row) for row in chosen]
     tasks, refused = plan_tasks(model, each, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
-    return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period)
+    return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period, sights=sights)
 
 
 def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets:
@@ -114,77 +113,8 @@ def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets
     return replace(ready.targets.select([index]), roll_deg=roll_deg)
 
 
-def _seen(config: PlanQuestion, ready: _Prepared) -> tuple[list[RankedTarget], PeriodRecord]:
-    """Return the first stars of the ranking that can be observed in the period, and those that are left out for it."""
-    pointing, start_utc = load_visibility(config.limits), observed_utc(config)
-    chosen: list[RankedTarget] = []
-    left_out: list[LeftOutRow] = []
-    not_checked: list[str] = []
-    seen: list[SeenRow] = []
-    waiting = [row for row in ready.rank.targets if row.status != "saturated"]
-    while waiting and len(chosen) < config.top:
-        some, waiting = waiting[:_CHUNK], waiting[_CHUNK:]
-        placed = [row for row in some if row.ra_deg is not None and row.dec_deg is not None]
-        ra, dec = (np.array([getattr(row, name) for row in placed], float) for name in ("ra_deg", "dec_deg"))
-        when: dict[str, Any] = {"start_utc": start_utc, "n_days": config.n_days}
-        found = visibility(ra, dec, pointing, config.instrument.mission.orbit, **when) if placed else None
-        for row in some:
-            if len(chosen) >= config.top:
-                break
-            if found is None or row not in placed:
-                not_checked.append(row.name)
-                chosen.append(row)
-                continue
-            at = placed.index(row)
-            reason = _unseen(found, at, row, ready.model)
-            if reason is None:
-                chosen.append(row)
-                seen.append(SeenRow(name=row.name, usable_h=_usable_h(found, at), seasons=seasons_of(found, at)))
-            else:
-                left_out.append(reason)
-    record = PeriodRecord(
-        start_utc=start_utc,
-        n_days=config.n_days,
-        pointing=pointing.name,
-        seen=seen,
-        left_out=left_out,
-        not_checked=not_checked,
-    )
-    return chosen, record
-
-
-def _usable_h(found: Visibility, at: int) -> float:
-    return float(found.visible_fraction[at].sum()) * 24.0 * found.step_days
-
-
-def _unseen(found: Visibility, at: int, row: RankedTarget, model: EtcModel) -> LeftOutRow | None:
-    """Return why a star cannot have its best observation in the period; None where it can."""
-    n_days = len(found.mjd) * found.step_days
-    usable_h = _usable_h(found, at)
-    needed_h = None if row.time_s is None else row.time_s / 3600.0
-    frame_s = (row.exposure_s or 0.0) + model.camera(row.band).readout_s
-    longest_s = float(found.window_s[at].max())
-    if usable_h <= 0.0:
-        days = found.days(at)
-        why = ", ".join(f"{_BLOCKED[name]} for {days[name]:g} d" for name in BLOCKS if name and days[name])
-        message = f"not seen in {n_days:g} d: {why}"
-    elif needed_h is not None and usable_h < needed_h:
-        message = f"seen for {usable_h:.1f} h in {n_days:g} d, and its observation takes {needed_h:.1f} h"
-    elif longest_s < frame_s:
-        message = f"never seen for the {frame_s:.0f} s of a frame without a break: {longest_s:.0f} s at most"
-    else:
-        return None
-    return LeftOutRow(name=row.name, rank=row.rank, usable_h=usable_h, needed_h=needed_h, message=message)
-
-
 _STAND_IN = 9
 """Which of the nearest stars stands for the targets of a plan whose cost is asked for."""
-_BLOCKED = {
-    "sun": "too near to the Sun",
-    "moon": "too near to the Moon",
-    "panel": "the solar panels get no light",
-    "limb": "behind the limb of the Earth",
-}
 
 
 def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
@@ -269,20 +199,19 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
     prepared = functools.cache(lambda: prepare_plan(config, catalog))
 
+    @functools.cache
+    def firmness() -> SensitivityResult:
+        ready = prepared()
+        asked: dict[str, Any] = {"time_s": config.time_s, "planet": config.planet, "score": config.score}
+        return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
+
     def work(runner: Runner) -> PlanResult:
         bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
-        return _result(config, prepared(), runner.digest, bodies)
+        return _result(config, prepared(), runner.digest, bodies, firmness())
 
     def write(folder: RunFolder, plan: PlanResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
-        firm = sensitivity(
-            ready.model,
-            ready.targets,
-            time_s=config.time_s,
-            planet=config.planet,
-            population=ready.drawn,
-            score=config.score,
-        )
+        firm = firmness()
         known = _known(config, ready)
         announce("writing the report")
         folder.write("sensitivity.json", dump_json(firm.model_dump(mode="json")))
@@ -374,17 +303,23 @@ def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
     }
 
 
-def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any]) -> PlanResult:
-    rank = prepared.rank
-    targets = [
-        confirmed_target(prepared.model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
-        for row in prepared.chosen
-    ]
+def _result(
+    config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any], firm: SensitivityResult
+) -> PlanResult:
+    rank, model, reference = prepared.rank, prepared.model, config.strategy.reference_star
+    extremes = {star.name: star.model_dump(include={"rank_lowest", "rank_highest"}) for star in firm.stars}
+    targets = []
+    for row in prepared.chosen:
+        target = confirmed_target(model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
+        target = with_telescope_time(target, model, prepared.sights)
+        targets.append(target.model_copy(update=extremes.get(row.name)))
     return PlanResult(
         **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
         reference_planet=ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
+        reference_star_v_mag=None if reference is None else reference.v_mag,
+        reference_star_teff_k=None if reference is None else reference.teff_k,
         catalogue=rank.catalogue,
         sample=rank.sample,
         date_utc=rank.date_utc,

@@ -1,7 +1,6 @@
 """``cpic roc``: how likely a planet is found, against the false alarms of a search."""
 
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from cpic_planner.confirm.searched import (
     AskedStar,
     Observed,
     Searched,
+    clearest_place,
     decided_by,
     header,
     observed,
@@ -27,7 +27,7 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, ReferencePlanetRecord, RocProgramme, RocResult, RocRow
 from cpic_planner.validation import fraction_interval
 
-RESULT_VERSION = 2
+RESULT_VERSION = 3
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 LEVELS = tuple(np.arange(3.0, 7.01, 0.25).tolist())
 """Levels of a detection beside that of the strategy."""
@@ -96,17 +96,14 @@ def _programme(
     question: RocQuestion, model: etc.EtcModel, asked: AskedStar, band: str
 ) -> tuple[EtcAnswer, Observed | None]:
     """Return the programme that shows the planet clearest, at its separation or the best, and the answer for it."""
-    given = question.separation_arcsec
-    grid = separation_grid(model, band).tolist() if given is None else [given]
-    times: dict[str, Any] = {"time_s": question.programme_s, "visit_time_s": question.visit_time_s}
+    place, times = question.separation_arcsec, (question.wall_s, question.visit_time_s)
+    if place is None:
+        grid = separation_grid(model, band).tolist()
+        place = clearest_place(question, model, asked.target, band, grid, question.planet, question.contrast)
     light: dict[str, Any] = {"planet": question.planet, "contrast": question.contrast}
-    answers = etc.signal_to_noise(model, asked.target, separation_arcsec=grid, bands=[band], **times, **light)
-    best = max(answers, key=lambda one: -math.inf if one.value is None else (one.significance or 0.0) / _of(one))
+    light |= {"time_s": times[0], "visit_time_s": times[1]}
+    (best,) = etc.signal_to_noise(model, asked.target, separation_arcsec=place, bands=[band], **light)
     return best, observed(model, asked.target, best)
-
-
-def _of(answer: EtcAnswer) -> float:
-    return math.inf if answer.threshold is None else answer.threshold
 
 
 def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:

@@ -11,12 +11,13 @@ import numpy as np
 
 from cpic_core import Reason, Status
 from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
-from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
+from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
 from cpic_planner.validation import (
+    TOO_MANY,
     ConfirmTask,
     Frames,
     albedo_fits,
@@ -24,6 +25,7 @@ from cpic_planner.validation import (
     confirm_task,
     edge_crossed,
     expected_of,
+    not_observed,
     position_records,
     refusals_of,
     task_of,
@@ -31,6 +33,9 @@ from cpic_planner.validation import (
 from simulator.config import Scene
 from simulator.imaging import PsfMetrics
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
+
+_NO_PLANET, _FAINTEST = 1e-8, 1e-30
+"""Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,16 @@ class _Work:
     model: EtcModel
     tasks: list[ConfirmTask]
     refused: list[BandConfirmation]
+
+
+@dataclass(frozen=True)
+class _Programme:
+    """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
+
+    frames: Frames | None
+    chosen_for: str = ""
+    unused_s: float | None = None
+    refusal: tuple[Status, Reason, str] = Status.OK, Reason.NONE, ""
 
 
 def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
@@ -105,41 +120,33 @@ def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[
 
 
 def scene_target(scene: Scene) -> Targets:
-    """Return the central star of a scene as a target, its nearest companion included.
+    """Return the central star of a scene as a target, with the light of all stars of the scene.
 
     Notes
     -----
-    Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
-    taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
+    Temperature, gravity and metallicity are those of the images; where its spectrum is a file or a table that states
+    none, the Sun's.
     """
     star = scene.cstar
     parameters = LitStar(star, "scene.cstar").spectrum
-    near = [other for other in scene.stars if other.companion and other.separation_arcsec is not None]
-    companion = min(near, key=lambda other: other.separation_arcsec or 0.0, default=None)
 
     def number(value: float | None, default: float = math.nan) -> Any:
         return np.array([default if value is None else value])
 
-    teff = number(parameters.teff_k, 5772.0)
+    columns = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "luminosity_lsun")
+    companion = ("separation_arcsec", "pa_deg", "position_error_arcsec", "v_mag", "teff_k")
     return Targets(
         name=np.array([scene.name]),
         hip=np.array([0]),
-        ra_deg=number(star.ra_deg),
-        dec_deg=number(star.dec_deg),
-        distance_pc=number(star.distance_pc),
-        v_mag=number(star.v_mag),
         sp_type=np.array([star.spectral_type or ""]),
-        teff_k=teff,
+        teff_k=number(parameters.teff_k, 5772.0),
         log_g=number(parameters.log_g, 4.4),
         metallicity=number(parameters.metallicity, 0.0),
-        luminosity_lsun=number(star.luminosity_lsun),
-        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
-        companion_pa_deg=number(companion.pa_deg if companion else None),
-        companion_position_error_arcsec=number(None),
-        companion_v_mag=number(companion.v_mag if companion else None),
-        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else number(None),
+        **{name: number(getattr(star, name)) for name in columns},
+        **{f"companion_{name}": number(None) for name in companion},
         flags=((),),
         companions=scene.companions,
+        scene=scene,
     )
 
 
@@ -152,13 +159,12 @@ def _work(config: ConfirmQuestion) -> _Work:
     for band in model.bands:
         every = scene_sources(config.scene, config.instrument, band)
         planets = [source for source in every if source.kind == "planet"]
-        inside = [_inside(model.metrics[band], planet) for planet in planets]
-        refused += [_outside(model, band, planet) for planet, there in zip(planets, inside, strict=True) if not there]
-        shown = [planet for planet, there in zip(planets, inside, strict=True) if there]
-        frames = _frames(config, model, target, band, shown)
+        shown = [planet for planet in planets if _inside(model.metrics[band], planet)]
+        refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
+        programme = _programme(config, model, target, band, shown)
+        frames = programme.frames
         if frames is None:
-            text = "no frame is possible: the time is too short, or every frame saturates"
-            refused += [_refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, text) for planet in shown]
+            refused += [_refusal(model, band, planet, *programme.refusal) for planet in shown]
             continue
         predictions = [
             expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
@@ -174,44 +180,50 @@ def _work(config: ConfirmQuestion) -> _Work:
             audit=audited(config.dial, config.audit),
             **config.image_settings,
         )
+        task = replace(task, unused_s=programme.unused_s, chosen_for=programme.chosen_for)
         answers = refusals_of(task)
         refused += answers
-        if not answers:
-            tasks.append(task)
+        hidden = {answer.planet for answer in answers}
+        left = [number for number, name in enumerate(task.planets) if name not in hidden]
+        if left or not answers:
+            predictions = [task.predictions[number] for number in left]
+            tasks.append(replace(task, planets=[task.planets[number] for number in left], predictions=predictions))
     return _Work(model, tasks, refused)
 
 
-def _frames(
+def _programme(
     config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
-) -> Frames | None:
-    """Return the frames of a visit that are given, or the best ones; None where the time holds none."""
-    visits = config.visits
+) -> _Programme:
+    """Return the visits and frames that are given, or those that the calculator chooses for the first planet."""
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
-        return Frames(config.exposure_s, config.n_frames, config.em_gain, visits)
-    metrics, strategy = model.metrics[band], model.strategy
-    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else metrics.zone.middle
-    contrast = (planets[0].contrast or 0.0) if planets else 1e-8
-    camera = model.camera(band)
-    if config.exposure_s is not None:
-        camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
-    x, y = np.full((1, 1), place[0]), np.full((1, 1), place[1])
-    rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
-    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
-    visit = model.visit_s(config.each_s)
-    if config.n_frames is not None and config.exposure_s is not None:
-        visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
-    choice = best_in_visit(problem, visit, whole=config.n_frames is not None)
-    n_frames = int(choice.n_frames.flat[0])
-    if n_frames < 1:
-        return None
-    exposure_s, em_gain = float(choice.exposure_s.flat[0]), float(choice.em_gain.flat[0])
-    return Frames(exposure_s, min(n_frames, MAX_FRAMES), em_gain, visits)
+        return _Programme(Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1))
+    place, contrast, name = model.metrics[band].zone.middle, _NO_PLANET, f"a planet of {_NO_PLANET:g} in mid-hole"
+    if planets:
+        first = planets[0]
+        place, contrast, name = (first.x_arcsec, first.y_arcsec), max(first.contrast or 0.0, _FAINTEST), first.name
+    (answer,) = signal_to_noise(
+        model,
+        target,
+        **times_of(config, model, band),
+        separation_arcsec=math.hypot(*place),
+        bands=[band],
+        contrast=contrast,
+        exposure_s=config.exposure_s,
+        em_gain=config.em_gain,
+        offsets_arcsec=place,
+    )
+    if answer.exposure_s is None or answer.frames_per_visit is None or answer.em_gain is None:
+        return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
+    if answer.frames_per_visit > MAX_FRAMES:
+        return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, TOO_MANY))
+    frames = Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
+    return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
 
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:
     """Return whether the aperture lies in the dark hole."""
-    y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
-    return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
+    place = np.array(planet.x_arcsec), np.array(planet.y_arcsec)
+    return bool(metrics.zone.contains(*place, metrics.aperture_radius_arcsec))
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
@@ -224,14 +236,5 @@ def _refusal(
     model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
 ) -> BandConfirmation:
     separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
-    return BandConfirmation(
-        band=band,
-        planet=planet.name,
-        status=status.value,
-        reason=reason.value,
-        message=message,
-        separation_arcsec=float(separation),
-        pa_deg=float(pa_deg),
-        true_contrast=planet.contrast,
-        verdict="not observed",
-    )
+    where = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg), "true_contrast": planet.contrast}
+    return not_observed(status, reason, message, band=band, planet=planet.name, **where)

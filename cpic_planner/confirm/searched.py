@@ -11,7 +11,7 @@ from cpic_core import BoolArray, FloatArray, special
 from cpic_planner import etc
 from cpic_planner.confirm.stars import refuse_unimaged
 from cpic_planner.jobs import Cost, Runner, Task
-from cpic_planner.queries import SearchedQuestion
+from cpic_planner.queries import ReferencePlanet, SearchedQuestion
 from cpic_planner.results import EtcAnswer, SearchedProgramme
 from cpic_planner.targets import Targets
 from cpic_planner.validation import (
@@ -109,6 +109,35 @@ class Observed:
         return etc.prospect_of(model, self.star, self.band, *place, light, self.setting, visits, **how)
 
 
+def clearest_place(
+    question: SearchedQuestion,
+    model: etc.EtcModel,
+    star: Targets,
+    band: str,
+    grid_arcsec: Sequence[float],
+    planet: ReferencePlanet | None = None,
+    contrast: float | None = etc.TRIAL_CONTRAST,
+) -> float:
+    """Return the separation at which a planet comes nearest to a detection in the time, as ``cpic etc`` chooses it.
+
+    Parameters
+    ----------
+    question : SearchedQuestion
+    model : EtcModel
+    star : Targets
+    band : str
+    grid_arcsec : sequence of float
+        Separations to look at.
+    planet : ReferencePlanet, optional
+    contrast : float, optional
+        Contrast of the planet instead of a model of it.
+    """
+    planets = etc.planets_of(grid_arcsec, planet, contrast)
+    (group,) = etc.groups_of(model, star, [band], planets, etc.FixedFrames(), "significance", None)
+    missed = group.missed_in(etc.Span.of(model, question.wall_s, question.visit_time_s))
+    return float(planets.separation_arcsec[np.argmin(missed)])
+
+
 def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed | None:
     """Return the programme that an answer is about; None where it has no frame."""
     if answer.exposure_s is None or not answer.frames_per_visit or answer.em_gain is None:
@@ -129,7 +158,7 @@ def programme_row(kind: type[SearchedProgramme], answer: EtcAnswer, seen: Observ
 def header(question: SearchedQuestion, model: etc.EtcModel, asked: AskedStar, digest: str) -> dict[str, Any]:
     """Return what a result says of the star, the instrument and the images."""
     star, strategy = asked.target, model.strategy
-    time_s = etc.Span.of(model, question.programme_s, question.visit_time_s).time_s
+    time_s = etc.Span.of(model, question.wall_s, question.visit_time_s).time_s
     return {
         "version": __version__,
         "config_hash": digest,

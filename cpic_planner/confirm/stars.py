@@ -48,7 +48,7 @@ from simulator.config import Instrument
 from simulator.imaging import refuse_table
 from simulator.ledger import not_modelled
 
-RESULT_VERSION = 7
+RESULT_VERSION = 8
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
@@ -61,7 +61,7 @@ def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandCon
     digest : str
         Hash of everything that decides the result.
     measured : sequence of BandConfirmation
-        What the ratio of recovered and predicted SNR is taken over.
+        What predicted over recovered SNR is taken over.
     """
     mean = calibrate(measured)
     return {

@@ -1,5 +1,6 @@
 from cpic_planner.etc.budget import (
     binding_limits as binding_limits,
+    inherited_terms as inherited_terms,
     largest_term as largest_term,
     limit_of as limit_of,
     reached as reached,
@@ -13,6 +14,7 @@ from cpic_planner.etc.cases import (
     FixedFrames as FixedFrames,
     band_cases as band_cases,
     etc_result as etc_result,
+    fixed_frames as fixed_frames,
 )
 from cpic_planner.etc.chances import (
     LEAST_PROBABILITY as LEAST_PROBABILITY,
@@ -38,7 +40,6 @@ from cpic_planner.etc.frames import (
     best_exposure_s as best_exposure_s,
     best_in_visit as best_in_visit,
     least_time as least_time,
-    smooth_in_visit as smooth_in_visit,
     smooth_least_visit_s as smooth_least_visit_s,
 )
 from cpic_planner.etc.groups import Group as Group
@@ -89,10 +90,12 @@ from cpic_planner.etc.planet import (
 from cpic_planner.etc.programmes import Programmes as Programmes, Span as Span
 from cpic_planner.etc.prospects import Prospect as Prospect, prospect_of as prospect_of
 from cpic_planner.etc.questions import (
+    TRIAL_CONTRAST as TRIAL_CONTRAST,
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
     groups_of as groups_of,
     signal_to_noise as signal_to_noise,
+    times_of as times_of,
 )
 from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,

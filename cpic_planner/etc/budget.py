@@ -12,12 +12,13 @@ and number of frames are the best ones under each change, as are band and separa
 open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
 """
 
+import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray, Reason, Status
+from cpic_core import FloatArray, NDArray, Provenance, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
@@ -28,6 +29,7 @@ from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.etc.together import CameraCases
 from cpic_planner.results import LimitText
+from simulator.config import Instrument, load_instrument, preset_names
 from simulator.signal import gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
@@ -121,6 +123,44 @@ def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
     values = {name: float(term[index]) for name, term in noise.terms.items()}
     name = max(values, key=lambda key: values[key])
     return name if values[name] > 0 else ""
+
+
+_NUMBERS = {"rounding": "gain_e_adu", "read_noise": "read_noise_e", "cic": "cic_e", "dark": "dark_e_s"}
+"""Number of the detector by which a term of the variance is."""
+
+
+def inherited_terms(instrument: Instrument, camera: str, noise: StackNoise) -> NDArray[np.str_]:
+    """Return flags of the cases whose largest noise is by a number of the preset beside numbers that were given.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Where no number of its detector is another than a preset's, no case has a flag.
+    camera : {"VIS", "NIR"}
+    noise : StackNoise
+
+    Returns
+    -------
+    ndarray of str
+        Of the cases; ``""`` where there is none. What the references add is left out: it has the same origins.
+    """
+    found = np.zeros(noise.snr.shape, "<U24")
+    section = "detector." if camera == "VIS" else "near_infrared.detector."
+    sources = {term: instrument.provenance.get(section + name) for term, name in _NUMBERS.items()}
+    given = [term for term, item in sources.items() if item is None or item.source == "user"]
+    if not given:
+        return found
+    terms = {name: part for name, part in noise.terms.items() if name != "reference"}
+    most = np.max([np.broadcast_to(part, found.shape) for part in terms.values()], axis=0)
+    for term, item in sources.items():
+        if term in terms and item is not None and _of_a_preset(section + _NUMBERS[term], item):
+            found[(terms[term] >= most) & (most > 0.0)] = f"inherited_{term}"
+    return found
+
+
+@functools.cache
+def _of_a_preset(key: str, item: Provenance) -> bool:
+    return any(load_instrument(name).provenance.get(key) == item for name in preset_names("instrument"))
 
 
 def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:

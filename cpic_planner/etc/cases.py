@@ -17,6 +17,7 @@ from cpic_planner.etc.model import (
     ONE_VISIT,
     EtcModel,
     Programme,
+    check_range,
     hole_notes,
     place_status,
     usable_range_arcsec,
@@ -54,6 +55,20 @@ class FixedFrames:
 
     exposure_s: float | None = None
     em_gain: float | None = None
+
+
+def fixed_frames(
+    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
+) -> FixedFrames:
+    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
+    cameras = [model.camera(band) for band in model.named(bands)]
+    limits: dict[str, Any] = {}
+    if exposure_s is not None:
+        shortest = max(camera.exposure_min_s for camera in cameras)
+        limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest, 1e6, "s")
+    if em_gain is not None:
+        limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
+    return FixedFrames(**limits)
 
 
 class Cases:
@@ -282,7 +297,14 @@ def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
     return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 
-def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, fixed: FixedFrames) -> BandCases:
+def band_cases(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    planets: Planets,
+    fixed: FixedFrames,
+    offsets_arcsec: tuple[float, float] | None = None,
+) -> BandCases:
     """Return rates and places of all stars and planets in one band.
 
     Parameters
@@ -293,13 +315,19 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, f
     planets : Planets
     fixed : FixedFrames
         What is fixed of the frames.
+    offsets_arcsec : tuple of float, optional
+        A place in the dark hole at which all planets stand, instead of the diagonal at their separations.
     """
     metrics, place = model.metrics[band], planets.separation_arcsec
     places = tuple(place_status(model, band, float(value)) for value in place)
+    if offsets_arcsec is not None:
+        places = ((Status.OK, Reason.NONE, ""),) * len(place)
     inside = np.array([status is Status.OK for status, _, _ in places])
     # What has no answer (a place outside the hole, no light) is carried along as something that can be solved.
     solvable = np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band)))
     x, y = planet_offsets(model, targets, band, solvable[None, :])
+    if offsets_arcsec is not None:
+        x, y = (np.full_like(x, part) for part in offsets_arcsec)
     contrast = _contrasts(model, targets, band, planets)
     light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
     rates = aperture_rates(model, targets, band, x, y, light)

@@ -134,7 +134,7 @@ class DetectionLaw(FrozenModel):
     Attributes
     ----------
     calibration, calibration_error : float
-        Recovered over predicted SNR of images, and its standard error.
+        Factor on a predicted SNR that gives that of images, and its standard error.
     blind_margin, blind_width, known_margin, known_width : float
         Significance over threshold at which the probability is one half, and the width of the law. For a blind search:
         in Gaussian noise, ten resolution elements from the star, in a single visit.
@@ -305,7 +305,7 @@ def detection_probability(
     shift : array_like
         Standard errors by which the law's middle is off.
     calibration : array_like
-        ``c``: recovered over predicted SNR.
+        ``c``: factor on a predicted SNR that gives that of images.
     """
     off = np.asarray(shift, float)
     with np.errstate(divide="ignore"):

@@ -326,21 +326,6 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     return _pick(problem, t, frames, np.where(feasible, visit, np.inf), wide.inverse_snr2(t, frames))
 
 
-def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
-    """Return ``1 / SNR^2`` of the best visit if frames need not be whole: a fast bound from below.
-
-    Parameters
-    ----------
-    problem : FrameProblem
-    visit_s : ndarray
-        Longest visit, s.
-    """
-    _, cost = best_exposure_s(problem)
-    visit = np.minimum(visit_s, peak_visit_s(problem, cost))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(np.isfinite(cost) & (visit > 0), cost / visit + problem.residual(visit), np.inf)
-
-
 def smooth_least_visit_s(
     problem: FrameProblem, level: FloatArray | float, cost: FloatArray | None = None
 ) -> FloatArray:

@@ -95,6 +95,18 @@ class Group:
         assert span.time_s is not None
         return self.programmes.best_in_time(span.time_s)
 
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """Cases in the dark hole with a level to reach."""
+        defined = np.isfinite(self.cases.threshold) | (self.value is not None)
+        return np.asarray(spread(self.cases.usable & defined, self._shape))
+
+    def missed_in(self, span: Span) -> FloatArray:
+        """Return ``(level / SNR)^2`` of the best programmes in a time, of frames that need not be whole."""
+        assert span.time_s is not None
+        cost = self.programmes.missed(self.visits_in(span), span.time_s)[0]
+        return np.where(self.possible & ~np.isnan(cost), cost, np.inf)
+
     def paying_s(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the length of visits, at most the given one, that comes nearest to the level, or most above it.
 

@@ -17,7 +17,7 @@ from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise, StarSettings
 from simulator.camera import aperture_loss_per_s
-from simulator.config import Instrument, Timing, content_hash
+from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw
@@ -228,11 +228,13 @@ class EtcModel:
 
     @property
     def library_flags(self) -> tuple[str, ...]:
-        """Flags of every answer with the strategy's library and, where it has one, its star."""
+        """Flags of every answer with the strategy's library and, where it has one, its star; and with the detector."""
         library, star = self.strategy.reference_library, self.strategy.reference_star
+        gain = self.instrument.provenance.get("detector.gain_e_adu")
+        assumed = ("converter_assumed",) if gain is not None and gain.source == CONVERTER_ASSUMED else ()
         if star is None or not np.any(self.passbands.grid_flags(star.teff_k, star.log_g, star.metallicity).any):
-            return library.flags
-        return (*library.flags, "reference_star_clamped")
+            return (*library.flags, *assumed)
+        return (*library.flags, "reference_star_clamped", *assumed)
 
     def library_noise(self, band: str, star_e_s: NDArray[np.float64]) -> LibraryNoise:
         """Return the noise of the library that the strategy names, for science stars of these rates."""
@@ -329,7 +331,7 @@ def diagonal(zone: Zone, separation_arcsec: Any) -> tuple[Any, Any]:
 
 
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
-    """Return the diagonal separations at which the whole photometric aperture lies in a band's controlled zone.
+    """Return the closest and the farthest separation, on the diagonal, whose aperture lies in a band's dark hole.
 
     Parameters
     ----------
@@ -371,10 +373,10 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
     where = "ring" if zone.mode == "ring" else beside
     place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec ({where})"
+        text = f"{place}: the aperture leaves the dark hole of {band}; closest separation {inner:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
     if separation_arcsec > outer * (1.0 + 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec ({where})"
+        text = f"{place}: the aperture leaves the dark hole of {band}; farthest separation {outer:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
     if len(rolls) > 1:
         least = 2.0 * instrument.aperture_radius_arcsec(band)

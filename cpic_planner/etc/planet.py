@@ -218,9 +218,11 @@ def dark_quadrants(model: EtcModel, targets: Targets, band: str) -> IntArray:
         Name of a band of the instrument, such as ``F520``.
     """
     found = np.full(len(targets), quadrant_of(*model.metrics[band].zone.diagonal))
-    for chosen, placed, tables in companions_of(model, targets, band):
+    for near, placed, tables in companions_of(model, targets, band):
         if placed:
-            found[chosen] = np.argmin(tables.quadrants, axis=1)
+            light = np.zeros((len(targets), 4))
+            np.add.at(light, near.row, near.rate_e_s[:, None] * tables.quadrants)
+            found[near.row] = np.argmin(light[near.row], axis=1)
     return found
 
 

@@ -45,11 +45,15 @@ Level = Callable[[Programme, FrameProblem], Callable[[FloatArray, FloatArray], F
 
 @dataclass(frozen=True)
 class Span:
-    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given."""
+    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given.
+
+    ``given_s`` is the wall time that may be used, of which whole visits of a given length can leave some.
+    """
 
     visits: int | None = None
     visit_time_s: float | None = None
     time_s: float | None = None
+    given_s: float | None = None
 
     @classmethod
     def of(cls, model: EtcModel, time_s: float | None, visit_time_s: float | None, *, asked: bool = False) -> Self:
@@ -79,7 +83,7 @@ class Span:
         if visit_time_s is None:
             if time_s is None:
                 raise InputError("time_s", None, allowed="a wall time, or visits and visit_time_s")
-            return cls(visits, None if visits is None else time_s / visits, time_s)
+            return cls(visits, None if visits is None else time_s / visits, time_s, time_s)
         if visits is None:
             if time_s is None:
                 raise InputError("visits", None, allowed="a number of visits of visit_time_s, or time_s")
@@ -87,7 +91,8 @@ class Span:
             if visits < 1:
                 raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
         check_visits(visits, visit_time_s, time_s)
-        return cls(visits, visit_time_s, visits * visit_time_s)
+        each_s = visits * visit_time_s
+        return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc.cases import FixedFrames, band_cases
+from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
 from cpic_planner.etc.frames import FrameChoice, best_in_visit
 from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
@@ -21,12 +21,14 @@ from cpic_planner.etc.planet import Planets, planets_of
 from cpic_planner.etc.programmes import Span
 from cpic_planner.etc.solved import Solved
 from cpic_planner.etc.together import CameraCases, Wanted
-from cpic_planner.queries import ReferencePlanet
+from cpic_planner.queries import ConfirmQuestion, EtcQuestion, ReferencePlanet
 from cpic_planner.results import EtcAnswer, Question
 from cpic_planner.targets import Targets
 
 _LIMIT_STEPS, _MODE_ROUNDS, _STILL = 60, 10, 1e-11
 _CLOSE, _START = 1e-14, 1e-9
+TRIAL_CONTRAST = 1e-8
+"""Contrast of the planet that stands for all where a faintest one is looked for."""
 
 
 def signal_to_noise(
@@ -42,6 +44,7 @@ def signal_to_noise(
     exposure_s: float | None = None,
     em_gain: float | None = None,
     exact: bool = False,
+    offsets_arcsec: tuple[float, float] | None = None,
 ) -> list[EtcAnswer]:
     """Return the SNR of planets in a given wall time.
 
@@ -68,6 +71,8 @@ def signal_to_noise(
         Fixed instead of optimised.
     exact : bool
         Use all of the time, although the walk of the wavefront can make shorter visits better.
+    offsets_arcsec : tuple of float, optional
+        A place in the dark hole at which all planets stand, instead of the diagonal at their separations.
 
     Returns
     -------
@@ -84,7 +89,7 @@ def signal_to_noise(
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     parts: dict[str, list[EtcAnswer]] = {}
-    for group in groups_of(model, target, bands, planets, fixed, "snr", 1.0):
+    for group in groups_of(model, target, bands, planets, fixed, "snr", 1.0, offsets_arcsec):
         visits = group.visits_in(span)
         solved = group.in_time(visits, span, exact)
         with np.errstate(divide="ignore"):
@@ -226,6 +231,29 @@ def contrast_limits(
     return found
 
 
+def times_of(question: EtcQuestion | ConfirmQuestion, model: EtcModel, band: str) -> dict[str, Any]:
+    """Return the wall times of all visits and of one in a band: the given ones, or those of the frames.
+
+    Parameters
+    ----------
+    question : EtcQuestion or ConfirmQuestion
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+
+    Returns
+    -------
+    dict
+        ``time_s``, ``visit_time_s``, and ``exact`` where frames set them.
+    """
+    if question.n_frames is None or question.exposure_s is None:
+        return {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
+    # A hair more, lest rounding lose a frame.
+    pace_s = (question.exposure_s + model.camera(band).readout_s) * (1.0 + 1e-12)
+    visit_time_s = float(model.time_s(question.n_frames * pace_s))
+    return {"time_s": (question.strategy.visits or 1) * visit_time_s, "visit_time_s": visit_time_s, "exact": True}
+
+
 def groups_of(
     model: EtcModel,
     target: Targets,
@@ -234,12 +262,13 @@ def groups_of(
     fixed: FixedFrames,
     objective: Objective,
     value: float | None,
+    offsets_arcsec: tuple[float, float] | None = None,
 ) -> list[Group]:
     """Return the cases of every camera; planets of all bands, or as many of each."""
     if len(target) < 1:
         raise InputError("target", len(target), allowed="at least one star")
     own = planets if isinstance(planets, Mapping) else dict.fromkeys(model.named(bands), planets)
-    every = [band_cases(model, target, band, own[band], fixed) for band in model.named(bands)]
+    every = [band_cases(model, target, band, own[band], fixed, offsets_arcsec) for band in model.named(bands)]
     alike = [[one for one in every if one.camera == camera] for camera in dict.fromkeys(one.camera for one in every)]
     groups = []
     for same in alike:
@@ -353,20 +382,6 @@ def _in_order(
     """Return from bands x (stars x planets) to stars x bands x planets."""
     rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
     return [answer for row in rows for band in bands for answer in by_band[band][row]]
-
-
-def fixed_frames(
-    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
-) -> FixedFrames:
-    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
-    cameras = [model.camera(band) for band in model.named(bands)]
-    limits: dict[str, Any] = {}
-    if exposure_s is not None:
-        shortest = max(camera.exposure_min_s for camera in cameras)
-        limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest, 1e6, "s")
-    if em_gain is not None:
-        limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
-    return FixedFrames(**limits)
 
 
 def check_levels(snr: float | None, sigma: float | None, *, largest: float = 1e6) -> None:

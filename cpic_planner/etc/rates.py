@@ -10,7 +10,7 @@ import scipy
 
 from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.star_light import light_of, sky_in_core, star_e_s
+from cpic_planner.etc.star_light import Neighbours, light_of, neighbours, sky_in_core
 from cpic_planner.targets import Targets
 from simulator.imaging import PsfMetrics
 from simulator.signal import (
@@ -35,9 +35,9 @@ class ApertureRates:
     ----------
     planet_e_s, halo_e_s, companion_e_s, sky_e_s, exozodi_e_s, dark_e_s : ndarray
         Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
-        bound companions, sky, dust around the star, dark current. The planet's are those that the difference of two
-        rolls leaves (``planet_left``). Companions light the hole unevenly: theirs is the mean over the apertures that
-        measure the noise (`simulator.signal.companions`).
+        companions and of a scene's other stars, sky, dust around the star, dark current. The planet's are those that
+        the difference of two rolls leaves (``planet_left``). Companions light the hole unevenly: theirs is the mean
+        over the apertures that measure the noise (`simulator.signal.companions`).
     planet_left : ndarray
         Part of the planet's light that is left once the references, which may show it at another roll, are subtracted.
     core : ndarray
@@ -158,7 +158,7 @@ def aperture_rates(
     planet_total = star * ratio
     dims = max(star.ndim, x.ndim)
     sky = of_sky.reshape(-1, *(1,) * (dims - 1))
-    companion = _companions(model, targets, band, x, y)
+    wings_e_s, columns_e_s, wings_e2_s2, brightest_e_s = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     area, core = metrics.core_pixels(x, y), metrics.core_throughput(x, y)
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
@@ -166,21 +166,21 @@ def aperture_rates(
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
     law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
     reference, left = model.library_noise(band, star), _planet_left(model, band, x, y)
-    smear = _smear(model, band, x, star, companion.column_e_s, sky)
+    smear = _smear(model, band, x, star, columns_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
-    peak_companion = companion.brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / metrics.aperture_pixels
+    peak_companion = brightest_e_s.reshape((-1,) + (1,) * (dims - 1)) / metrics.aperture_pixels
     shown = sky_in_core(model, band, sky, x, y)
     return ApertureRates(
         planet_e_s=planet_total * core * left,
         halo_e_s=halo,
-        companion_e_s=companion.aperture_e_s,
+        companion_e_s=wings_e_s,
         sky_e_s=shown,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
         planet_left=left,
         core=core,
         speckle=law.scaled(star**2 * reference.speckle),
-        wings_e2_s2=companion.left_e2_s2,
+        wings_e2_s2=wings_e2_s2,
         peak_in_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
         peak_planet_e_s=peak_planet,
         peak_frame_e_s=brightest * metrics.peak_on_axis_frame,
@@ -191,7 +191,7 @@ def aperture_rates(
         source_noise_fraction=metrics.source_noise_fraction * (2.0 - left) / left,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
         loss_per_s=model.loss_per_s(band),
-        reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, shown + dark),
+        reference_light_e_s=reference.light(halo + exozodi, wings_e_s, shown + dark),
         reference_halo_e_s=reference.halo * halo,
         reference_scale=reference.scale,
         smear_e=smear.star_e + smear.companion_e + smear.even_e,
@@ -217,59 +217,34 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     metrics, detector = model.metrics[band], model.instrument.detector_of(band)
     over = np.zeros(len(targets), bool)
     exposure = np.broadcast_to(np.asarray(exposure_s, float), over.shape)
-    for chosen, angles in _by_place(targets):
-        near = targets.select(chosen)
-        column, row = (part / metrics.pixel_scale_arcsec for part in _companion_place(model, near, angles))
+    for near, angles in _by_place(model, targets, band):
+        column, row = (part / metrics.pixel_scale_arcsec for part in _place(model, near, angles))
         on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
         on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
-        peak = _companion_e_s(model, band, near) * metrics.peak_off_axis * exposure[chosen]
-        over[chosen] = on_frame.any(axis=1) & (peak > detector.full_well_e)
+        peak = near.rate_e_s * metrics.peak_off_axis * exposure[near.row]
+        over[near.row[on_frame.any(axis=1) & (peak > detector.full_well_e)]] = True
     return over
 
 
-def _with_companion(targets: Targets) -> NDArray[np.bool_]:
-    """Return the stars whose companion's light and place are known and count."""
-    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
-    return known & (targets.companions != "off")
-
-
-def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
-    return star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
-
-
-def _companion_place(model: EtcModel, near: Targets, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return offsets x and y of ``k`` companions on the detector, ``(k, a)``, at ``a`` rolls beside the targets'."""
+def _place(model: EtcModel, near: Neighbours, turns_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return offsets x and y of ``k`` neighbours on the detector, ``(k, a)``, at ``a`` rolls beside the targets'."""
     from simulator.target import sky_to_detector
 
-    separation, pa_deg = (part[:, None] for part in (near.companion_separation_arcsec, near.companion_pa_deg))
-    turned = np.nan_to_num(pa_deg) - np.reshape(near.roll_deg, (-1, 1)) - np.asarray(turns_deg, float)
-    return sky_to_detector(separation, turned, parity=model.instrument.detector.parity)
+    turned = np.nan_to_num(near.pa_deg)[:, None] - np.asarray(turns_deg, float)
+    return sky_to_detector(near.separation_arcsec[:, None], turned, parity=model.instrument.detector.parity)
 
 
-class _Companion(NamedTuple):
-    """Light of bound companions, ``(n, ...)``: in apertures, in the columns under them, and what references leave.
-
-    And in the brightest aperture of the hole, ``(n,)``.
-    """
-
-    aperture_e_s: FloatArray
-    column_e_s: FloatArray
-    left_e2_s2: FloatArray
-    brightest_e_s: FloatArray
-
-
-def _by_place(targets: Targets) -> Iterator[tuple[NDArray[np.bool_], tuple[float, ...]]]:
-    """Yield the stars whose companions' place is known with the one angle, then the others with all of them."""
-    lit, unknown = _with_companion(targets), np.isnan(targets.companion_pa_deg)
-    for chosen, angles in ((lit & ~unknown, (0.0,)), (lit & unknown, EVERY_ANGLE_DEG)):
+def _by_place(model: EtcModel, targets: Targets, band: str) -> Iterator[tuple[Neighbours, tuple[float, ...]]]:
+    """Yield the neighbours whose position angle is known with the one angle, then the others with all of them."""
+    every = neighbours(model, targets, band)
+    unknown = np.isnan(every.pa_deg)
+    for chosen, angles in ((~unknown, (0.0,)), (unknown, EVERY_ANGLE_DEG)):
         if chosen.any():
-            yield chosen, angles
+            yield every.where(chosen), angles
 
 
-def companions_of(
-    model: EtcModel, targets: Targets, band: str
-) -> Iterator[tuple[NDArray[np.bool_], bool, CompanionTables]]:
-    """Yield which stars have companions of known or unknown position angle, whether it is known, and their light.
+def companions_of(model: EtcModel, targets: Targets, band: str) -> Iterator[tuple[Neighbours, bool, CompanionTables]]:
+    """Yield neighbours of known or unknown position angle, whether it is known, and the light of each.
 
     Parameters
     ----------
@@ -282,26 +257,27 @@ def companions_of(
     detector, strategy = model.instrument.detector_of(band), model.strategy
     active, rolls = detector.sections["active"][0], strategy.reference_library.wings_deg(strategy)
     rows = active.start - detector.star_row, active.stop - detector.star_row
-    for chosen, angles in _by_place(targets):
-        near = targets.select(chosen)
-        place, *difference = (_companion_place(model, near, np.add(angles, roll)) for roll in (0.0, *rolls))
+    for near, angles in _by_place(model, targets, band):
+        place, *difference = (_place(model, near, np.add(angles, roll)) for roll in (0.0, *rolls))
         width = strategy.annulus_lambda_d
-        yield chosen, len(angles) == 1, companion_tables(model.metrics[band], place, difference, width, rows=rows)
+        yield near, len(angles) == 1, companion_tables(model.metrics[band], place, difference, width, rows=rows)
 
 
-def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
-    """Return the light of companions for apertures at (x, y)."""
+def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the light of neighbours in apertures, in the columns under them, and what references leave, ``(n, ...)``.
+
+    And in the brightest aperture of the hole, ``(n,)``; of several neighbours at most as much.
+    """
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
-    aperture, column, left = np.zeros((3, *shape))
-    found = _Companion(aperture, column, left, np.zeros(len(targets)))
+    found = (*np.zeros((3, *shape)), np.zeros(len(targets)))
     places = [np.atleast_1d(part) for part in (x, y)]
-    for chosen, _, tables in companions_of(model, targets, band):
-        light = tables.around(*(part[chosen] if len(part) == len(targets) else part for part in places))
-        rate = _companion_e_s(model, band, targets.select(chosen))
-        star = rate.reshape(upright)
-        found.aperture_e_s[chosen], found.column_e_s[chosen] = star * light.aperture, star * light.column
-        found.left_e2_s2[chosen], found.brightest_e_s[chosen] = star**2 * light.left, rate * tables.brightest
+    for near, _, tables in companions_of(model, targets, band):
+        light = tables.around(*(part[near.row] if len(part) == len(targets) else part for part in places))
+        star = near.rate_e_s.reshape(upright)
+        parts = star * light.aperture, star * light.column, star**2 * light.left, near.rate_e_s * tables.brightest
+        for whole, part in zip(found, parts, strict=True):
+            np.add.at(whole, near.row, part)
     return found
 
 

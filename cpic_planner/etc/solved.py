@@ -100,6 +100,7 @@ class Solved:
         most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
+        inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
         unmeasured = strategy.search == "blind" and law_of(model, cases.bands[0].band) is None
         answers = []
         for case in np.ndindex(*cases.contrast.shape):
@@ -129,6 +130,7 @@ class Solved:
             room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
             if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
                 head["flags"] += ("shorter_visit_is_better",)
+            head["flags"] += tuple(filter(None, (str(inherited[case]),)))
             if self.span.visits is None and (
                 visits[case] >= MAX_VISITS or (choice.n_frames[case] == 1 and visits[case] > 1)
             ):
@@ -149,6 +151,7 @@ class Solved:
                 "frames_per_visit": frames,
                 "n_frames": many * frames,
                 "time_s": time_of_all_s,
+                "unused_s": None if self.span.given_s is None else max(self.span.given_s - time_of_all_s, 0.0),
                 "span_days": float(programme_days(model, many, time_of_all_s)),
                 "orbits_searched": None if orbits is None else int(orbits[case]),
                 "motion_factor": float(paid[case]),

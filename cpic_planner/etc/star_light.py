@@ -1,16 +1,25 @@
-"""Light that belongs to a star, wherever in its dark hole is looked: its own, and that of the sky around it."""
+"""Light that belongs to a star, wherever in its dark hole is looked: its own, its neighbours', and the sky's around it.
+
+The stars of a scene are those of its images: `simulator.target.scene_sources` gives their light to both.
+"""
 
 import functools
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
-from simulator.config import Instrument
+from simulator.config import Instrument, Scene
 from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import PsfMetrics
 from simulator.signal import sky_pixel_e_s
+
+if TYPE_CHECKING:
+    from simulator.target import Source
+
+_T = TypeVar("_T")
 
 
 def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, FloatArray]:
@@ -33,10 +42,10 @@ def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, 
     return _kept(_Same(model), _Same(targets), band) if len(targets) == 1 else _light(model, targets, band)
 
 
-class _Same:
+class _Same(Generic[_T]):
     """An object that counts as equal to itself alone."""
 
-    def __init__(self, it: EtcModel | Targets) -> None:
+    def __init__(self, it: _T) -> None:
         self.it = it
 
     def __hash__(self) -> int:
@@ -47,9 +56,7 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=1024)
-def _kept(model: _Same, star: _Same, band: str) -> tuple[FloatArray, FloatArray]:
-    assert isinstance(model.it, EtcModel)
-    assert isinstance(star.it, Targets)
+def _kept(model: _Same[EtcModel], star: _Same[Targets], band: str) -> tuple[FloatArray, FloatArray]:
     found = _light(model.it, star.it, band)
     for array in found:
         array.flags.writeable = False
@@ -57,8 +64,70 @@ def _kept(model: _Same, star: _Same, band: str) -> tuple[FloatArray, FloatArray]
 
 
 def _light(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, FloatArray]:
-    own = star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
+    if targets.scene is None:
+        own = star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
+    else:
+        own = np.full(len(targets), _scene_stars(_Same(model), _Same(targets.scene), band)[0].rate_e_s)
     return own, aperture_sky_e_s(model, targets, band)
+
+
+@functools.lru_cache(maxsize=64)
+def _scene_stars(model: _Same[EtcModel], scene: _Same[Scene], band: str) -> "tuple[Source, ...]":
+    """Return the stars that images of a scene show, the central one first."""
+    from simulator.target import scene_sources
+
+    return scene_sources(scene.it.without_planets(), model.it.instrument, band)
+
+
+class Neighbours(NamedTuple):
+    """Stars beside the targets whose light and place are known, ``(k,)`` each.
+
+    Attributes
+    ----------
+    row : ndarray of int
+        Number of the target beside which the star stands.
+    separation_arcsec, pa_deg : ndarray
+        Its place at the targets' roll; the angle is nan where it is not known.
+    rate_e_s : ndarray
+        Its light on the clear disc.
+    """
+
+    row: IntArray
+    separation_arcsec: FloatArray
+    pa_deg: FloatArray
+    rate_e_s: FloatArray
+
+    def where(self, chosen: BoolArray) -> "Neighbours":
+        """Return some of them."""
+        place = self.separation_arcsec[chosen], self.pa_deg[chosen]
+        return Neighbours(self.row[chosen], *place, self.rate_e_s[chosen])
+
+
+def neighbours(model: EtcModel, targets: Targets, band: str) -> Neighbours:
+    """Return all other stars of a target's scene, or the nearest companions of catalogue stars, where these count.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+    """
+    if targets.scene is not None:
+        from simulator.target import detector_to_sky
+
+        stars = _scene_stars(_Same(model), _Same(targets.scene), band)[1:]
+        x, y, rate = (np.array([getattr(star, key) for star in stars]) for key in ("x_arcsec", "y_arcsec", "rate_e_s"))
+        separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+        row = np.repeat(np.arange(len(targets)), len(stars))
+        found = Neighbours(row, *(np.tile(part, len(targets)) for part in (separation, pa_deg, rate)))
+    else:
+        known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
+        row = np.flatnonzero(known & (targets.companions != "off"))
+        near = targets.select(row)
+        light = star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
+        found = Neighbours(row, near.companion_separation_arcsec, near.companion_pa_deg, light)
+    return found._replace(pa_deg=found.pa_deg - np.broadcast_to(targets.roll_deg, len(targets))[found.row])
 
 
 def star_e_s(model: EtcModel, band: str, targets: Targets, v_mag: FloatArray, teff_k: FloatArray) -> FloatArray:

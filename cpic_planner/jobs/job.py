@@ -24,6 +24,7 @@ from pydantic import BaseModel
 from cpic_core import Advance, InputError, dump_json, fingerprint, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, check_run_folder, open_run_folder
+from cpic_planner.jobs.machine import pace
 from cpic_planner.jobs.record import RECORD, run_record
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -84,7 +85,7 @@ class Cost:
     counts : mapping
         What there is to do, by name.
     times_s : sequence of float
-        Processor time of each task.
+        Processor time of each task, on the core of `cpic_planner.jobs.machine`.
     start_s : float
         Time that no worker shortens.
     pool_s : float
@@ -108,13 +109,17 @@ class Cost:
         every = {name: count * number for name, count in self.counts.items()}
         return replace(self, counts=every | counts, times_s=times_s, disk_mb=disk_mb)
 
-    def at(self, workers: int) -> dict[str, float]:
-        """Return counts, wall time, memory and disk with so many workers; none ends before the longest task."""
+    def at(self, workers: int, pace: float = 1.0) -> dict[str, float]:
+        """Return counts, processor and wall time, memory and disk with so many workers, on a machine of such a pace.
+
+        The wall time is that of a machine which does nothing else; no number of workers ends before the longest task.
+        """
         busy = max(min(workers, len(self.times_s)), 1)
         most = max(sum(self.times_s) / busy, max(self.times_s, default=0.0))
-        wall_s = self.start_s + (self.pool_s if busy > 1 else 0.0) + most
+        wall_s = pace * (self.start_s + (self.pool_s if busy > 1 else 0.0) + most)
+        cpu_s = pace * (self.start_s + (busy * self.pool_s if busy > 1 else 0.0) + sum(self.times_s))
         memory_mb = self.memory_mb + self.worker_mb * workers
-        return {**self.counts, "wall_s": wall_s, "memory_mb": memory_mb, "disk_mb": self.disk_mb}
+        return {**self.counts, "cpu_s": cpu_s, "wall_s": wall_s, "memory_mb": memory_mb, "disk_mb": self.disk_mb}
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,7 +370,7 @@ def _finished(result: R, runner: Runner) -> Finished[R]:
 
 
 def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:
-    """Return what a job would do, and its expected wall time (s), memory and disk (MB), without working.
+    """Return what a job would do, and its processor and wall time (s) here, memory and disk (MB), without working.
 
     Parameters
     ----------
@@ -374,4 +379,4 @@ def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:
         Local worker processes.
     """
     assert job.cost is not None, f"{job.kind} has no estimate"
-    return job.cost().at(workers)
+    return job.cost().at(workers, pace())

@@ -12,7 +12,6 @@ from cpic_planner.planets.laws import Law as Law, chosen_entry as chosen_entry, 
 from cpic_planner.planets.mass_radius import least_mass as least_mass
 from cpic_planner.planets.motion import (
     ORBIT_DUTY as ORBIT_DUTY,
-    known_shift_arcsec as known_shift_arcsec,
     masses_of_gravity_msun as masses_of_gravity_msun,
     smeared as smeared,
     span_days as span_days,

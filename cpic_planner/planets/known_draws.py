@@ -130,10 +130,10 @@ def draw_known(
     is taken as it is. Errors are taken as independent: for nearly circular orbits, where those of omega and the time of
     periastron cancel in the planet's place, this overstates the uncertainty.
 
-    Without a time and its error, or a period and its error, the mean anomaly is uniform. Otherwise ``M = 360 (t - T) /
-    P`` with T and P drawn, so that the error of the phase grows by ``360 sigma_P / P`` degrees a period. A time of
-    inferior conjunction, where the planet's true anomaly is 90 deg - omega of the star, is preferred to one of
-    periastron.
+    Without a period and a time (of an archive's planet: or the error of one of them) the mean anomaly is uniform.
+    Otherwise ``M = 360 (t - T) / P`` with T and P drawn, so that the error of the phase grows by ``360 sigma_P / P``
+    degrees a period. A time of inferior conjunction, where the planet's true anomaly is 90 deg - omega of the star, is
+    preferred to one of periastron, unless only that has an error.
 
     The archive's omega is the star's; the planet's is 180 degrees more.
 

@@ -164,7 +164,9 @@ class DrawnRows:
         """
         passage = self.normal("periastron_jd", "periastron_err_days", "epoch")
         conjunction = self.normal("conjunction_jd", "conjunction_err_days", "epoch")
-        meets = np.isfinite(self.column("conjunction_err_days") + self.column("conjunction_jd"))
+        told = [np.isfinite(self.column(f"{what}_err_days")) for what in ("periastron", "conjunction")]
+        better = np.isfinite(self.column("periastron_jd")) & told[0] & ~told[1]  # of two the one with an error
+        meets = np.isfinite(self.column("conjunction_jd")) & ~better
         true = np.deg2rad(90.0 - omega_star_deg)
         sine, cosine = np.sin(true / 2), np.cos(true / 2)
         half = np.arctan2(np.sqrt(1.0 - eccentricity) * sine, np.sqrt(1.0 + eccentricity) * cosine)

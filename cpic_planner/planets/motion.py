@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite, special
 from cpic_planner.planets.allowed import catalogue_masses_msun
 
@@ -164,43 +163,3 @@ def smeared(shift_lambda_d: ArrayLike) -> FloatArray:
     (shift,) = in_range(shift_lambda_d=shift_lambda_d)
     track, half = aperture_track(), np.maximum(shift / 2.0, 1e-6)
     return np.asarray(np.minimum(np.interp(half, track.offset, track.along) / half, 1.0))
-
-
-def known_shift_arcsec(
-    table: KnownPlanetTable,
-    row: int,
-    mjd: float,
-    days: ArrayLike,
-    *,
-    distance_pc: float,
-    star_mass_msun: float | None = None,
-    n_draws: int = 400,
-    seed: int = 1,
-) -> FloatArray:
-    """Return how far a known planet goes in some days: the median of draws of its orbit.
-
-    Parameters
-    ----------
-    table : KnownPlanetTable
-    row : int
-    mjd : float
-        When it begins.
-    days : array_like, shape (n,)
-    distance_pc : float
-        Of the star.
-    star_mass_msun : float, optional
-        Where the table has none.
-    n_draws, seed : int
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Arcseconds.
-    """
-    from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_at
-
-    uniforms = known_uniforms(table, [row], n_draws, seed)
-    drawn = draw_known(table, [row], uniforms, epoch_mjd=mjd, star_mass_msun=star_mass_msun)
-    places = places_at(drawn, 0, mjd + np.concatenate([[0.0], np.atleast_1d(np.asarray(days, float))]))
-    east, north = (np.asarray(part)[:, 1:] - np.asarray(part)[:, :1] for part in (places.east_au, places.north_au))
-    return np.asarray(np.median(np.hypot(east, north), axis=0) / distance_pc)

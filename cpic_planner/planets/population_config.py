@@ -210,11 +210,6 @@ def _mixture(population: PopulationConfig) -> tuple[PlanetKind, ...]:
 PopulationSource = PopulationConfig | Mapping[str, Any] | str | Path | None
 
 
-def population_names() -> tuple[str, ...]:
-    """Return the names of the populations that ship with the package."""
-    return config.preset_names("population", package=PACKAGE)
-
-
 def load_population(source: PopulationSource = None) -> PopulationConfig:
     """Load a population.
 

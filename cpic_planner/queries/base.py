@@ -5,6 +5,7 @@ The base of every question, and the names by which its refusals call its fields.
 
 import contextlib
 import functools
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from fnmatch import fnmatchcase
@@ -13,7 +14,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import ConfigDict
 
-from cpic_core import InputError, load_mapping
+from cpic_core import InputError, files_read, load_mapping
 from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
 from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, plain_numbers, validate
 from simulator.config.scene import paths_beside
@@ -161,12 +162,15 @@ def called_as(names: Mapping[str, str]) -> Iterator[None]:
     Raises
     ------
     InputError
-        Those of the body, with the name of the option where there is one.
+        Those of the body, with the name of the option where there is one; those about files that were read stay.
     """
     token = _OPTIONS.set(names)
     try:
-        yield
+        with files_read() as files:
+            yield
     except InputError as error:
+        if any(re.match(rf"{re.escape(file)}(?![\w.])", error.key) for file in files):
+            raise
         key = error.key.rstrip(".0123456789").removeprefix("universe.")
         first, _, rest = key.partition(".")
         name = names.get(key) or (f"{names[first]} {rest}" if rest and first in names else "")
@@ -223,8 +227,19 @@ class Question(FrozenModel):
         InputError
             For the first fault, naming the field, its value, unit and range.
         """
-        named = {cls.ALIASES.get(key, key): value for key, value in tree.items() if value is not None}
+        named = cls.named({key: value for key, value in tree.items() if value is not None})
         return validate(cls, cls._read(plain_numbers(named)))
+
+    @classmethod
+    def named(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names of the fields; refuse one that is given under two names."""
+        found: dict[str, Any] = {}
+        for key, value in tree.items():
+            field = cls.ALIASES.get(key, key)
+            if field in found:
+                raise InputError(field, "given twice", allowed="once", hint=f"{key} is another name of it")
+            found[field] = value
+        return found
 
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
@@ -290,8 +290,9 @@ def read_instrument(source: Any) -> Instrument:
 
 
 class InstrumentParts(Parts):
-    """Options of the instrument."""
+    """Options of the instrument; ``NAMED`` are the keys of values that have options of their own."""
 
+    NAMED: ClassVar[dict[str, str]] = {}
     instrument: str | None = asked(
         None,
         "Preset name or YAML file with what differs.",
@@ -303,16 +304,25 @@ class InstrumentParts(Parts):
     def made(self, base: Any) -> Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
-        return changed_instrument(default_instrument() if given is None else given, self.changes)
+        values = {name: value for name in self.NAMED if (value := getattr(self, name)) is not None}
+        named = {name: Change(key=self.NAMED[name], value=value) for name, value in values.items()}
+        return changed_instrument(default_instrument() if given is None else given, self.changes, named)
 
 
-def changed_instrument(source: Any, changes: Iterable[str]) -> Instrument:
-    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE``."""
+def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None) -> Instrument:
+    """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE`` and those of other options."""
     built = read_instrument(source)
     try:
-        return changed(built, [Change.written(text, built) for text in changes])
+        every = [Change.written(text, built) for text in changes]
+        made = changed(built, every)
     except InputError as error:
         raise at("changes", error) from None
+    for name, change in (named or {}).items():
+        try:
+            made = changed(built, every := [*every, change])
+        except InputError as error:
+            raise InputError(name, change.value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
+    return made
 
 
 def instrument_title(instrument: Instrument) -> str:
@@ -377,6 +387,7 @@ def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
 class SkyParts(InstrumentParts):
     """Options of the instrument for questions about planets: two of its values have options of their own."""
 
+    NAMED: ClassVar[dict[str, str]] = {"exozodi_zodis": ALIASES["exozodi"], "drift_nm": DRIFT}
     exozodi_zodis: float | None = asked(
         None,
         "Dust around the star, in units of the solar system's.",
@@ -389,14 +400,3 @@ class SkyParts(InstrumentParts):
         option="--drift-nm",
         unset="that of the instrument, 0.05",
     )
-
-    def made(self, base: Any) -> Instrument:
-        """Return the instrument with what is changed of it."""
-        made = super().made(base)
-        for name, key in (("exozodi_zodis", ALIASES["exozodi"]), ("drift_nm", DRIFT)):
-            value = getattr(self, name)
-            try:
-                made = made if value is None else changed(made, (Change(key=key, value=value),))
-            except InputError as error:
-                raise InputError(name, value, unit=error.unit, allowed=error.allowed) from None
-        return made

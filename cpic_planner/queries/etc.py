@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, model_validator
 from cpic_core import InputError
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Question, called, check_visits
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_visit_time
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
 
@@ -50,7 +50,7 @@ class KnownPlanetsQuestion(Question):
     )
 
 
-class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
+class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
@@ -84,12 +84,7 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
         "Wall time of all visits, readouts, reference frames and overheads included.",
         unset=f"{shared.DEFAULT_TIME_S:g}",
     )
-    visit_time_s: float | None = asked(
-        None,
-        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
-        ge=1e-3,
-        le=1e9,
-    )
+    visit_time_s: float | None = asked_visit_time()
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
         None,
@@ -227,13 +222,6 @@ class EtcQuestion(shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQ
         """Whether the answer is a time."""
         return not self.contrast_limit and (self.snr is not None or self.sigma is not None or self.detect)
 
-    @property
-    def wall_s(self) -> float:
-        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
-        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
-            return self.strategy.visits * self.visit_time_s
-        return shared.DEFAULT_TIME_S if self.time_s is None else self.time_s
-
     def hashed(self) -> dict[str, Any]:
         """Return what decides numbers: the dial by what it does, and only what the answer depends on."""
         tree = super().hashed()
@@ -255,12 +243,7 @@ class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     )
     snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
     detect: bool = asked(False, "A detection to reach in the least time.")
-    visit_time_s: float | None = asked(
-        None,
-        "Wall time of one visit with its references and overhead, in a given time; with {visits} it sets {time_s}.",
-        ge=1e-3,
-        le=1e9,
-    )
+    visit_time_s: float | None = asked_visit_time()
     separation_arcsec: float | None = asked(None, "Projected separation of the planet, instead of the best one.")
     planet: shared.ReferencePlanet = shared.asked_planet(read=_planets)
     strategy: shared.Strategy = shared.asked_strategy()

@@ -279,3 +279,9 @@ def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
         metavar="KEY=VALUE",
         **settings,
     )
+
+
+def asked_visit_time() -> Any:
+    """Declare the field of the wall time of a visit."""
+    text = "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
+    return asked(None, text, ge=1e-3, le=1e9)

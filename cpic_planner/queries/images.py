@@ -11,7 +11,7 @@ from cpic_core import InputError
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import Parts, called, check_visits
 from cpic_planner.queries.changes import Change, changed, read_instrument
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.overrides import SimulatorOverrides
 from simulator.config import Scene, Utc, checked_utc, load_scene
 from simulator.knobs import Dial, dial_of
@@ -165,11 +165,13 @@ def _scene(source: str) -> Scene:
         raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
 
 
-class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
+class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
     """Everything that decides the confirmation of a scene.
 
-    Frames are given by ``exposure_s`` and ``n_frames``, or are the best within ``time_s`` of wall time for the first
-    planet of the scene (of 1e-8 at the middle of the hole where it has none). A gain that is not given is the best one.
+    Frames are given by ``exposure_s`` and ``n_frames`` (of one visit where there is no number of visits), or visits and
+    frames are those of most SNR within ``time_s`` of wall time, as the exposure-time calculator chooses them for the
+    first planet of the scene that is in the dark hole of the band (for one of 1e-8 at the middle of the hole where it
+    has none). A gain that is not given is the best one.
     ``audit`` None: as `cpic_planner.queries.images.audited` says.
     """
 
@@ -191,9 +193,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
         None, "Wall time of all visits per band, readouts, reference frames and overheads included.", unset="36000"
     )
-    visit_time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
-        None, "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
-    )
+    visit_time_s: float | None = asked_visit_time()
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
         None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
@@ -203,18 +203,6 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
         None, "Run one more realisation frame by frame, with every effect.", unset="with {fidelity} standard"
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
-
-    @property
-    def visits(self) -> int:
-        """Science visits that are reduced together; one where the strategy does not say how many."""
-        return self.strategy.visits or 1
-
-    @property
-    def each_s(self) -> float:
-        """Wall time of a visit, s, where frames do not set it."""
-        if self.visit_time_s is not None:
-            return self.visit_time_s
-        return (shared.DEFAULT_TIME_S if self.time_s is None else self.time_s) / self.visits
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
@@ -229,7 +217,7 @@ class ConfirmQuestion(ImageQuestion, shared.RunQuestion):
             if getattr(self, name) is not None and self.n_frames is not None:
                 allowed = f"without {called(name)}"
                 raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
-        check_visits(self.visits, self.visit_time_s, self.time_s)
+        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
         timed = self.time_s is not None or self.visit_time_s is not None

@@ -86,11 +86,6 @@ class SimulatorOverrides(FrozenModel):
             raise _named(_inner(error)) from None
 
     @property
-    def is_none(self) -> bool:
-        """Whether nothing is altered."""
-        return not self.entries
-
-    @property
     def alters_optics(self) -> bool:
         """Whether point-spread functions differ: they are computed anew, which takes up to a minute a band once."""
         return any(entry.is_optical for entry in self.entries)

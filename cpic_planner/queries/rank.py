@@ -17,7 +17,7 @@ from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.changes import InstrumentParts, default_instrument, read_instrument
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
 from cpic_planner.queries.etc import KnownPlanetsQuestion
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, preset_names
@@ -297,12 +297,7 @@ class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanets
         ge=1e-3,
         le=1e9,
     )
-    visit_time_s: float | None = asked(
-        None,
-        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
-        ge=1e-3,
-        le=1e9,
-    )
+    visit_time_s: float | None = asked_visit_time()
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "Score that orders the stars.")
     instruments: int | None = asked(

@@ -9,14 +9,14 @@ from cpic_core import InputError
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.etc import Numbers
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.images import refuse_counting
 
 MOST_IMAGES = 10_000
 _MOST_PLACES = 200
 
 
-class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
+class SearchedQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
     """A question about one programme of a star in each band, by closed forms and in simulated images."""
 
     target: str = asked(..., 'Star: "tau Cet", "HIP 8102", "alpha Cen B" ...', argument=True)
@@ -27,12 +27,7 @@ class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.R
         le=1e9,
         unset=f"{shared.DEFAULT_TIME_S:g}",
     )
-    visit_time_s: float | None = asked(
-        None,
-        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
-        ge=1e-3,
-        le=1e9,
-    )
+    visit_time_s: float | None = asked_visit_time()
     strategy: shared.Strategy = shared.asked_strategy()
     images: int = asked(
         0,
@@ -63,13 +58,6 @@ class SearchedQuestion(shared.InstrumentQuestion, shared.StarsQuestion, shared.R
                 hint = "two rolls show every planet twice: their images are not searched blind"
                 raise InputError("images", self.images, allowed=f"0 with {called('library')} roll", hint=hint)
         return self
-
-    @property
-    def programme_s(self) -> float | None:
-        """Wall time of all visits; None where their number and length set it."""
-        if self.time_s is None and None in (self.strategy.visits, self.visit_time_s):
-            return shared.DEFAULT_TIME_S
-        return self.time_s
 
 
 class CurveQuestion(SearchedQuestion):

@@ -168,7 +168,8 @@ class Reduction(FrozenModel):
     annulus_lambda_d: float = asked(
         1.5,
         "Half width of the annulus around the planet's separation whose apertures measure background and scatter: the "
-        "speckle residual changes too much across the hole for one value.",
+        "speckle residual changes too much across the hole for one value. It is widened where it has no room for three "
+        "apertures.",
         gt=0,
         le=20,
     )
@@ -262,6 +263,17 @@ MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
 Fidelity = Literal["quick", "standard", "reference"]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
+
+
+class Timed:
+    """A question with a wall time, which number and length of the visits may set."""
+
+    @property
+    def wall_s(self: Any) -> float:
+        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
+        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
+            return float(self.strategy.visits * self.visit_time_s)
+        return DEFAULT_TIME_S if self.time_s is None else float(self.time_s)
 
 
 def several(value: Any) -> Any:

@@ -8,26 +8,11 @@ a value and as a factor, it is refused with both spellings (`two_spellings`).
 import math
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Literal
 
-from cpic_core import InputError, parse_yaml
+from cpic_core import InputError, converted, number_and_unit, parse_yaml, units_like
 
 _FACTOR = re.compile(r"[x*×]\s*([-+.\d].*)")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
-_LENGTHS = {"pm": -12, "nm": -9, "um": -6, "mm": -3, "cm": -2, "m": 0, "km": 3}
-_FAMILIES: tuple[dict[str, Fraction], ...] = (
-    {unit: Fraction(10) ** power for unit, power in _LENGTHS.items()},
-    {"s": Fraction(1), "min": Fraction(60), "h": Fraction(3600), "d": Fraction(86400)},
-    {"mas": Fraction(1, 1000), "arcsec": Fraction(1), "arcmin": Fraction(60), "deg": Fraction(3600)},
-    {"pm/sqrt(h)": Fraction(1, 1000), "nm/sqrt(h)": Fraction(1), "um/sqrt(h)": Fraction(1000)},
-    {"%": Fraction(1, 100), "": Fraction(1)},
-)
-"""Units that convert into each other, with their sizes; any other unit stands for itself."""
-_SPELLED = {"µm": "um", "μm": "um", "sec": "s", "zodis": "zodi", "e": "e-", "e/s": "e-/s", "AU": "au"}
-_SPELLED |= dict.fromkeys(("hr", "hour", "hours"), "h") | dict.fromkeys(("day", "days"), "d")
-_SPELLED |= {f"{size}/√h": f"{size}/sqrt(h)" for size in ("pm", "nm", "um")}
-"""Other spellings of units."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +73,12 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
         if not is_number(number) or not 0 <= number < math.inf:
             raise InputError(key, text, allowed="a factor on the present value, as x0.7: finite, at least 0")
         return Written("scale", number, f"x{factor[1].strip()}")
-    if (unit or text.endswith("%")) and (match := _NUMBER.fullmatch(text)) and match[2]:
-        number, given = match.groups()
-        return Written(
-            "set", _converted(key, text, number, given.strip(), unit), f"{number} {_SPELLED.get(given, given)}"
-        )
+    if (unit or text.endswith("%")) and (parts := number_and_unit(text)):
+        value = converted(text, unit)
+        if value is None:
+            allowed = f"a number with a unit: {', '.join(filter(None, units_like(unit)))}"
+            raise InputError(key, text, allowed=allowed)
+        return Written("set", value, " ".join(parts))
     value = _plain(key, text)
     if isinstance(value, list):
         items = [
@@ -168,19 +154,6 @@ def two_spellings(
     spelled = f"{times}; {value}" if unit or value_key else times
     asked = f"a unit ({unit}), or an x before a factor" if unit else "an x before a factor"
     return InputError(key, text, allowed=asked, hint=spelled)
-
-
-def _converted(key: str, text: str, number: str, given: str, unit: str) -> float:
-    """Return a number with a unit in that of its key."""
-    given = _SPELLED.get(given, given)
-    sizes = next((family for family in _FAMILIES if unit in family), {unit: Fraction(1)})
-    if given not in sizes or not given:
-        units = ", ".join(name for name in sizes if name)
-        raise InputError(key, text, allowed=f"a number with a unit: {units}")
-    value = float(number)
-    if value == 0.0 or not math.isfinite(value):
-        return value
-    return float(Fraction(number) * sizes[given] / sizes[unit])
 
 
 def _plain(key: str, text: str) -> Any:

@@ -158,7 +158,8 @@ def _sentences(
     """Return the explanation in words: score, geometry, noise, and how firm the rank is."""
     chosen = next(item for item in bands if item.band == star.band)
     geometry = next(item for item in bands if item.band == star.completeness_band)
-    words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
+    by = SCORES[score]
+    words = [f"Rank {star.rank} of {n_ranked} by {by.title}: {f'{star.score * by.scale:.3g} {by.unit}'.strip()}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
         f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and "

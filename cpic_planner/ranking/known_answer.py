@@ -15,6 +15,7 @@ import numpy as np
 from catalogs import KnownPlanetTable, load_known_planets, resolve_star, snapshot_vintage, stars_at
 from catalogs.known_planet_table import NUMBERS, planet_key
 from cpic_core import FloatArray, InputError, check_whole, fingerprint
+from cpic_planner import results
 from cpic_planner.etc import EtcModel, check_range, reflected_contrast
 from cpic_planner.planets import (
     Ephemeris,
@@ -27,16 +28,6 @@ from cpic_planner.planets import (
     quantiles,
 )
 from cpic_planner.ranking.known_completeness import KnownChoice
-from cpic_planner.results import (
-    KnownBand,
-    KnownHole,
-    KnownOrbit,
-    KnownPlanetRow,
-    KnownResult,
-    KnownTrack,
-    KnownWindow,
-    Quantiles,
-)
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue
 from cpic_planner.version import __version__
 from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, julian_year, scenes_from_table
@@ -118,7 +109,7 @@ def known_answer(
     years: float | None = None,
     catalogue: str | None = None,
     bands: Sequence[str] | None = None,
-) -> KnownResult:
+) -> results.KnownResult:
     """Return the known planets of some stars, in order of stars and table; those that are not counted as well.
 
     Parameters
@@ -161,16 +152,17 @@ def known_answer(
         "years": span,
         "targets": stars.content(),
     }
-    return KnownResult.of(
+    return results.KnownResult.of(
         choice,
         fingerprint=str(fingerprint()),
         config_hash=content_hash(decides),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,
+        columns_not_used=list(choice.table.unused),
         years=span,
         albedo=choice.albedo.label,
         holes=[
-            KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
+            results.KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
             for band, zone in zones.items()
         ],
         planets=rows,
@@ -197,7 +189,7 @@ def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Plane
 
 def _row(
     model: EtcModel, star: Targets, choice: KnownChoice, row: int, bands: Sequence[str], years: float | None
-) -> KnownPlanetRow:
+) -> results.KnownPlanetRow:
     table = choice.table
     years = years if table.counted[row] else None
     drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
@@ -212,13 +204,13 @@ def _row(
         seed=choice.seed,
         distance_pc=float(star.distance_pc[0]),
     )
-    looks: list[KnownBand] = []
-    windows: list[KnownWindow] = []
+    looks: list[results.KnownBand] = []
+    windows: list[results.KnownWindow] = []
     for band in bands:
         zone = model.metrics[band].zone
         share = where.share_between(zone.inner_corner_arcsec, zone.outer_corner_arcsec)
         contrast = planets_contrast(model, star, band, planets, choice.albedo)
-        looks.append(KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
+        looks.append(results.KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
         if years is not None:
             windows += _windows(band, where.mjd, share)
     mass = drawn.mass_mjup[0]
@@ -226,7 +218,7 @@ def _row(
     orbit = {name: _quantiles(getattr(drawn, name)[0]) for name in _OF_ORBIT}
     later = superseded_by(choice, row, float(star.distance_pc[0]))
     place = {name: _three(getattr(where, name)[:, 0]) for name in ("separation_arcsec", "distance_au", "phase_deg")}
-    return KnownPlanetRow.of(
+    return results.KnownPlanetRow.of(
         star,
         at=0,
         star=str(star.name[0]),
@@ -244,7 +236,7 @@ def _row(
     )
 
 
-def _orbits(table: KnownPlanetTable, row: int) -> list[KnownOrbit]:
+def _orbits(table: KnownPlanetTable, row: int) -> list[results.KnownOrbit]:
     orbits = table.orbits_of(row)
     weights = np.nan_to_num(orbits.number("solution_weight"), nan=1.0) if len(orbits) > 1 else np.ones(1)
     numbers = [orbits.number(name) for name in ("period_days", "semi_major_axis_au", "eccentricity")]
@@ -253,7 +245,7 @@ def _orbits(table: KnownPlanetTable, row: int) -> list[KnownOrbit]:
         period, axis, eccentricity = (float(values[k]) if np.isfinite(values[k]) else None for values in numbers)
         share = float(weights[k] / weights.sum())
         found.append(
-            KnownOrbit(
+            results.KnownOrbit(
                 reference=reference,
                 share=share,
                 period_days=period,
@@ -270,7 +262,7 @@ def _days(length: float, period: float) -> list[float]:
     return [float(day) for day in np.linspace(0.0, length, math.ceil(length / step) + 1)]
 
 
-def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
+def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[results.KnownWindow]:
     """Return the runs of dates on which the share is at least a half."""
     likely = np.concatenate([[False], share >= _LIKELY, [False]])
     starts = np.flatnonzero(likely[1:] & ~likely[:-1])
@@ -280,7 +272,7 @@ def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]
         best = int(start + np.argmax(share[start : end + 1]))
         first, last, peak = (_day(mjd[i]) for i in (start, end, best))
         found.append(
-            KnownWindow(band=band, start_utc=first, end_utc=last, best_utc=peak, best_share=float(share[best]))
+            results.KnownWindow(band=band, start_utc=first, end_utc=last, best_utc=peak, best_share=float(share[best]))
         )
     return found
 
@@ -289,9 +281,9 @@ def _day(mjd: float) -> str:
     return (_MJD_ZERO + timedelta(days=float(mjd))).date().isoformat()
 
 
-def _track(where: Ephemeris) -> KnownTrack:
+def _track(where: Ephemeris) -> results.KnownTrack:
     low, median, high = where.separation_arcsec.tolist()
-    return KnownTrack(
+    return results.KnownTrack(
         mjd=where.mjd.tolist(),
         separation_low_arcsec=low,
         separation_median_arcsec=median,
@@ -299,13 +291,13 @@ def _track(where: Ephemeris) -> KnownTrack:
     )
 
 
-def _quantiles(draws: FloatArray) -> Quantiles:
+def _quantiles(draws: FloatArray) -> results.Quantiles:
     return _three(quantiles(draws))
 
 
-def _three(values: FloatArray) -> Quantiles:
+def _three(values: FloatArray) -> results.Quantiles:
     low, median, high = values.tolist()
-    return Quantiles(low=low, median=median, high=high)
+    return results.Quantiles(low=low, median=median, high=high)
 
 
 SIGMAS = 3.0

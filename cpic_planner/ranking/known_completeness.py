@@ -147,6 +147,7 @@ class KnownChoice:
             n_planets=self.n_draws,
             seed=self.seed,
             planets_per_star=None,
+            columns_not_used=list(self.table.unused),
         )
 
     def content(self) -> dict[str, Any]:

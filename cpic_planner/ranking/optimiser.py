@@ -292,6 +292,7 @@ class _Search:
         chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits, motion=paid)
         orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
         alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
+        inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(
             band=np.full(n, band),
@@ -309,6 +310,7 @@ class _Search:
             em_gain=column(choice.em_gain),
             visit_time_s=column(wall),
             time_s=column(wall * programme.visits),
+            unused_s=column(np.nan if time_s is None else np.maximum(time_s - wall * programme.visits, 0.0)),
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),
@@ -333,6 +335,7 @@ class _Search:
             core_throughput=column(chosen.rates.core),
             extrapolated=np.full(n, bool(beyond)),
             outside=np.full(n, refused.value),
+            inherited=np.broadcast_to(inherited, (n, 1))[:, 0].copy(),
         )
         if time_s is None or not with_limits or not lost.any():
             return best

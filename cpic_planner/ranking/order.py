@@ -361,6 +361,7 @@ def _row(
     flags += etc.reference_notes(model, star, band, separation, planet) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
+    flags += filter(None, [str(best.inherited[i])])
     if companion_blooms:
         flags.append("companion_saturates")
     if velocities.excluded[i]:
@@ -378,6 +379,8 @@ def _row(
         tier=tier_of(setting, quickest_s, found.setting.time_s),
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
+        hd=None if targets.hd is None else str(targets.hd[i]) or None,
+        gj=None if targets.gj is None else str(targets.gj[i]) or None,
         detection_time_s=quickest_s,
         detection_visits=None if quickest_s is None else int(found.quickest_visits[i]),
         required_time_s=None if setting["verdict"] == "detected" else quickest_s,

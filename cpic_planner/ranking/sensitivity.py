@@ -14,18 +14,13 @@ from cpic_planner.queries import Change, ReferencePlanet, changed, default_instr
 from cpic_planner.ranking.known_completeness import CountedPlanets, KnownChoice
 from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
-from cpic_planner.results import SensitivityResult, SensitivityRow
+from cpic_planner.results import SensitivityResult, SensitivityRow, SensitivityStar
 from cpic_planner.targets import Targets
 from simulator.config import ParametricAlbedo, content_hash, load_instrument
 from simulator.imaging import metrics_key
 from simulator.passbands import Passbands
 
-N_TOP = 50
-POOL = 6
-DECIDING_TAU = 0.5
-"""Kendall's tau below which an assumption is said to decide the ranking: more than one pair in four is turned round."""
-DECIDING_SHARE = 0.25
-"""Share of the stars with a detected reference planet that an assumption must add or take away to be said to decide."""
+N_TOP, N_FIRST, POOL = 50, 10, 6
 
 
 @dataclass(frozen=True)
@@ -190,6 +185,7 @@ def sensitivity(
     population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
     top: int = N_TOP,
+    first: int = N_FIRST,
     assumptions: Sequence[Assumption] = ASSUMPTIONS,
 ) -> SensitivityResult:
     """Rank the sample again under other assumptions and compare.
@@ -201,6 +197,8 @@ def sensitivity(
     top : int
         Stars of the nominal ranking that are compared (all, if there are fewer); those that may come near them are
         ranked again (`near_top`).
+    first : int
+        Stars at the head of them of which it is told how many stay there.
     assumptions : sequence of Assumption
         One at a time, those that apply to the model; `ASSUMPTIONS` by default.
 
@@ -218,32 +216,38 @@ def sensitivity(
     nominal = in_order(setting, targets)
     n_ranked = len(targets)
     n_ok = int(np.count_nonzero(nominal.detected))
-    n_top = min(top, n_ranked)
+    n_top, n_first = min(top, n_ranked), min(first, top, n_ranked)
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
-    rows = [
-        _compared(assumption, nominal, other, targets.name, n_top)
-        for assumption, other in under_others(setting, targets, assumptions)
-    ]
-    decides = [row.assumption for row in rows if _decides(row, n_ok)]
+    others = list(under_others(setting, targets, assumptions))
+    rows = [_compared(assumption, nominal, other, targets.name, n_top, n_first) for assumption, other in others]
     asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [row.assumption for row in rows]}
+    ranks = np.array([nominal.rank, *(other.rank for _, other in others)])
+    stars = [
+        SensitivityStar(
+            name=str(targets.name[at]),
+            rank=int(nominal.rank[at]),
+            rank_lowest=int(ranks[:, at].min()),
+            rank_highest=int(ranks[:, at].max()),
+        )
+        for at in np.argsort(nominal.rank)[:n_top]
+    ]
     return SensitivityResult(
         fingerprint=str(fingerprint()),
-        config_hash=content_hash(asked),
+        config_hash=content_hash(asked | {"first": first}),
         top=n_top,
+        first=n_first,
         score_name=score,
         n_ranked=n_ranked,
         n_ok=n_ok,
         rows=rows,
-        deciding_tau=DECIDING_TAU,
-        deciding_share=DECIDING_SHARE,
-        decides=decides,
-        statement=_statement(rows, decides, n_ok, n_ranked),
+        stars=stars,
+        statement=_statement(rows, stars, n_ok, n_ranked, n_first),
     )
 
 
 def _compared(
-    assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int
+    assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int, n_first: int
 ) -> SensitivityRow:
     """Return what becomes of the nominal first stars under another assumption."""
     first = np.flatnonzero(nominal.rank <= n_top)
@@ -258,6 +262,7 @@ def _compared(
         n_compared=int(np.count_nonzero(scored)),
         kendall_tau=tau_b(nominal.rank[first], other.rank[first]),
         kept=int(np.count_nonzero(other.rank[first] <= n_top)),
+        kept_first=int(np.count_nonzero(other.rank[nominal.rank <= n_first] <= n_first)),
         largest_fall=str(names[first[worst]]) if falls[worst] > 0 else "",
         largest_fall_ranks=max(int(falls[worst]), 0),
         best=str(names[int(np.argmin(other.rank))]),
@@ -272,31 +277,40 @@ def tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
     return float(np.sum(a * b)) / ordered if ordered else None
 
 
-def _decides(row: SensitivityRow, n_ok: int) -> bool:
-    """Return whether an assumption decides the ranking: by the number of detected stars, or by their order."""
-    by_number = abs(row.n_ok - n_ok) >= DECIDING_SHARE * max(n_ok, 1)
-    return by_number or (row.kendall_tau_b is not None and row.kendall_tau_b < DECIDING_TAU)
+def _statement(
+    rows: Sequence[SensitivityRow], stars: Sequence[SensitivityStar], n_ok: int, n_ranked: int, n_first: int
+) -> str:
+    """Say around how many stars the planet stays detected, how many of the first stars stay, and how firm the order is.
 
-
-def _statement(rows: Sequence[SensitivityRow], decides: Sequence[str], n_ok: int, n_ranked: int) -> str:
-    """Say how many stars stay detected, how firm their order is, and which assumption decides."""
-    others = ", ".join(f"{row.n_ok} ({row.text})" for row in rows if row.n_ok != n_ok)
-    change = f"Other assumptions change this number to {others}." if others else "No assumption changes this number."
-    words = [f"The reference planet is detected around {n_ok} of {n_ranked} stars.", change]
+    The words are those of an ensemble of instruments (`cpic_planner.ranking.ensemble`).
+    """
+    said = [f"The reference planet is detected around {n_ok} of {n_ranked} stars."]
+    if not rows:
+        return said[0]
+    fewest, most = (choose(rows, key=lambda row: row.n_ok) for choose in (min, max))
+    each = f"Under {len(rows)} other assumptions, one at a time, " if len(rows) > 1 else f"With {rows[0].text} "
+    if fewest.n_ok == most.n_ok:
+        said.append(f"{each}it is detected around {'as many' if most.n_ok == n_ok else most.n_ok}.")
+    else:
+        said.append(f"{each}it is detected around {fewest.n_ok} ({fewest.text}) to {most.n_ok} ({most.text}).")
+    least = min(rows, key=lambda row: row.kept_first)
+    if n_first > 1 and least.kept_first == n_first:
+        said.append(f"All of the first {n_first} stars stay among the first {n_first}.")
+    elif n_first > 1:
+        kept = f"{least.kept_first} ({least.text})" if len(rows) > 1 else f"{least.kept_first}"
+        highest = max(row.kept_first for row in rows)
+        to = f" to {highest}" * (highest > least.kept_first)
+        said.append(f"Of the first {n_first} stars, {kept}{to} stay among the first {n_first}.")
+    stays = sum(row.best == stars[0].name for row in rows)
+    under = "" if len(rows) == 1 else " under every one" if stays == len(rows) else f" under {stays} of {len(rows)}"
+    said.append(f"The first star stays first{under}." if stays else "Another star is first instead.")
     known = [(row.kendall_tau_b, row) for row in rows if row.kendall_tau_b is not None]
     if known:
-        tau, least = min(known, key=lambda item: item[0])
-        words.append(
-            f"The order of the stars that have a score changes most for {least.text}: Kendall's tau is "
-            f"{tau:.2f} over {least.n_compared} stars."
+        tau, turned = min(known, key=lambda item: item[0])
+        said.append(
+            f"The order of the stars that have a score changes most for {turned.text}: Kendall's tau is "
+            f"{tau:.2f} over {turned.n_compared} stars."
         )
     else:
-        words.append("Too few stars have a score to compare their order.")
-    limits = f"the number of detected stars by {100 * DECIDING_SHARE:g} % or more, or brings tau below {DECIDING_TAU:g}"
-    listed = "; ".join(row.text for row in rows if row.assumption in decides)
-    words.append(
-        f"The ranking is decided by {listed}: each changes {limits}."
-        if decides
-        else f"No assumption decides the ranking: none changes {limits}."
-    )
-    return " ".join(words)
+        said.append("Too few stars have a score to compare their order.")
+    return " ".join(said)

@@ -112,22 +112,23 @@ class OptimalSetting:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
-    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``n_frames`` the
-    science frames of all. ``margin`` is significance over the detection threshold at the chosen separation; at
-    ``needed_margin`` half of such observations detect the planet there, by the search of the strategy, and
-    ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection (NaN where no law was
-    measured). ``floor_margin`` is what no programme can pass, at any separation: of the given number of visits, or
-    of the most. ``without_motion``, ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.budget` (``without_motion``: if it did not
-    move); False where no time was given. ``moves`` says that no programme detects it, although one would if it
-    stood still; False where that was not asked. ``independent_visits``, ``orbits_searched`` (NaN where the orbit is
-    followed) and ``motion_factor``, which is part of ``needed_margin``, are columns of answers too.
-    ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor`` and
-    ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
-    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation
-    detects at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where
-    every frame saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its
-    data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone).
+    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``unused_s`` what they
+    leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance
+    over the detection threshold at the chosen separation; at ``needed_margin`` half of such observations detect the
+    planet there, by the search of the strategy, and ``chance_blind`` and ``chance_known_place`` are the probabilities
+    of a detection (NaN where no law was measured). ``floor_margin`` is what no programme can pass, at any separation:
+    of the given number of visits, or of the most. ``without_motion``, ``without_speckles`` and ``without_background``
+    say whether the planet would be detected in the given time under the changes of `cpic_planner.etc.budget`
+    (``without_motion``: if it did not move); False where no time was given. ``moves`` says that no programme detects
+    it, although one would if it stood still; False where that was not asked. ``independent_visits``,
+    ``orbits_searched`` (NaN where the orbit is followed) and ``motion_factor``, which is part of ``needed_margin``, are
+    columns of answers too. ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor``
+    and ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
+    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation detects
+    at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame
+    saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band,
+    ``outside`` why a given separation has no answer (empty: it is in the zone), ``inherited``
+    is the flag of `cpic_planner.etc.inherited_terms`.
     """
 
     band: NDArray[np.str_]
@@ -144,6 +145,7 @@ class OptimalSetting:
     em_gain: FloatArray
     visit_time_s: FloatArray
     time_s: FloatArray
+    unused_s: FloatArray
     snr: FloatArray
     significance: FloatArray
     threshold: FloatArray
@@ -169,6 +171,7 @@ class OptimalSetting:
     core_throughput: FloatArray
     extrapolated: BoolArray
     outside: NDArray[np.str_]
+    inherited: NDArray[np.str_]
 
     def span_days(self, model: etc.EtcModel) -> FloatArray:
         """Return the days from the begin of the first visit to the end of the last, one directly after the other."""
@@ -268,6 +271,9 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
+_SECONDS = ("exposure_s", "visit_time_s", "time_s", "unused_s")
+
+
 def setting_fields(
     model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
 ) -> dict[str, Any]:
@@ -300,7 +306,9 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s")},
+        **{
+            name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")
+        },
         "integration_s": taken(best.n_frames * best.exposure_s),
         "span_days": float(best.span_days(model)[i]) if possible else None,
         "orbits_searched": int(best.orbits_searched[i])

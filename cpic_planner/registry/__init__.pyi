@@ -9,6 +9,7 @@ from cpic_planner.registry.libraries import (
 from cpic_planner.registry.scores import (
     DEFAULT_SCORE as DEFAULT_SCORE,
     SCORES as SCORES,
+    Score as Score,
     ScoreName as ScoreName,
     StarNumbers as StarNumbers,
 )

@@ -68,7 +68,7 @@ class Score:
         What stars are ranked by, for the middle of a sentence; ``{share}`` stands for the fraction of the population
         that one observation detects, ``{hourly}`` for "per hour" of it.
     unit : str
-        Unit of the number, empty for none.
+        Unit of the number as people read it, empty for none; a fraction is written in per cent.
     value : callable
         Score of each star from `StarNumbers`, shape (n,); more is better.
     by_band : callable
@@ -96,6 +96,11 @@ class Score:
     decimals: int | None = None
 
     @property
+    def scale(self) -> float:
+        """Factor from the number to what is written in its unit."""
+        return 100.0 if self.unit.startswith("%") else 1.0
+
+    @property
     def title(self) -> str:
         """The name as words."""
         return self.name.replace("_", " ")
@@ -112,18 +117,19 @@ SCORES: Registry[Score] = Registry(
     (
         Score(
             name="completeness_per_hour",
-            label="compl/h",
+            label="% per h",
             meaning="fraction of the population that one observation detects, per hour of it, in the band where that "
             "is most",
             aim="{share} {hourly}",
-            unit="1/h",
+            unit="%/h",
             value=lambda numbers: _most(numbers.completeness_per_hour),
         ),
         Score(
             name="completeness",
-            label="compl",
+            label="compl %",
             meaning="fraction of the population that one observation detects, in the band where that is most",
             aim="{share}",
+            unit="%",
             value=lambda numbers: _most(numbers.completeness),
             by_band=lambda numbers: numbers.completeness,
             column="completeness",

@@ -1,7 +1,7 @@
 from cpic_planner.report.cells import (
     Cells as Cells,
     Sheet as Sheet,
-    fitting as fitting,
+    displayable as displayable,
     print_plain as print_plain,
 )
 from cpic_planner.report.console import (
@@ -58,11 +58,13 @@ from cpic_planner.report.etc_figures import (
 )
 from cpic_planner.report.files import (
     form_text as form_text,
+    offered_text as offered_text,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,
 )
 from cpic_planner.report.numbers import (
+    MISSING as MISSING,
     duration_text as duration_text,
     full_name as full_name,
     level_text as level_text,

@@ -5,14 +5,16 @@ Tables on a terminal: columns that give way where it is narrow, and what its enc
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from cpic_core import visible
+from cpic_core import InputError, visible
 from cpic_planner import results
 from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
 from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
+from simulator.config import nearest
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +25,7 @@ _SOON = 9
 _NEUTRAL = "·"
 _WITH_UNIT = ("time", "bytes")
 """Formats that write the unit themselves."""
+_MARKS = re.compile(f"^[→·{''.join(STATUS_SYMBOLS.values())}\\s]+")
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,13 @@ class Cells:
     legend : str
         What the heading means, for the legend below a table.
     fields : tuple of str
-        Fields of the row that stand in files for the column; none: its text does.
+        Fields of the row that stand in files for the column, as `cpic_planner.results.taken_of` takes them.
     of : callable
         The row of an entry of the table.
+    kind : type, optional
+        Kind of that row.
+    numbers : tuple of Taken
+        What stands in files for a column whose numbers are no fields of the row.
     """
 
     header: str
@@ -58,10 +65,41 @@ class Cells:
     legend: str = ""
     fields: tuple[str, ...] = ()
     of: Callable[[Any], Any] = lambda row: row
+    kind: type[results.Result] | None = None
+    numbers: tuple[results.Taken, ...] = ()
 
     def cell(self, row: Any) -> str:
         """Return the text of a row's cell as every writer has it: names may hold what steers a terminal."""
         return visible(str(self.text(row)))
+
+    @property
+    def taken(self) -> Sequence[results.Taken]:
+        """Columns that stand in files for it: numbers, else fields, else its text without marks."""
+        if self.numbers:
+            return self.numbers
+        if self.fields and self.kind is not None:
+            return results.taken_of(self.kind, *self.fields, of=self.of)
+        name = re.sub(r"\W+", "_", self.header.casefold()).strip("_") or "text"
+        return [results.Taken(results.Column(name, "string", self.legend), lambda row: plain_text(self, row))]
+
+
+def plain_text(cells: Cells, row: Any) -> str:
+    """Return the text of a cell without the marks in front of it."""
+    return _MARKS.sub("", cells.cell(row))
+
+
+def computed(
+    header: str,
+    value: Callable[[Any], Any],
+    text: Callable[[Any], str],
+    legend: str = "",
+    name: str = "",
+    unit: str = "",
+) -> Cells:
+    """Return a column whose numbers are worked out from the entry, and stand in files under a name of their own."""
+    column = results.Column(name or header.replace(" ", "_"), "float64", legend, unit)
+    taken = (results.Taken(column, value),)
+    return Cells(header, lambda entry: text(value(entry)), legend=legend, numbers=taken)
 
 
 Special: TypeAlias = Callable[[Any], Any] | Cells
@@ -104,14 +142,49 @@ def row_cells(
         name, _, way = word.partition("/")
         own = special.get(name)
         if own is None and name in shared:
-            own = replace(shared[name], text=_through(of, shared[name].text), of=of)
+            own = replace(shared[name], text=_through(of, shared[name].text))
         if not isinstance(own, Cells):
             own = _column_cells(results.column_of(kind, name), own, of, page)
-        columns.append(replace(own, gives_way=int(way or 0)))
+        columns.append(replace(own, gives_way=int(way or 0), kind=kind, of=of))
         named.append(name)
     more = [column for column in results.columns_of(kind) if column.look.console and column.name not in named]
-    columns[-1:-1] = [replace(_column_cells(column, None, of, page), gives_way=_SOON) for column in more]
+    new = (_column_cells(column, None, of, page) for column in more)
+    columns[-1:-1] = [replace(cells, gives_way=_SOON, kind=kind, of=of) for cells in new]
     return columns
+
+
+def offered(columns: Sequence[Cells]) -> dict[str, Cells]:
+    """Return the columns that a table can have, by their names in files: those of its rows, then those shown beside."""
+    shown = {cells.taken[0].column.name: cells for cells in columns if len(cells.taken) == 1}
+    kinds = dict.fromkeys((cells.kind, cells.of) for cells in columns if cells.kind is not None)
+    every = [item for kind, of in kinds if kind is not None for item in results.taken_of(kind, of=of)]
+    every += [item for cells in columns for item in cells.taken]
+    return {item.column.name: shown.get(item.column.name) or _taken_cells(item) for item in every}
+
+
+def chosen(columns: Sequence[Cells], names: Sequence[str], key: str = "--columns") -> list[Cells]:
+    """Return columns of a table by their names in files, in the given order; none of them gives way.
+
+    Raises
+    ------
+    InputError
+        For a name that the table does not have, or that is given twice.
+    """
+    every = offered(columns)
+    for number, name in enumerate(names):
+        if name not in every:
+            raise InputError(key, name, allowed=f"{key} help lists them", hint=nearest(name, every))
+        if name in names[:number]:
+            raise InputError(key, name, allowed="each column once")
+    return [replace(every[name], gives_way=0) for name in names]
+
+
+def _taken_cells(item: results.Taken) -> Cells:
+    column, form = item.column, item.column.look.format.partition(" ± ")[0]
+    unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
+    heading = column.look.short or f"{column.label} {unit}".strip()
+    look: dict[str, Any] = {"label": column.label, "unit": unit, "legend": column.description}
+    return Cells(heading, lambda entry: formatted(item.value(entry), form), column.right, numbers=(item,), **look)
 
 
 def _column_cells(
@@ -119,10 +192,12 @@ def _column_cells(
 ) -> Cells:
     text = own or _through(of, _cell_text(column, page))
     form = column.look.format
+    fields = (column.name, f"{column.name}_error") if " ± " in form else (column.name,)
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
     legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
     legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
-    return Cells(column.heading, text, column.right, 0, column.label, unit, legend, (column.name,), of)
+    heading = column.label if form in _WITH_UNIT and not column.look.short else column.heading
+    return Cells(heading, text, column.right, 0, column.label, unit, legend, fields, of)
 
 
 def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -185,10 +260,14 @@ class Sheet:
     form : str
         ``table``: printed on the console with what stands before it; else kept in ``taken`` for
         `cpic_planner.report.files.form_text`, with all columns.
+    columns : sequence of str
+        Names of the columns that are asked for; the table then stands alone.
     """
 
-    def __init__(self, console: Console, form: str = "table") -> None:
-        self._console, self.form = console, form
+    columns: Sequence[str] = ()
+
+    def __init__(self, console: Console, form: str = "table", columns: Sequence[str] = ()) -> None:
+        self._console, self.form, self.columns = console, form, columns
         self.width, self.encoding = console.width, console.encoding
         self.taken: tuple[str, Sequence[Cells], list[Any]] | None = None
 
@@ -198,8 +277,14 @@ class Sheet:
 
     def print(self, *objects: Any, **look: Any) -> None:
         """Print what stands before the table, and the table."""
-        if self.form == "table" and self.taken is None:
+        if self.form == "table" and self.taken is None and not self.columns:
             self._console.print(*objects, **look)
+
+    def print_table(self, table: Any, width: int) -> None:
+        """Print the table; one of chosen columns as wide as it is."""
+        if self.columns:
+            self._console.width = max(width, self.width)
+        self._console.print(table)
 
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
@@ -240,28 +325,29 @@ def print_table(
 
     entries = list(rows)
     sheet = console if isinstance(console, Sheet) else None
+    if sheet is not None and sheet.columns and sheet.taken is None:
+        columns, last_width = chosen(columns, sheet.columns), sheet.width
     if sheet is not None and (sheet.taken is not None or sheet.form != "table"):
         sheet.take(title, columns, entries)
         return
     rows = [[column.cell(row) for column in columns] for row in entries]
     widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]
     widths[-1] = min(widths[-1], last_width + _GAP)
-    shown = list(range(len(columns)))
-    for i in sorted(shown, key=lambda i: -columns[i].gives_way):
-        if sum(widths[j] for j in shown) > console.width and columns[i].gives_way > 0:
-            shown.remove(i)
+    shown = fitting(columns, widths, console.width)
     look: dict[str, Any] = {"box": box.SIMPLE_HEAD, "padding": (0, _GAP - 1, 0, 0)}
-    heading = Text(fitting(console, title), style="bold")
+    heading = Text(displayable(console, title), style="bold")
     table = Table(title=heading, title_justify="left", pad_edge=False, show_edge=False, **look)
     for i in shown:
         last = i == len(columns) - 1
         look = {"no_wrap": not last, "overflow": "fold" if last else "ellipsis", "vertical": "top"}
-        header = Text(fitting(console, columns[i].header))
+        header = Text(displayable(console, columns[i].header))
         table.add_column(header, justify="right" if columns[i].right else "left", **look)
     for row in rows:
         table.add_row(*(_cell(console, row[i]) for i in shown))
-    console.print(table)
-    if sheet is not None:
+    if sheet is None:
+        console.print(table)
+    else:
+        sheet.print_table(table, sum(widths))
         sheet.taken = title, columns, entries
     if explained:
         explain_symbols(console, [entry.status for entry in entries if entry.status != "ok"])
@@ -270,7 +356,16 @@ def print_table(
         print_note(console, "; ".join(said))
 
 
-def fitting(console: Console, text: str) -> str:
+def fitting(columns: Sequence[Cells], widths: Sequence[int], room: int) -> list[int]:
+    """Return the places of the columns that fit, after those that give way soonest are left out."""
+    shown = list(range(len(columns)))
+    for i in sorted(shown, key=lambda i: -columns[i].gives_way):
+        if sum(widths[j] for j in shown) > room and columns[i].gives_way > 0:
+            shown.remove(i)
+    return shown
+
+
+def displayable(console: Console, text: str) -> str:
     """Return what a terminal can show: no control characters, and question marks for what its encoding has not.
 
     Parameters
@@ -287,8 +382,8 @@ def _cell(console: Console, text: str) -> Text:
 
     for status, symbol in STATUS_SYMBOLS.items():
         if text.startswith(symbol):
-            return Text(fitting(console, text), style=_STYLE[status])
-    return Text(fitting(console, text))
+            return Text(displayable(console, text), style=_STYLE[status])
+    return Text(displayable(console, text))
 
 
 def print_note(console: Console, *texts: str) -> None:
@@ -296,7 +391,7 @@ def print_note(console: Console, *texts: str) -> None:
     from rich.text import Text
 
     for text in texts:
-        console.print(Text(fitting(console, text), style="dim"))
+        console.print(Text(displayable(console, text), style="dim"))
 
 
 def print_plain(console: Console, *texts: str, bold: bool = False, wraps: bool = True) -> None:
@@ -304,7 +399,7 @@ def print_plain(console: Console, *texts: str, bold: bool = False, wraps: bool =
     from rich.text import Text
 
     for text in texts:
-        console.print(Text(fitting(console, text), style="bold" if bold else ""), soft_wrap=not wraps)
+        console.print(Text(displayable(console, text), style="bold" if bold else ""), soft_wrap=not wraps)
 
 
 def explain_symbols(console: Console, statuses: list[str]) -> None:

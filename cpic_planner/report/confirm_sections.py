@@ -10,7 +10,7 @@ from cpic_planner.report import document as doc, image_figures
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
-from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
+from cpic_planner.report.summary import calibration_sentence, confirm_sentences, outcome_text, overrides_sentence
 from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
 
 CONFIRM_FIGURES = {
@@ -51,6 +51,12 @@ class ConfirmReport:
         return by_planet
 
     @property
+    def heading(self) -> str:
+        """The scene, and whether images confirm its planets."""
+        bands = self.result.bands
+        return f"{self.result.scene}: {outcome_text(bands)}" if bands else self.result.scene
+
+    @property
     def calibration(self) -> str:
         """How the prediction holds; empty without planets."""
         return calibration_sentence(self.result) if self.result.bands else ""
@@ -72,8 +78,8 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     return doc.document_of(
         CONFIRM_SECTIONS,
         report,
-        title=f"CPI-C confirmation of {result.scene}, configuration {result.config_hash}",
-        heading=result.scene,
+        title=f"CPI-C: {report.heading}, configuration {result.config_hash}",
+        heading=report.heading,
         about=f"A scene for CPI-C: simulated as images, the star subtracted, {searched}, beside what the "
         "exposure-time calculator predicts.",
         summary=summary,
@@ -161,15 +167,15 @@ _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
 )
 
 
-def _interval(best: float, interval: Sequence[float]) -> str:
-    return f"{decimals(best, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
+def _interval(median: float, interval: Sequence[float]) -> str:
+    return f"{decimals(median, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
 
 
 _ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
     doc.Column("Planet", lambda item: item.planet, look="row left"),
     doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "best; interval"),
-    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "best; interval"),
+    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "median; interval"),
+    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "median; interval"),
     doc.Column("Correlation", lambda item: decimals(item.correlation, 2)),
     doc.Column("χ²", lambda item: f"{decimals(item.chi2, 2)} ({item.degrees_of_freedom})", "degrees of freedom"),
     doc.Column("Standing", lambda item: ALBEDO_STATUS[item.status], look="left wide"),
@@ -185,7 +191,7 @@ def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
     if result.albedos:
         caption = (
             "Metallicity and clouds that fit the mean contrasts, with the errors of one observation a band; size, "
-            "distance and phase of the planet are taken as known. Intervals hold 68 %."
+            "distance and phase of the planet are taken as known. Intervals hold 68 %; χ² is that of the best fit."
         )
         yield doc.table("Albedo fits", caption, _ALBEDOS, result.albedos)
 

@@ -1,9 +1,4 @@
-"""The plan on the terminal.
-
-A confirmed scene on the terminal.
-
-Tables of simulated sequences and of what a check of products found.
-"""
+"""Plans, confirmed scenes, simulated sequences and checks of products on the terminal."""
 
 from __future__ import annotations
 
@@ -31,9 +26,15 @@ if TYPE_CHECKING:
 
 
 MEASURED = (
-    "separation_arcsec/3 frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} outcome"
+    "separation_arcsec/3 visits frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} "
+    "outcome"
 )
 """What is shown of each measurement; the rest is in the files."""
+
+
+_COUNTS = ("n_detected", "realisations")
+_STAR = tuple(results.taken_of(results.ConfirmedTarget, "name", "hip", of=itemgetter(3)))
+_BAND = tuple(results.taken_of(results.BandConfirmation, "band", of=itemgetter(2)))
 
 
 def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True) -> None:
@@ -50,17 +51,19 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     for target in plan.targets:
         for number, item in enumerate(target.bands):
             arrow = "→ " if item.band == target.chosen_band else "  "
-            rows.append((numbers.short_name(target.name) if number == 0 else "", arrow + item.band, item))
+            rows.append((numbers.short_name(target.name) if number == 0 else "", arrow + item.band, item, target))
     cells = [
-        Cells("target", itemgetter(0), right=False),
-        Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in"),
+        Cells("target", itemgetter(0), right=False, numbers=_STAR),
+        Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in", numbers=_BAND),
         *_measured_cells(MEASURED.format(more=""), itemgetter(2), plan.reference_library),
     ]
-    count = len(plan.targets)
-    title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
+    found = sum(any(band.detected for band in target.bands) for target in plan.targets)
+    of = f"{found} of {counted(len(plan.targets), 'target')}"
+    title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
     print_table(console, title, cells, rows, legend=not full)
-    tables.explain_symbols(console, [item.status for _, _, item in rows if item.status != "ok"])
+    tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
+    print_note(console, *filter(None, [numbers.unused_text(bands)]))
     if not full:
         print_comparison(plan, console)
         _print_invalid(bands, console)
@@ -99,7 +102,7 @@ def _measured_cells(layout: str, of: Callable[[Any], results.BandConfirmation], 
         results.BandConfirmation,
         layout,
         of=of,
-        n_detected=Cells("found", lambda row: detections_cell(of(row)), legend=found, fields=("n_detected",), of=of),
+        n_detected=Cells("found", lambda row: detections_cell(of(row)), legend=found, fields=_COUNTS),
         recovered_contrast=lambda row: _recovered(of(row)),
         outcome=Cells(
             "outcome",
@@ -172,11 +175,10 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
     layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
     cells = _measured_cells(layout, lambda item: item, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
-    count = result.realisations
-    title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
         print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
+        title = f"{result.scene}: {summary.outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
         print_table(console, title, cells, rows, explained=True, legend=not full)
     for item in result.bands if full else ():
         if item.audit is not None:
@@ -186,6 +188,7 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
             print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
+    print_note(console, *summary.programme_sentences(result))
     _print_positions(result.positions, console)
     print_plain(console, *map(albedo_text, result.albedos))
     print_comparison(result, console, measured=bool(rows))
@@ -208,7 +211,7 @@ def _print_searches(searches: list[results.SearchRecord], console: Console) -> N
         shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
         rows += [(search, item) for item in shown] or [(search, None)]
     cells = [
-        *row_cells(results.SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(results.SearchRecord, "band visits frames/2 em_gain/2", of=lambda row: row[0]),
         *row_cells(results.CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
         Cells("is", lambda row: _candidate_text(row[1]), right=False),
     ]
@@ -260,7 +263,9 @@ def _columns(sequences: Sequence[results.PlannedSequenceRow]) -> str:
 _OWN: dict[str, Any] = {
     "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
     "target": lambda item: shortened(item.target),
-    "frames": Cells("frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}"),
+    "frames": Cells(
+        "frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}", fields=("n_frames", "exposure_s")
+    ),
 }
 
 
@@ -269,10 +274,12 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
     cells = row_cells(
         results.SimulatedSequence,
         f"{_columns(result.sequences)} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
-        adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}"),
+        adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}", fields=("adu_min", "adu_max")),
         **_OWN,
     )
-    print_table(console, _title(result.name, len(result.sequences)), cells, result.sequences[:limit])
+    print_table(
+        console, f"{result.name}: {counted(len(result.sequences), 'sequence')}", cells, result.sequences[:limit]
+    )
     if len(result.sequences) > limit:
         print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
@@ -285,10 +292,9 @@ def print_simulation(result: results.SimulationResult, out: Path, console: Conso
 
 def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
     """Print when the visits of a programme are, and where its list is."""
-    count, references = programme.visits, programme.reference_visits
-    title = f"{programme.target}: {count_text(count)} science visit{'s' * (count != 1)}"
-    if references:
-        title += f" and {count_text(references)} reference visit{'s' * (references != 1)}"
+    title = f"{programme.target}: {counted(programme.visits, 'science visit')}"
+    if programme.reference_visits:
+        title += f" and {counted(programme.reference_visits, 'reference visit')}"
         title += f" of {programme.reference}" if programme.reference != programme.target else ""
     visits: dict[tuple[str, str, float, float], list[results.VisitRow]] = {}
     for row in programme.sequences:
@@ -304,7 +310,7 @@ def _print_programme(programme: results.SimulatedProgramme, out: Path, console: 
     print_table(console, title, cells, list(visits.values())[:limit])
     more = len(visits) - limit
     listed = f"The visits are listed in {out / programme.file}."
-    scheme = f" with the scheme {programme.reference_scheme} of references" if references else ""
+    scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
     span = f"The programme spans {decimals(programme.span_days, 2)} days{scheme}."
     print_note(console, " ".join([f"{count_text(more)} more are not shown."] * (more > 0) + [span, listed]))
 
@@ -332,10 +338,6 @@ def _shortened(members: str) -> str:
     return f"{', '.join(names[:_FEW])}{more}"
 
 
-def _title(name: str, count: int) -> str:
-    return f"{name}: {count_text(count)} sequence{'s' * (count != 1)}"
-
-
 def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
     """Return the files where there are few, folders where there are many."""
     if len(sequences) <= _FEW:
@@ -354,7 +356,9 @@ def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: 
         start_utc=lambda item: item.start_utc[:19],
         **_OWN,
     )
-    print_table(console, _title(plan.name, plan.n_sequences), cells, plan.sequences[:limit], last_width=19)
+    print_table(
+        console, f"{plan.name}: {counted(plan.n_sequences, 'sequence')}", cells, plan.sequences[:limit], last_width=19
+    )
     if plan.n_sequences > limit:
         print_note(console, f"... and {plan.n_sequences - limit} more")
     _print_left_out(plan.sequences, console)
@@ -371,29 +375,17 @@ def print_check(result: results.CheckResult, console: Console) -> None:
     result : CheckResult
     console : Console
     """
-    cells = row_cells(
-        results.FindingRecord,
-        "hdu keyword severity message",
-        hdu=lambda item: "" if item.hdu is None else str(item.hdu),
-    )
+    shown = {"hdu": lambda item: "" if item.hdu is None else str(item.hdu)}
+    cells = row_cells(results.FindingRecord, "hdu keyword severity message", **shown)
     for path in dict.fromkeys(item.path for item in result.findings):
         print_plain(console, path, wraps=False)
         rows = [item for item in result.findings if item.path == path]
         print_table(console, "", cells, rows, last_width=console.width)
-    count = f"{count_text(result.n_files)} Level-0 file{'s' * (result.n_files != 1)} checked"
-    numbered = (result.n_errors, "error"), (result.n_warnings, "warning")
-    severities = ", ".join(f"{number} {word}{'s' * (number != 1)}" for number, word in numbered)
-    print_plain(console, f"{count}: {severities if result.findings else 'nothing wrong'}")
+    severities = f"{counted(result.n_errors, 'error')}, {counted(result.n_warnings, 'warning')}"
+    said = severities if result.findings else "nothing wrong"
+    print_plain(console, f"{counted(result.n_files, 'Level-0 file')} checked: {said}")
 
 
 def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:
-    """Print values of an instrument.
-
-    Parameters
-    ----------
-    result : InstrumentResult
-    layout : str
-        Names of the columns.
-    console : Console
-    """
+    """Print values of an instrument, in the columns that ``layout`` names."""
     print_table(console, result.title, row_cells(results.InstrumentValue, layout), result.values, last_width=60)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from cpic_planner.report.cells import Cells, print_table, row_cells
+from cpic_planner.report.cells import Cells, print_plain, print_table, row_cells
 from cpic_planner.report.console_etc import ANSWER
 from cpic_planner.report.numbers import MISSING, full_name, significant
 from cpic_planner.report.words import LIMITED_BY
@@ -26,9 +27,25 @@ class _Row:
 
     @property
     def ratio(self) -> str:
-        if self.base is None or not self.base.value or self.answer.value is None:
+        base, own = self.base, self.answer
+        if base is None or not base.value or own.value is None:
             return MISSING
-        return significant(self.answer.value / self.base.value, 3)
+        return significant(own.value / base.value, 3) if self.alike else _UNLIKE
+
+    @property
+    def alike(self) -> bool:
+        """Whether the answer is about the planet that the first one is about, where there is one."""
+        base, own = self.base, self.answer
+        if base is None:
+            return True
+        pairs = [(own.separation_arcsec, base.separation_arcsec)]
+        pairs += [(own.contrast, base.contrast)] * (own.question != "contrast_limit")  # there it is the answer
+        return all(a == b or (a and b and math.isclose(a, b, rel_tol=_ALIKE)) for a, b in pairs)
+
+
+_ALIKE = 1e-3
+"""Relative difference up to which two separations or contrasts are the same in every digit that is shown."""
+_UNLIKE = "other planet"
 
 
 def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> None:
@@ -61,6 +78,12 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
     )
     title = f"{full_name(results[0][1].target, results[0][1].hip)} with each instrument"
     print_table(console, title, cells, rows, explained=True, legend=True)
+    if any(row.ratio == _UNLIKE for row in rows):
+        print_plain(
+            console,
+            f"No ratio is given where it says {_UNLIKE}: each instrument has its best place for the planet there, and "
+            "planets of other separations or contrasts are not comparable. A stated separation gives both the same.",
+        )
 
 
 def _by_band(result: EtcResult) -> dict[str, list[EtcAnswer]]:

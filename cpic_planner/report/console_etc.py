@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from catalogs.known_planet_columns import FLAGS as KNOWN_FLAGS
 from cpic_planner.report import words
 from cpic_planner.report.cells import Cells, print_note, print_table, row_cells
 from cpic_planner.report.numbers import (
@@ -18,8 +17,10 @@ from cpic_planner.report.numbers import (
     ratio_text,
     share_text,
     significant,
+    unused_text,
 )
-from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme
+from cpic_planner.report.priorities import lacking_lines
+from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from cpic_planner.queries import EtcQuestion
 
 
-_ENDS = ("low", "high")
+_ENDS = ("median", "low", "high")
 _SENTENCES = 2
 """Most sentences under a table."""
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
@@ -80,8 +81,8 @@ def print_etc(
         _print_budget(row, console)
         _print_binding(row, console, explain)
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    more = [f"! {KNOWN_FLAGS[flag]} ({flag})" for flag in (look.flags if look is not None else ())]
-    lines = [*flag_lines(result.answers, result.note), *more]
+    more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
+    lines = [*flag_lines(result.answers, result.note), *(f"! {text}" for text in more)]
     if lines:
         console.print()
         print_note(console, *lines)
@@ -97,7 +98,7 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         f"band value {'range ' * known}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
         "snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=ANSWER,
+        value=replace(ANSWER, numbers=_in_one_unit(result.answers)),
         range=_RANGE,
         separation_arcsec=_within("separation_arcsec", 3),
         contrast=_within("contrast", 0),
@@ -111,6 +112,13 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     print_table(console, title, cells, result.answers, explained=True, legend=True)
+
+
+def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[Taken, ...]:
+    """Return value and unit of answers for files; the unit is that of the column where all have the same."""
+    value, unit = taken_of(EtcAnswer, "value", "unit")
+    units = {row.unit for row in answers}
+    return replace(value, column=replace(value.column, unit="s" if units == {"s"} else "")), unit
 
 
 def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
@@ -141,8 +149,8 @@ def _range_text(row: EtcAnswer) -> str:
     look = row.known_planet
     if look is None or not look.value.answered_share:
         return MISSING
-    low, high = (_value_text(row, value) for value in (look.value.low, look.value.high))
-    return f"{low} to {high}"
+    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in _ENDS)
+    return f"{middle} ({low} to {high})"
 
 
 def _about_text(result: EtcResult) -> str:
@@ -317,6 +325,7 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
     flags = dict.fromkeys(flag for row in rows for flag in row.flags)
     bands = {row.band for row in rows}
     lines = [f"Note: {note}"] if note else []
+    lines += filter(None, [unused_text(rows)])
     for flag in flags:
         mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
@@ -356,7 +365,8 @@ ANSWER = Cells("answer", _answer, fields=("value", "unit"))
 _RANGE = Cells(
     "range",
     _range_text,
-    legend="16 to 84 % of what the errors of place and light leave open",
+    legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
+    "place and light, which may lie elsewhere",
     fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
 )
 _SNR = Cells(

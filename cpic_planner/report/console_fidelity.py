@@ -66,7 +66,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
         *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
         *row_cells(
             ImageCheck,
-            "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
+            "predicted_snr snr etc_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
             n_found=_detections,
@@ -82,7 +82,8 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
         return
     print_note(
         console,
-        "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured error. "
+        "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured error; "
+        "pred/rec: predicted over recovered SNR, that of the closed form over that of images. "
         "Light: planet's light in images without noise over that of the closed form. Found: by a blind search.",
     )
 

@@ -5,13 +5,13 @@ Visibility on the terminal: one star in words, several as a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
-from cpic_planner.report.cells import Cells, Sheet, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
-from cpic_planner.report.priorities import best_window, known_planet_name
+from cpic_planner.report.priorities import best_window, known_planet_name, lacking_lines
 from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
 from cpic_planner.results import (
@@ -27,6 +27,8 @@ from cpic_planner.results import (
 if TYPE_CHECKING:
     from rich.console import Console
 
+_DECIDES = ("phase_unknown", *(flag for flag in FLAGS if flag.endswith("_err_unknown")))
+"""Flags that say what decides where a planet stands."""
 _WINDOWS = 6
 """Windows of a planet that are printed."""
 
@@ -51,6 +53,8 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
     title = f"Known planets: {told}, {result.date_utc[:10]}, {band}{more}"
     print_table(console, title, _cells(result), shown, legend=not full)
+    told_of = {row.planet: [flag for flag in row.flags if full or _told(flag, row)] for row in shown}
+    lines = lacking_lines(told_of if result.years is not None else {}, result.columns_not_used)
     if not full:
         if result.years is not None:
             print_note(
@@ -60,6 +64,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
                 "several windows, that of the best day (-v: all of them, orbits, references).",
             )
             print_note(console, *filter(None, [_caveats(shown)]))
+        print_note(console, *lines)
         return
     if result.years is not None:
         years = f"{result.years:g} years from {result.date_utc[:10]}"
@@ -71,19 +76,20 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
             _print_standing(row, console)
     for row in listed:
         _print_standing(row, console)
-    lacking: dict[str, list[str]] = {}
-    for row in shown if result.years is not None else ():
-        for flag in row.flags:
-            lacking.setdefault(flag, []).append(row.planet.rpartition(" ")[2])
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
         f"and outer corner of the dark hole of {band} ({result.holes[0].inner_arcsec:.2f} to "
         f"{result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the position angle decides as well.",
-        *(f"{flag} ({', '.join(letters)}): {FLAGS[flag]}." for flag, letters in lacking.items()),
+        *(lines if result.years is not None else ()),
         f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
         f"{result.albedo} albedo.",
     )
+
+
+def _told(flag: str, row: KnownPlanetRow) -> bool:
+    """Return whether a flag says what decides where a planet stands, or what an unused column may tell."""
+    return flag in _DECIDES or ("columns_not_used" in row.flags and flag.endswith("_unknown"))
 
 
 def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
@@ -117,8 +123,10 @@ def _cells(result: KnownResult) -> list[Cells]:
             fields=("separation_arcsec",),
         ),
         phase_deg=lambda row: _with_width(row.phase_deg, 0),
-        contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median), legend=f"in {hole.band}"),
-        in_hole=Cells("in hole", lambda row: f"{100.0 * row.bands[0].hole_share:.0f} %", legend=inside),
+        contrast=computed("contrast", lambda row: row.bands[0].contrast.median, ratio_text, f"in {hole.band}"),
+        in_hole=computed(
+            "in hole", lambda row: row.bands[0].hole_share, lambda share: f"{100.0 * share:.0f} %", inside
+        ),
         phase_known=Cells("phase known", lambda row: "no" if "phase_unknown" in row.flags else "yes", right=False),
         window=Cells("window", _window, right=False),
         best_day=Cells("best day", _best_day, legend="that on which it stands there most likely, and how likely"),
@@ -251,11 +259,15 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
 
 
 def _visibility_cells(years: bool) -> list[Cells]:
-    def blocked(name: str) -> Callable[[VisibleTarget], str]:
-        return lambda row: f"{row.blocked_days[name]:g}"
-
     days: dict[str, Any] = {
-        name: Cells(header, blocked(name), legend=f"days blocked, {BLOCK_WORDS[name]}")
+        name: computed(
+            header,
+            lambda row, name=name: row.blocked_days[name],
+            "{:g}".format,
+            f"days blocked, {BLOCK_WORDS[name]}",
+            name=f"blocked_{name}_days",
+            unit="d",
+        )
         for name, header in _BLOCKED.items()
     }
     return row_cells(

@@ -8,12 +8,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from operator import itemgetter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.files import score_taken
 from cpic_planner.report.numbers import (
     MISSING,
     chosen_text,
@@ -25,7 +25,7 @@ from cpic_planner.report.numbers import (
     short_name,
     significant,
 )
-from cpic_planner.report.priorities import print_ensemble
+from cpic_planner.report.priorities import lacking_lines, print_ensemble
 from cpic_planner.report.summary import (
     detected_sentence,
     expected_sentence,
@@ -72,6 +72,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, f
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
     print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
+    print_note(console, *lacking_lines({}, rank.population.columns_not_used))
     if rank.ensemble is not None:
         print_ensemble(rank.ensemble, shown, console)
 
@@ -105,7 +106,7 @@ def _zeros(rank: results.RankResult) -> str:
 
 
 def _score_cells(name: str) -> Cells:
-    return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
+    return Cells(SCORES[name].label, lambda row: score_number(row.score, name), numbers=(score_taken(name),))
 
 
 def _fall(row: results.SensitivityRow) -> str:
@@ -123,8 +124,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     """
     cells = row_cells(
         results.SensitivityRow,
-        "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
-        kept=lambda row: f"{row.kept}/{result.top}",
+        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 text",
+        kept_first=Cells(f"of {result.first}", lambda row: count_text(row.kept_first)),
+        kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
         largest_fall=_fall,
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
@@ -133,7 +135,8 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_note(
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
-        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
+        f"tau of: their number; of {result.first}, of {result.top}: how many of the nominal first stars stay among "
+        "them; biggest fall: in ranks.",
     )
 
 
@@ -143,8 +146,8 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
     old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
     rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
     cells = [
-        Cells("before", lambda move: count_text(move.before.rank)),
-        Cells("after", lambda move: count_text(move.after.rank)),
+        Cells("before", lambda move: count_text(move.before.rank), fields=("before.rank",), kind=results.RankMove),
+        Cells("after", lambda move: count_text(move.after.rank), fields=("after.rank",), kind=results.RankMove),
         *row_cells(results.RankMove, "name score_ratio/1 why"),
     ]
     count = len(result.targets)
@@ -213,14 +216,8 @@ def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> Non
         "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
         dominant=lambda band: term_text(band.dominant),
     )
-    print_table(console, "Its reference planet and its population, band by band", cells, bands, explained=True)
-    print_note(
-        console,
-        "compl %, of all %, in zone %, whole %: shares of the population that are detected and not excluded by what is "
-        "known, that are detected, that lie in the dark quadrants, and whose whole aperture lies there, as a detection "
-        "needs; limit: faintest contrast detected there; at most: "
-        "margin that no length of visit can pass.",
-    )
+    title = "Its reference planet and its population, band by band"
+    print_table(console, title, cells, bands, explained=True, legend=True)
 
 
 def _print_limits(explanation: results.Explanation, console: Console) -> None:
@@ -241,17 +238,13 @@ _LAST_COLUMN = 24
 _MOST_STRATEGIES = 20
 
 
-def print_whatif(
-    result: results.WhatIfResult, console: Console, report: Path | None = None, *, full: bool = True
-) -> None:
-    """Print the summary, the strategies, their differences with the first one, and where the report is.
+def print_whatif(result: results.WhatIfResult, console: Console, *, full: bool = True) -> None:
+    """Print the summary, the strategies, and their differences with the first one.
 
     Parameters
     ----------
     result : WhatIfResult
     console : Console
-    report : Path, optional
-        The written report.
     full : bool
         Also every strategy's images, and what the comparison is to be made again with.
     """
@@ -275,34 +268,50 @@ def print_whatif(
         print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
     else:
         print_note(console, *filter(None, [_images_sentence(result.strategies)]))
-    if report is not None:
-        print_plain(console, f"report: {report}")
 
 
 _STRATEGIES = row_cells(
     results.StrategyOutcome,
     "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
     planets=lambda item: decimals(item.planets.mean, 2),
-    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high), legend="of the mean"),
+    interval=Cells(
+        "interval",
+        lambda item: interval_text(item.planets.low, item.planets.high),
+        legend="of the mean",
+        fields=("planets.low", "planets.high"),
+    ),
     survey=Cells(
         "survey",
         lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
         legend="5 to 95 % of single surveys",
+        fields=("planets.survey_low", "planets.survey_high"),
     ),
-    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2), legend="planets that nobody knows"),
+    new=Cells(
+        "new",
+        lambda item: decimals(item.new_planets.mean, 2),
+        legend="planets that nobody knows",
+        fields=("new_planets",),
+    ),
     hours=lambda item: decimals(item.hours.mean, 0),
-    visits=Cells(
-        "visits", lambda item: decimals(sum(target.visits for target in item.targets), 1), legend="made, mean"
+    visits=computed(
+        "visits",
+        lambda item: sum(target.visits for target in item.targets),
+        lambda value: decimals(value, 1),
+        "made, mean",
     ),
-    bound=Cells(
+    bound=computed(
         "bound %",
-        lambda item: decimals(100.0 * item.schedule.distance, 1),
-        legend="optimality gap: planets lost relative to the best possible calendar, at most",
+        lambda item: item.schedule.distance,
+        lambda value: decimals(100.0 * value, 1),
+        "optimality gap: planets lost relative to the best possible calendar, at most",
+        name="optimality_gap",
     ),
-    alarms=Cells(
+    alarms=computed(
         "alarms",
-        lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean),
-        legend="false ones, mean",
+        lambda item: item.noise_alarms.mean + item.background_alarms.mean,
+        planets_text,
+        "false ones, mean",
+        name="false_alarms",
     ),
 )
 

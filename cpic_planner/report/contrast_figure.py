@@ -12,7 +12,7 @@ from cpic_core import NDArray
 from cpic_planner.report import drawing
 from cpic_planner.report.drawing import Look, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.numbers import duration_text, pretty_name
-from cpic_planner.report.words import status_text
+from cpic_planner.report.words import verdict_text
 from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
@@ -94,15 +94,12 @@ def contrast_diagram(
         contrast_axes(axes)
         handles: list[Artist] = []
         texts: list[str] = []
-        for status in reversed(drawing.STATUS_STYLE):
-            chosen = [row for row in rows if row.status == status]
-            if not chosen:
-                continue
-
+        groups = drawing.by_verdict(rows)
+        for verdict, chosen in reversed(groups.items()):
             x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
-            size = 14 if status == "unreachable" else 26
-            handles.append(axes.scatter(x, y, s=size, **drawing.status_look(status, faint=0.45)))
-            texts.append(f"contrast of reference planet: {status_text(status)} ({len(chosen)})")
+            size = 14 if verdict == "unreachable" else 26
+            handles.append(axes.scatter(x, y, s=size, **drawing.verdict_look(verdict, faint=0.45)))
+            texts.append(f"reference planet: {verdict_text(verdict)} ({len(chosen)})")
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
             x, y = [row.separation_arcsec for row in ringed], [row.contrast for row in ringed]
@@ -122,7 +119,7 @@ def contrast_diagram(
         reach = [9.0 if row.name in confirmed else 5.0 for row in chosen]
         names = [literal(pretty_name(row.name)) for row in chosen]
         labels = {row.name for row in chosen}
-        detected = [row for row in rows if row.status == "ok" and row.name not in labels]
+        detected = [row for row in groups.get("detected", []) if row.name not in labels]
         seen = [(row.separation_arcsec, row.contrast) for row in detected]
         place_labels(axes, x, y, names, fontsize=9, reach_px=reach, others=seen)
         return save(

@@ -1,16 +1,24 @@
-"""Page one of the report of a plan, the decision: which stars, what to ask for, when, in which tier, what decides.
+"""Page one of the report of a plan, the decision: which stars, what to ask for, when, in which tier, what changes it.
 
 What the decision rests on, in sentences that are computed from the numbers.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report import document as doc, image_figures, summary, words
 from cpic_planner.report.cells import frames_text
-from cpic_planner.report.numbers import MISSING, chosen_text, count_text, duration_text, pretty_name, significant
+from cpic_planner.report.numbers import (
+    MISSING,
+    chosen_text,
+    count_text,
+    duration_text,
+    formatted,
+    pretty_name,
+    significant,
+)
 from cpic_planner.report.priorities import TIERS
 from cpic_planner.report.words import counted
 
@@ -81,10 +89,10 @@ def decision_sentences(plan: results.PlanResult) -> list[str]:
         stars = counted(len(plan.targets), "star")
         return [f"None is proposed: the images of {stars} show the reference planet in no band."]
     (first, best), *others = ready
-    frames = f"{count_text(best.n_frames)} frames of {significant(best.exposure_s)} s at EM gain"
+    visits = "" if best.visits is None else f"{counted(best.visits, 'visit')}, in all "
     found = [
-        f"Observe {pretty_name(first.name)} first, in {best.band}: {frames} {significant(best.em_gain)}, "
-        f"{duration_text(best.time_s)} with references and overheads."
+        f"Observe {pretty_name(first.name)} first, in {best.band}: {visits}{count_text(best.n_frames)} frames of "
+        f"{significant(best.exposure_s)} s at EM gain {significant(best.em_gain)}. It takes {_time_text([best])}."
     ]
     if when := seasons_texts(plan, first.name):
         found.append(f"It can be seen {', '.join(when)}.")
@@ -93,48 +101,105 @@ def decision_sentences(plan: results.PlanResult) -> list[str]:
     if others:
         names = [pretty_name(target.name) for target, _ in others]
         more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        total_s = sum(best.time_s or 0.0 for _, best in ready)
         found.append(
-            f"Then {', '.join(names[:_MOST_NAMED])}{more}, as in the table: "
-            f"{duration_text(total_s)} for {counted(len(ready), 'star')}."
+            f"Then {', '.join(names[:_MOST_NAMED])}{more}, as in the table. "
+            f"All {len(ready)} stars together take {_time_text([best for _, best in ready])}."
         )
     return found
 
 
-_FIRST: tuple[doc.Column[Pick], ...] = (
-    doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
-    doc.Column(
-        "Star",
-        lambda pick: star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
-        look="row left star",
-    ),
-    doc.Column("Tier", lambda pick: MISSING if pick[1].ranked.tier is None else str(pick[1].ranked.tier)),
-    doc.Column("Band", of_band(lambda best: best.band), look="left"),
-    doc.Column("Frames × exposure", of_band(frames_text), "s"),
-    doc.Column("EM gain", of_band(lambda best: significant(best.em_gain))),
-    doc.Column("Wall time", of_band(lambda best: duration_text(best.time_s))),
-)
+def _time_text(bands: Sequence[results.BandConfirmation]) -> str:
+    """Return the telescope time of observations, and the wall time of their frames."""
+    wall = f"{duration_text(sum(band.time_s or 0.0 for band in bands))} of wall time"
+    hours = [band.telescope_h for band in bands if band.telescope_h is not None]
+    if not hours:
+        return f"{wall}; the telescope time is not known"
+    some = "" if len(hours) == len(bands) else f" without the {len(bands) - len(hours)} where it is not known"
+    return f"{_hours_text(sum(hours))} of telescope time{some} ({wall} with references and readouts)"
 
 
-def first_table(plan: results.PlanResult) -> doc.Table:
-    """Return what to ask for: a line a target, with what a detection asks for and what the images say."""
-    columns = (
-        *_FIRST,
-        doc.Column("Can be seen", lambda pick: doc.lines(*seasons_texts(plan, pick[1].name)) or MISSING, look="left"),
-        doc.Column("A detection asks for", lambda pick: asks_text(pick[1].ranked), "at least", look="wide"),
+def _hours_text(hours: float | None) -> str:
+    return MISSING if hours is None else f"{significant(hours)} h"
+
+
+def first_table(plan: results.PlanResult, rank: results.RankResult, n_assumptions: int = 0) -> doc.Table:
+    """Return what to ask for: a line a target, with what a detection asks for and what the images say.
+
+    Parameters
+    ----------
+    plan : PlanResult
+    rank : RankResult
+    n_assumptions : int
+        How many other assumptions the ranking was tried under.
+    """
+    doubted = "5 to 95 % of instruments" if rank.ensemble else f"under {counted(n_assumptions, 'assumption')}"
+    columns: list[doc.Column[Pick]] = [
+        doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
         doc.Column(
-            "Position",
-            lambda pick: doc.lines(words.ra_text(pick[1].ranked.ra_deg), words.dec_text(pick[1].ranked.dec_deg)),
-            "ICRS",
+            "Star",
+            lambda pick: doc.lines(
+                doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)),
+                *map(doc.small, _place_texts(pick[1].ranked)),
+            ),
+            look="row left star",
         ),
+        doc.Column("Band", of_band(lambda best: doc.lines(best.band, doc.small(f"gain {significant(best.em_gain)}")))),
+        doc.Column(
+            "Visits",
+            of_band(lambda best: doc.lines(formatted(best.visits), doc.small(f"{frames_text(best)} s"))),
+            "frames × exposure",
+        ),
+        doc.Column(
+            "Telescope time",
+            of_band(lambda best: doc.lines(_hours_text(best.telescope_h), doc.small(duration_text(best.time_s)))),
+            "wall time",
+        ),
+        doc.Column("A detection asks for", lambda pick: _least_cell(pick[1]), "at least"),
+        doc.Column("SNR", of_band(lambda best: significant(best.predicted_snr)), "predicted"),
+        doc.Column(
+            "Found blind", of_band(lambda best: formatted(best.predicted_detection_probability, "%")), "predicted, %"
+        ),
+        doc.Column("Rank", lambda pick: _interval_text(pick[1]), doubted),
+        doc.Column("Can be seen", lambda pick: doc.lines(*seasons_texts(plan, pick[1].name)) or MISSING, look="left"),
         doc.Column("In images", _badge, look="left"),
-    )
+    ]
     caption = (
-        "What to ask for, in order of the ranking; positions are those of the catalogue epoch, without proper motion. "
-        "Wall time holds science frames, reference frames, readouts and the overhead of each visit, but no "
-        "occultations. At least: the shortest observation, in any band, that shows the reference planet to the search."
+        "What to ask for, in order of the ranking. Telescope time is what all visits take from the observatory: wall "
+        "time (science frames, reference frames, readouts), the parts of orbits in which the star is hidden, at the "
+        "mean visibility of its days, and two slews a visit with their settling. At least: the shortest observation, "
+        "in any band, that shows the reference planet to the search. Positions: ICRS, without proper motion."
     )
-    return doc.table("What to observe first", caption, columns, picks_of(plan))
+    return doc.table("What to observe first", caption, columns, picks_of(plan), look="firm")
+
+
+def _place_texts(star: results.RankedTarget) -> list[str]:
+    """Return the Hipparcos number and the position of a star."""
+    hip = [] if star.hip is None else [f"HIP {star.hip}"]
+    return hip if star.ra_deg is None else [*hip, f"{words.ra_text(star.ra_deg)} {words.dec_text(star.dec_deg)}"]
+
+
+def _least_cell(target: results.ConfirmedTarget) -> doc.Inline:
+    if target.detection_telescope_h is None:
+        return asks_text(target.ranked)
+    return doc.lines(_hours_text(target.detection_telescope_h), doc.small(asks_text(target.ranked)))
+
+
+def _reference_text(plan: results.PlanResult) -> str:
+    """Return where the reference frames come from; of another star what it has to be."""
+    text = words.sentence(LIBRARIES[plan.reference_library].meaning)
+    if plan.reference_star_v_mag is None:
+        return text
+    star = f"V {significant(plan.reference_star_v_mag)} and {significant(plan.reference_star_teff_k, 4)} K"
+    return f"{text} It is taken to have {star}; the plan does not choose it, and counts one slew a visit for it."
+
+
+def _interval_text(target: results.ConfirmedTarget) -> str:
+    """Return between which ranks a star is: under an ensemble of instruments, or else under other assumptions."""
+    star = target.ranked
+    low, high = target.rank_lowest, target.rank_highest
+    if star.rank_p05 is not None and star.rank_p95 is not None:
+        low, high = round(star.rank_p05), round(star.rank_p95)
+    return MISSING if low is None or high is None else f"{low} to {high}" if low < high else f"{low}"
 
 
 def tier_facts(rank: results.RankResult, named: Named) -> list[tuple[doc.Inline, doc.Inline]]:
@@ -159,23 +224,6 @@ def tier_facts(rank: results.RankResult, named: Named) -> list[tuple[doc.Inline,
     return facts
 
 
-def decides_text(rank: results.RankResult, sensitivity: results.SensitivityResult | None) -> str:
-    """Return which assumptions decide the ranking; empty where none was changed.
-
-    Parameters
-    ----------
-    rank : RankResult
-    sensitivity : SensitivityResult, optional
-    """
-    said = [] if rank.ensemble is None else [rank.ensemble.statement]
-    if sensitivity is not None:
-        deciding = [row.text for row in sensitivity.rows if row.assumption in sensitivity.decides]
-        tried = f"{counted(len(sensitivity.rows), 'assumption')}, changed one at a time,"
-        some = f"{len(deciding)} of {tried} {'decides' if len(deciding) == 1 else 'decide'} the ranking"
-        said.append(f"{some}: {'; '.join(deciding)}." if deciding else f"None of {tried} decides the ranking.")
-    return " ".join(said)
-
-
 def decision_blocks(
     plan: results.PlanResult, rank: results.RankResult, sensitivity: results.SensitivityResult | None, named: Named
 ) -> Iterator[doc.Block]:
@@ -195,10 +243,12 @@ def decision_blocks(
     first, *others = decision_sentences(plan)
     yield doc.Paragraph([doc.strong(first), " ".join(["", *others])], "lead")
     if plan.targets:
-        yield first_table(plan)
+        yield first_table(plan, rank, 0 if sensitivity is None else len(sensitivity.rows))
     facts = tier_facts(rank, named)
-    if decides := decides_text(rank, sensitivity):
-        facts.append(("What decides the ranking", decides))
+    facts.append(("Reference frames", _reference_text(plan)))
+    doubts = [doubted.statement for doubted in (rank.ensemble, sensitivity) if doubted is not None]
+    if doubts:
+        facts.append(("What would change", " ".join(doubts)))
     facts.append(("Does the prediction hold?", summary.calibration_sentence(plan)))
     yield doc.Facts(facts)
 
@@ -222,7 +272,7 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
         *([] if rank.ensemble is None else [rank.ensemble.statement]),
     ]
     if not plan.targets:
-        return [*sentences, "No target was confirmed with simulated images."]
+        return [*sentences, "No target was simulated as images."]
     picks = [(target, summary.chosen(target)) for target in plan.targets]
     confirmed = [(target, band) for target, band in picks if band is not None and band.detected]
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]

@@ -6,7 +6,7 @@ import base64
 import contextlib
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
+    from cpic_planner.results import RankedTarget
+
 WIDTH_INCHES = 9.0
 SCREEN_DPI = 100
 IMAGE_DPI = 130
@@ -31,8 +33,9 @@ _MAP_COLOURS = 112
 _PNG_LEVEL = 6
 
 # Okabe-Ito colours: told apart with any colour vision; markers differ as well.
-STATUS_STYLE: dict[str, tuple[str, str]] = {
-    "ok": ("#0072B2", "o"),
+VERDICT_STYLE: dict[str, tuple[str, str]] = {
+    "detected": ("#0072B2", "o"),
+    "measured_not_detected": ("#56B4E9", "v"),
     "unreachable": ("#8C8C8C", "o"),
     "saturated": ("#D55E00", "^"),
     "outside_field": ("#CC79A7", "s"),
@@ -194,10 +197,25 @@ RING: Look = {"facecolors": "none", "edgecolors": "#111111", "linewidths": 1.2, 
 """A ring around a point that stands out."""
 
 
-def status_look(status: str, *, faint: float) -> Look:
-    """Return how points of a status are scattered; unreachable ones lie below others, with opacity ``faint``."""
-    colour, marker = STATUS_STYLE[status]
-    alpha, zorder = (faint, 2) if status == "unreachable" else (0.85, 4)
+def by_verdict(rows: Iterable[RankedTarget]) -> dict[str, list[RankedTarget]]:
+    """Return rows by the keys of `VERDICT_STYLE`: their verdicts, and for what is out of reach its status."""
+    groups: dict[str, list[RankedTarget]] = {verdict: [] for verdict in VERDICT_STYLE}
+    for row in rows:
+        groups[verdict_of(row)].append(row)
+    return {verdict: group for verdict, group in groups.items() if group}
+
+
+def verdict_of(row: RankedTarget) -> str:
+    """Return the verdict of a row, and for what is out of reach its status; older results have the status alone."""
+    if row.status != "ok":
+        return row.status
+    return row.verdict or "detected"
+
+
+def verdict_look(verdict: str, *, faint: float) -> Look:
+    """Return how points of a verdict are scattered; unreachable ones lie below others, with opacity ``faint``."""
+    colour, marker = VERDICT_STYLE[verdict]
+    alpha, zorder = (faint, 2) if verdict == "unreachable" else (0.85, 4)
     return {"c": colour, "marker": marker, "alpha": alpha, "linewidths": 0 if marker != "x" else 1, "zorder": zorder}
 
 
@@ -211,11 +229,12 @@ def plain_ticks(axis: Axis, *steps: float, **limits: int) -> None:
 
 
 def power_ticks(axis: Axis) -> None:
-    """Write powers of ten at a logarithmic axis, and 2 and 5 times them where it spans less than two decades."""
+    """Write powers of ten at a logarithmic axis, and 2 and 5 times them where there are fewer than two of them."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    powers = np.floor(np.log10(high)) - np.ceil(np.log10(low))
+    axis.set_major_locator(LogLocator(subs=(1.0,) if powers >= 1 else (1.0, 2.0, 5.0)))
 
     def written(value: float, _: float) -> str:
         power = int(np.floor(np.log10(value) + 1e-9))

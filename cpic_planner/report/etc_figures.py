@@ -186,7 +186,13 @@ _UNDATED: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": None},
 }
 _LEAST_SHARE = 0.02
-_BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.6, "fontsize": 9}
+_BELOW: Look = {
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, 0.0),
+    "borderaxespad": 4.6,
+    "fontsize": 8.5,
+    "columnspacing": 1.2,
+}
 _TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
 _REST = "#D0D0D0"
 _TERM_COLOURS = {
@@ -282,7 +288,7 @@ _HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
 
 def _below(legend_rows: int) -> float:
     """Return the room for an axis and a legend below it, inches."""
-    return 0.8 + 0.2 * legend_rows
+    return 0.75 + 0.18 * legend_rows
 
 
 def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, height: float) -> None:
@@ -292,7 +298,7 @@ def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, he
 
 def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
     """Put a legend below, and return its rows."""
-    legend = axes.legend(handles=handles, ncols=columns, **_BELOW)
+    legend = axes.legend(handles=handles, ncols=columns, columnspacing=1.2, **_BELOW)
     return math.ceil(len(legend.get_texts()) / columns)
 
 
@@ -317,8 +323,8 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
 
     axes.grid(visible=True)
     axes.set(xscale="log", yscale="log", xlabel="wall time allowed (h)", ylabel="SNR, significance")
-    handles, lows, highs = [], [], []
-    for curve, (colour, marker) in zip(curves.times, _line_looks(curves.times, looks), strict=True):
+    handles, lows, highs, drawn = [], [], [], _line_looks(curves.times, looks)
+    for curve, (colour, marker) in zip(curves.times, drawn, strict=True):
         hours = curve.time_s / 3600.0
         axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
         look: Look = {"lw": 1.3, "ls": (0, (4, 2)), "label": f"_{curve.label}, significance"}
@@ -330,7 +336,8 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
             for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
                 look = {"marker": marker, "ms": 7, "mfc": face, "mec": colour, "mew": 1.3, "ls": "none"}
                 axes.plot(curve.point[0] / 3600.0, value, zorder=5, **look)
-        handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
+        if curve.label not in looks:  # bands have their names below the other panel
+            handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         for values in (curve.snr, curve.significance):
             good = values[np.isfinite(values) & (values > 0)]
             if good.size:
@@ -347,7 +354,7 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     plain_ticks(axes.yaxis, 1.0, 3.0)
     plain_ticks(axes.xaxis, 1.0)
     _few_ticks(axes.xaxis, axes.yaxis)
-    axes.set_title("best visit of at most this time", **_TITLE)
+    axes.set_title("The answer's visits, shorter or longer", **_TITLE)
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
         return 0
@@ -356,11 +363,16 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
 
 def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
     axes.grid(visible=True)
-    axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)", ylabel="planet-to-star contrast (flux ratio)")
+    from matplotlib.lines import Line2D
+
+    axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)")
+    axes.set_ylabel("planet-to-star contrast (flux ratio)", fontsize=9)
     shown: list[float] = []
+    handles = []
     for curve in curves.limits:
         colour, marker = looks[curve.label]
-        axes.plot(curve.separation_arcsec, curve.contrast, color=colour, lw=1.7, label=f"{curve.label} limit")
+        axes.plot(curve.separation_arcsec, curve.contrast, color=colour, lw=1.7, label=f"_{curve.label} limit")
+        handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         good = curve.contrast[np.isfinite(curve.contrast)]
         shown += np.percentile(good, [0, 92]).tolist() if good.size else []
         for place, contrast in curve.planets:
@@ -369,9 +381,9 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
     if shown:
         axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
     _few_ticks(axes.yaxis)
-    title = f"limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}; symbols: planet"
+    title = f"Limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}, and planet"
     axes.set_title(title, **_TITLE)
-    return _legend(axes, 2)
+    return _legend(axes, min(len(handles), 4), handles)
 
 
 def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> tuple[int, int]:

@@ -5,20 +5,22 @@ Tables of the terminal as CSV, ECSV, LaTeX and Markdown.
 
 from __future__ import annotations
 
-import json
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
+
+from pydantic import BaseModel
 
 from cpic_core import visible
 from cpic_planner import results
-from cpic_planner.report.cells import Cells
-from cpic_planner.report.words import STATUS_SYMBOLS
+from cpic_planner.registry import SCORES
+from cpic_planner.report.cells import Cells, chosen, fitting, offered, plain_text
+from cpic_planner.version import __version__
 from simulator.knobs import Quantity
 
-_DIGITS = 4
-_MARKS = re.compile(f"^[→·{''.join(STATUS_SYMBOLS.values())}\\s]+")
+_LATEX_WIDTH, _LATEX_GAP = 82, 2  # letters of \\footnotesize on a line of an article, and between two columns
 _POWER = re.compile(r"(\d\.?\d*)e([-+]\d+)")
 _LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}"}
 _LATEX |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": r"\ldots{}", "×": r"$\times$", "±": r"$\pm$"}
@@ -34,61 +36,73 @@ _LATEX |= {
 _LATEX |= {"≥": r"$\ge$", "≤": r"$\le$", "λ": r"$\lambda$", "⊕": r"$\oplus$", "…": r"\ldots{}"}
 
 
-def form_text(form: str, title: str, columns: Sequence[Cells], rows: Sequence[Any]) -> str:
-    """Return a table of the terminal, with all its columns, as text of another form.
+def form_text(
+    form: str,
+    result: BaseModel,
+    taken: tuple[str, Sequence[Cells], Sequence[Any]],
+    *,
+    columns: Sequence[str] = (),
+    caption: str = "",
+    label: str = "",
+) -> str:
+    """Return a table of the terminal as text of another form.
 
     Parameters
     ----------
     form : str
-        ``csv`` and ``ecsv`` have the fields of the rows, units in the names or the header, four significant digits and
-        empty cells for null; ``latex`` (a plain ``tabular``) and ``markdown`` have the cells of the terminal.
-    title : str
-    columns : sequence of Cells
-    rows : sequence
-        What `Cells.text` takes.
+        ``csv`` and ``ecsv`` have the fields of the rows, units in the names or the header, numbers in full and empty
+        cells for null; ``latex`` (a ``table`` with the columns that fit a page) and ``markdown`` have the cells of
+        the terminal.
+    result : BaseModel
+        The result that the table is of: it says where its data are from.
+    taken : tuple
+        Title, columns and entries of the table, as `cpic_planner.report.cells.Sheet` keeps them.
+    columns : sequence of str
+        Names of the columns that are asked for; those of the table by default.
+    caption, label : str
+        Of a ``table`` in LaTeX; by default the title with the data and the version, and the kind of result.
+
+    Raises
+    ------
+    InputError
+        For columns that the table does not have.
     """
+    title, shown, rows = visible(taken[0], "\n"), *taken[1:]
+    shown = chosen(shown, columns) if columns else shown
     if form in ("latex", "markdown"):
-        heads = [f"{column.label or column.header}{f' ({column.unit})' * bool(column.unit)}" for column in columns]
-        cells = [[_MARKS.sub("", column.cell(row)) for column in columns] for row in rows]
-        return (_latex if form == "latex" else _markdown)(
-            visible(title, "\n"), heads, [column.right for column in columns], cells
-        )
-    fields: dict[str, str] = {}
-    table: list[dict[str, Any]] = [{} for _ in rows]
-    for column in columns:
-        for name in column.fields or (None,):
-            for line, row in zip(table, rows, strict=True):
-                found = _values(column, name, row)
-                line.update(found)
-                for key in found:
-                    fields.setdefault(key, "" if name is None else results.unit_of(name))
-    text = results.csv_text(tuple(fields), table, joined=results.FLAG_SEPARATOR, digits=_DIGITS)
-    return text if form == "csv" else _ecsv_header(title, fields, table) + text
+        cells = [[plain_text(column, row) for column in shown] for row in rows]
+        if form == "latex":
+            label = label or f"tab:{getattr(result, 'kind', 'table')}"
+            return _latex(caption or _caption(title, result), label, shown, cells)
+        heads = [f"{column.label or column.header}{f' ({column.unit})' * bool(column.unit)}" for column in shown]
+        return _markdown(title, heads, [column.right for column in shown], cells)
+    items = {item.column.name: item for column in shown for item in column.taken}
+    if form == "ecsv":
+        meta = {"title": title, "flag_separator": results.FLAG_SEPARATOR}
+        return results.ecsv_text(list(items.values()), rows, meta)
+    table = ({name: item.value(row) for name, item in items.items()} for row in rows)
+    return results.csv_text(tuple(items), table, joined=results.FLAG_SEPARATOR)
 
 
-def _values(column: Cells, name: str | None, row: Any) -> dict[str, Any]:
-    """Return the cells of a row in a file by name: a field, three of what has errors, or the terminal's text."""
-    if name is None:
-        text = _MARKS.sub("", column.cell(row))
-        return {re.sub(r"\W+", "_", column.header.casefold()).strip("_") or "text": text}
-    value: Any = column.of(row)
-    for part in name.split("."):
-        value = getattr(value, part, None)
-    name = name.replace(".", "_")
-    if isinstance(value, results.Quantiles):
-        return {f"{name}_low": value.low, name: value.median, f"{name}_high": value.high}
-    return {name: value}
+def offered_text(taken: tuple[str, Sequence[Cells], Sequence[Any]]) -> str:
+    """Return the columns that a table can have, a line each: name, unit, meaning."""
+    lines = []
+    for name, cells in offered(taken[1]).items():
+        column = next(item.column for item in cells.taken if item.column.name == name)
+        unit = f" [{column.unit}]" if column.unit else ""
+        lines.append(f"{name}{unit}{f': {column.description}' if column.description else ''}\n")
+    return "".join(lines)
 
 
-def _ecsv_header(title: str, fields: Mapping[str, str], table: Sequence[Mapping[str, Any]]) -> str:
-    lines = ["%ECSV 1.0", "---", "delimiter: ','", "datatype:"]
-    for name, unit in fields.items():
-        kinds = {type(cells.get(name)) for cells in table} - {type(None)}
-        number = "int64" if kinds <= {int, bool} else "float64" if kinds <= {int, bool, float} else "string"
-        about = {"name": name} | ({"unit": unit} if unit else {}) | {"datatype": number if kinds else "string"}
-        lines.append(f"- {json.dumps(about)}")
-    lines += [f"meta: {json.dumps({'title': title})}", "schema: astropy-2.0"]
-    return "".join(f"# {line}\n" for line in lines)
+def _caption(title: str, result: BaseModel) -> str:
+    """Return what a table is, of which date and data, and the version that made it, as sentences."""
+    date = str(getattr(result, "date_utc", ""))[:10]
+    said = (
+        *title.split("\n"),
+        f"Date: {date}" if date else "",
+        str(getattr(result, "catalogue", "")).partition(" (")[0],
+    )
+    return " ".join(f"{text.strip().rstrip('.')}." for text in (*said, f"cpic-planner {__version__}") if text.strip())
 
 
 def _markdown(title: str, heads: Sequence[str], right: Sequence[bool], cells: Sequence[Sequence[str]]) -> str:
@@ -99,14 +113,21 @@ def _markdown(title: str, heads: Sequence[str], right: Sequence[bool], cells: Se
     return f"{title}\n\n{line(heads)}{rule}{''.join(map(line, cells))}"
 
 
-def _latex(title: str, heads: Sequence[str], right: Sequence[bool], cells: Sequence[Sequence[str]]) -> str:
-    def line(words: Sequence[str]) -> str:
-        return " & ".join(map(latex_text, words)) + " \\\\\n"
+def _latex(caption: str, label: str, columns: Sequence[Cells], cells: Sequence[Sequence[str]]) -> str:
+    heads = [
+        f"{item.header} ({item.unit})" if item.unit and item.header == item.label else item.header for item in columns
+    ]
+    widths = [max(len(line[i]) for line in [heads, *cells]) + _LATEX_GAP for i in range(len(heads))]
+    shown = fitting(columns, widths, _LATEX_WIDTH)
 
-    sides = "".join("r" if side else "l" for side in right)
-    body = "".join(map(line, cells))
-    about = " ".join(title.split())
-    return f"% {about}\n\\begin{{tabular}}{{{sides}}}\n\\hline\n{line(heads)}\\hline\n{body}\\hline\n\\end{{tabular}}\n"
+    def line(words: Sequence[str]) -> str:
+        return f"{' & '.join(latex_text(words[i]) for i in shown)} \\\\\n"
+
+    sides = "".join("r" if columns[i].right else "l" for i in shown)
+    look = "\\begin{table}\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n"
+    named = f"\\caption{{{latex_text(caption)}}}\n\\label{{{label}}}\n"
+    tabular = f"\\begin{{tabular}}{{{sides}}}\n\\hline\n{line(heads)}\\hline\n{''.join(map(line, cells))}\\hline\n"
+    return f"{look}{named}{tabular}\\end{{tabular}}\n\\end{{table}}\n"
 
 
 def latex_text(text: str) -> str:
@@ -149,22 +170,35 @@ MEASUREMENT_COLUMNS: tuple[str, ...] = (
 `AuditRecord`."""
 
 
-def ranking_csv(rank: results.RankResult) -> str:
+def score_taken(name: str) -> results.Taken:
+    """Return the column of a score in files, with the unit of that score."""
+    (taken,) = results.taken_of(results.RankedTarget, "score")
+    return replace(taken, column=replace(taken.column, unit=SCORES[name].unit))
+
+
+def ranking_csv(rank: results.RankResult, limit: int | None = None) -> str:
     """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
 
-    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
+    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
+    a ``limit`` the first stars alone.
     """
     names = results.names_of(results.RankedTarget)
-    return results.csv_text(names, map(results.values_of, rank.targets), joined=results.FLAG_SEPARATOR)
+    return results.csv_text(names, map(results.values_of, rank.targets[:limit]), joined=results.FLAG_SEPARATOR)
 
 
-def ranking_ecsv(rank: results.RankResult) -> str:
+def ranking_ecsv(rank: results.RankResult, limit: int | None = None) -> str:
     """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
 
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked. With a
+    ``limit`` the first stars alone, and the header says of how many.
     """
+    rows = rank.targets[:limit]
     meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
-    return results.ecsv_text(results.RankedTarget, rank.targets, meta, joined=results.FLAG_SEPARATOR)
+    if len(rows) < len(rank.targets):
+        meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
+    columns = results.taken_of(results.RankedTarget)
+    score = score_taken(rank.score_name)
+    return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
 
 
 def measurements_csv(result: results.PlanResult | results.StarImagesResult | results.ConfirmResult) -> str:

@@ -36,6 +36,8 @@ from simulator.config import Instrument, Scene
 from simulator.target import LitPlanet, spectrum_generator
 
 _LOG_SPAN = 15.0
+_ROOM = 1.4
+"""Room around the points of a logarithmic figure, as a factor."""
 _MARGIN_NM = 40.0
 _SHIFT_NM = 4.0
 _CONTRAST_SPAN = 5.0
@@ -56,25 +58,25 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
         axes = figure.add_subplot()
         axes.grid(visible=True)
         axes.set(xlabel="predicted SNR (analytic model)", ylabel="recovered SNR (simulated images)")
-        top = 1.12 * max([max(p, r + e) for p, r, e in everything], default=10.0)
-        low_predicted = min([p for p, _, _ in everything], default=1.0)
-        line = np.linspace(0.0, top, 200)
-        if everything and top / low_predicted > _LOG_SPAN and min(r - e for _, r, e in everything) > 0:
+        x, y = (np.array([pair[i] for pair in everything] or [10.0]) for i in (0, 1))
+        # The points decide the frame, not their error bars: one long bar would push all points into a corner.
+        ends = np.array([[x.min(), x.max()], [y.min(), y.max()]])
+        if everything and x.max() > _LOG_SPAN * x.min() and y.min() > 0:
             axes.set(xscale="log", yscale="log")
-            floor = 0.6 * min(min(p, r - e) for p, r, e in everything)
-            line = np.geomspace(floor, top, 200)
-            axes.set(xlim=(floor, top), ylim=(floor, top))
+            ends *= (1.0 / _ROOM, _ROOM)
             for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
                 drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
         else:
-            axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
+            ends = np.array([np.minimum(ends[:, 0], 0.0) * 1.3, ends[:, 1] * 1.2]).T
+        axes.set(xlim=ends[0], ylim=ends[1])
+        line = np.geomspace(*ends[0], 200) if axes.get_xscale() == "log" else np.linspace(*ends[0], 200)
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
-        ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
+        ratio, error = result.calibration.get("etc_ratio"), result.calibration.get("etc_ratio_error")
         if ratio is not None and error is not None:
-            low, high = (ratio - error) * line, (ratio + error) * line
+            low, high = line / (ratio + error), line / max(ratio - error, 0.1 * ratio)
             axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
-            label = f"recovered / predicted\n{ratio:.2f} ± {error:.2f}"
-            axes.plot(line, ratio * line, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
+            label = f"predicted over recovered\n{ratio:.2f} ± {error:.2f}"
+            axes.plot(line, line / ratio, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
         for band in looks:
             if not pairs[band]:
                 continue
@@ -90,8 +92,8 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
             alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
             caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
             "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
-            "is the mean ratio of all, the band around it its error, which holds the accuracy of a prediction at one "
-            f"place ({100 * PREDICTION_ERROR:g} %) too.",
+            "is the mean of predicted over recovered SNR, the band around it its error, which holds the accuracy of a "
+            f"prediction at one place ({100 * PREDICTION_ERROR:g} %) too.",
         )
 
 
@@ -237,6 +239,14 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
     )
 
 
+_TWO_STATISTICS = (
+    "Two statistics with two thresholds are counted, so that a planet can pass one and fail the other. The blind "
+    "search compares the SNR of a matched filter with noise that the whole dark hole and the scatter of the visits "
+    "tell. Significance at the known place is that of one aperture, whose threshold is larger where few resolution "
+    "elements at its separation tell the noise. The blind search decides whether a planet is detected."
+)
+
+
 def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, chosen: str | None = None) -> doc.Table:
     """Return what was predicted and measured, a row a quantity and a column a band.
 
@@ -261,6 +271,8 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
 
     first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
     text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
+    if any(band.search_threshold is not None for band in bands):
+        text = f"{text} {_TWO_STATISTICS}"
     return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from catalogs import CONSTELLATIONS, GREEK
@@ -51,6 +51,32 @@ def short_name(identifier: str) -> str:
 def shortened(name: str) -> str:
     """Return a name cut to the width of a column."""
     return name if len(name) <= _NAME_LENGTH else f"{name[: _NAME_LENGTH - 1]}…"
+
+
+_LEAST_UNUSED, _MOST_UNUSED = 0.01, 6
+"""Share of the given time from which on it is said that it is left unused, and most programmes that are named."""
+
+
+def unused_text(rows: Iterable[Any]) -> str:
+    """Return what programmes leave unused of the given time, in words; empty where each leaves less than 1 %.
+
+    Parameters
+    ----------
+    rows : iterable
+        With ``unused_s``, ``time_s`` and ``band``.
+    """
+    told = [(row.unused_s, row.unused_s + row.time_s, row.band) for row in rows if row.unused_s is not None]
+    told = [(left, given, band) for left, given, band in told if left > _LEAST_UNUSED * given]
+    if not told:
+        return ""
+    if len(told) > _MOST_UNUSED:
+        left, given, _ = max(told)
+        return f"Left unused: up to {duration_text(left)} of {duration_text(given)}, in {len(told)} programmes"
+    bands: dict[str, dict[str, None]] = {}
+    for left, given, band in told:
+        bands.setdefault(f"{duration_text(left)} of {duration_text(given)}", {})[band] = None
+    parts = (f"{text} in {', '.join(names)}" for text, names in bands.items())
+    return f"Left unused: {'; '.join(parts)}"
 
 
 MISSING = "–"
@@ -118,6 +144,8 @@ def percent_text(value: float | None) -> str:
 
 def share_text(value: float) -> str:
     """Return a fraction in per cent without the sign, for columns that name the unit."""
+    if 0.9995 <= value < 1.0:
+        return ">99.9"
     return "0" if value == 0.0 else significant(100.0 * value) if value >= 1e-4 else "<0.01"
 
 

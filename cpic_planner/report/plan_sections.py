@@ -84,7 +84,7 @@ def plan_document(report: PlanReport) -> doc.Document:
         title=f"CPI-C target plan, configuration {plan.config_hash}",
         heading="CPI-C target plan",
         about="Which nearby stars to observe first, in which band and with which settings; predicted analytically, "
-        "confirmed with simulated images.",
+        "and the first of them simulated as images.",
         opening="What to observe first",
         summary=decision_blocks(plan, report.rank, report.sensitivity, report.named),
     )
@@ -119,17 +119,17 @@ _IMAGED: tuple[doc.Column[Pick], ...] = (
 @doc.section_of(PLAN_SECTIONS, "first", "What the images show")
 def _images(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
-    yield doc.Paragraph(" ".join(summary_sentences(plan, report.rank)))
+    yield doc.Items(summary_sentences(plan, report.rank))
     if plan.targets:
         caption = (
-            "Targets confirmed with simulated images, in order of the ranking; each in the band of highest predicted "
+            "Targets simulated as images, in order of the ranking; each in the band of highest predicted "
             f"margin among those in which {LIBRARIES[plan.reference_library].found} in at least half of the "
             f"{plan.realisations} realisations or, without any, among those that show it at its known place. "
             "Separation and contrast are those of the reference planet; the verdict is of all bands."
         )
         yield doc.table("What the images show", caption, _IMAGED, picks_of(plan))
     else:
-        yield doc.Paragraph("No target was confirmed.")
+        yield doc.Paragraph("No target was simulated as images.")
     for text in (*words.targets_sentences(plan), *words.not_imaged_lines(plan)):
         yield doc.Paragraph(text, "note")
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from catalogs.known_planet_columns import FLAGS
+from catalogs.table_cells import listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
@@ -13,6 +15,7 @@ from cpic_planner.report.numbers import (
     MISSING,
     contrast_text,
     count_text,
+    decimals,
     duration_text,
     pretty_name,
     significant,
@@ -72,7 +75,7 @@ def priority_blocks(
     )
     yield doc.table("Priorities", caption, columns, rows)
     if ensemble is not None:
-        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what decides", "ensemble")
+        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
 
 
 def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
@@ -83,30 +86,25 @@ def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.B
     sensitivity : SensitivityResult
     """
 
-    def counted(row: results.SensitivityRow) -> doc.Inline:
-        badge = doc.badge("unreachable", "decides") if row.assumption in sensitivity.decides else ""
-        return doc.lines(count_text(row.n_ok), badge)
-
     def fall(row: results.SensitivityRow) -> str:
         ranks = row.largest_fall_ranks
         return f"{pretty_name(row.largest_fall)}, {ranks}" if ranks > 0 else MISSING
 
     columns = doc.row_columns(
         results.SensitivityRow,
-        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
-        n_ok=counted,
+        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall best",
+        kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
         kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
         largest_fall=fall,
         best=lambda row: pretty_name(row.best),
     )
     caption = (
         f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(sensitivity.n_ok)} reference planets are detected. Tau: {words.tau_text(sensitivity.top)}. An "
-        "assumption decides the ranking if it changes the number of detected reference planets by "
-        f"{100 * sensitivity.deciding_share:g} % or more, or if tau is below {sensitivity.deciding_tau:g}. "
-        f"Kept: how many of the nominal first {sensitivity.top} stay there."
+        f"{count_text(sensitivity.n_ok)} reference planets are detected. Kept of first "
+        f"{sensitivity.first}, of first {sensitivity.top}: how many of the nominal first stars stay there. "
+        f"Tau: {words.tau_text(sensitivity.top)}."
     )
-    yield doc.Paragraph(sensitivity.statement, "lead" if sensitivity.decides else "")
+    yield doc.Paragraph(sensitivity.statement)
     yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
 
 
@@ -136,9 +134,44 @@ def known_blocks(known: results.KnownResult) -> Iterator[doc.Block]:
         "roll the position angle decides as well. Best day: the one on which it is there most likely. Separation: "
         "median, and half of the width that holds 68 % of the draws of the published orbits."
     )
-    yield doc.table("Known planets and their next windows", caption, columns, [row for row in rows if row.windows])
+    windows = [row for row in rows if row.windows]
+    yield doc.table("Known planets and their next windows", caption, columns, windows, look="firm")
     if never:
         yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
+    for text in lacking_lines({}, known.columns_not_used):
+        yield doc.Paragraph(text, "note")
+
+
+_EXACT = ": taken as exact"
+
+
+def lacking_lines(planets: Mapping[str, Sequence[str]], unused: Sequence[str]) -> list[str]:
+    """Return what a table of known planets lacks or marks, a sentence each.
+
+    Parameters
+    ----------
+    planets : mapping
+        Flags by the names of planets, which are told where there are several.
+    unused : sequence of str
+        Headings of the table that were not used.
+    """
+    named: dict[str, list[str]] = {}
+    for name, flags in planets.items():
+        for flag in flags:
+            named.setdefault(flag, []).append(name.rpartition(" ")[2])
+    exact = [flag for flag in named if FLAGS[flag].endswith(_EXACT)]
+    lines = []
+    for flag, letters in named.items():
+        if flag not in (*exact, "columns_not_used"):
+            who = f"{', '.join(letters)}: " if len(planets) > 1 else ""
+            text = FLAGS[flag]
+            lines.append(f"{who}{text if who else text[0].upper() + text[1:]} ({flag}).")
+    if exact:
+        what = ", ".join(FLAGS[flag].removeprefix("no error of ").removesuffix(_EXACT) for flag in exact)
+        lines.append(f"Taken as exact, because no error is given: {what} ({', '.join(exact)}).")
+    if unused:
+        lines.append(f"Columns of the table that were not used: {listed(unused)}; what is unknown may stand there.")
+    return lines
 
 
 def known_planet_name(row: results.KnownPlanetRow) -> str:
@@ -192,7 +225,7 @@ def _between(row: results.RankedTarget) -> str:
 
 
 def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
-    """Print what becomes of the shown stars under an ensemble of instruments, and what decides."""
+    """Print what becomes of the shown stars under an ensemble of instruments, and what changes it."""
     cells = row_cells(
         results.RankedTarget,
         "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
@@ -201,17 +234,21 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
     )
     title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
     print_table(console, title, cells, shown)
-    bars = row_cells(
-        results.EnsembleBar,
-        "label low high planets_low planets_high n_reachable_low/1 n_reachable_high/1 tau_low/2 tau_high/2",
-    )
+    bars = [
+        *row_cells(results.EnsembleBar, "label"),
+        Cells("values, 5 to 95 %", lambda bar: f"{bar.low} to {bar.high}", right=False),
+        Cells("planets", lambda bar: f"{significant(bar.planets_low, 2)} to {significant(bar.planets_high, 2)}"),
+        Cells("stars detected", lambda bar: f"{bar.n_reachable_low} to {bar.n_reachable_high}"),
+        Cells("tau", lambda bar: f"{decimals(bar.tau_low, 2)} to {decimals(bar.tau_high, 2)}", gives_way=1),
+    ]
     title = "What the expected planets of one observation of every star hang on, one number at a time"
     print_table(console, title, bars, ensemble.bars[:N_BARS])
     print_plain(console, ensemble.statement)
     print_note(
         console,
-        f"low, high: values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; "
-        f"with all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
+        "Values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; planets, "
+        "stars whose reference planet is detected, and Kendall's tau of the order of the first ten at these two; with "
+        f"all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
         f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; of the "
         "others none has its reference planet detected under the few that rank all. Ensemble "
         f"{ensemble.name}, seed {ensemble.seed}.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LIMITS: tuple[tuple[str, str, Any, float], ...] = (
-    ("contrast_limit_blind", "half found blind", "-", 2.0),
-    ("contrast_limit_known_place", "half found at a known place", (0, (4, 2)), 1.5),
-    ("contrast_limit_threshold", "at the threshold", ":", 1.7),
+_LIMITS: tuple[tuple[str, str, Look], ...] = (
+    # Wide and pale, so that a line at a known place is seen on it where the two are equal.
+    ("contrast_limit_blind", "half found blind", {"ls": "-", "lw": 3.6, "alpha": 0.45}),
+    ("contrast_limit_known_place", "half found at a known place", {"ls": (0, (4, 2)), "lw": 1.3}),
+    ("contrast_limit_threshold", "at the threshold", {"ls": ":", "lw": 1.7}),
 )
-_HIGH, _LOW = 4.6, 4.2
+_HIGH, _LOW = 3.9, 2.9
 """Heights of the curves and of a row of smaller panels, inches."""
 _GREY = "#444444"
 _CONTOURS = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -167,24 +168,24 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
         rows = [row for row in result.points if row.band == band]
         handles.append(Line2D([], [], color=colour, lw=2.0, label=band))
         single = len(rows) == 1
-        for name, _, dashes, width in _LIMITS:
+        for name, _, look in _LIMITS:
             x, y = _line(rows, name)
-            axes.plot(x, y, color=colour, ls=dashes, lw=width, marker="_" if single else "", ms=14)
+            axes.plot(x, y, color=colour, marker="_" if single else "", ms=14, **look)
             shown += y[np.isfinite(y)].tolist()
         seen = [row for row in rows if row.measured_limit is not None]
         if seen:
             x, y = _line(seen, "measured_limit")
             errors = np.array([row.measured_limit_error or 0.0 for row in seen])
-            look: Look = {"marker": marker, "ms": 5, "ls": "none", "mec": "white", "mew": 0.5, "lw": 1.0, "zorder": 5}
+            look = {"marker": marker, "ms": 5, "ls": "none", "mec": "white", "mew": 0.5, "lw": 1.0, "zorder": 5}
             axes.errorbar(x, y, errors, color=colour, **look)
             shown += y.tolist()
-    handles += [Line2D([], [], color=_GREY, ls=ls, lw=lw, label=label) for _, label, ls, lw in _LIMITS]
+    handles += [Line2D([], [], color=_GREY, label=label, **look) for _, label, look in _LIMITS]
     if any(row.measured_limit is not None for row in result.points):
         look = {"color": _GREY, "marker": "o", "ms": 5, "ls": "none"}
         handles.append(Line2D([], [], label=f"measured in {result.images} images", **look))
     _of_contrasts(axes, [row.separation_arcsec for row in result.points], shown)
     below: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6, "columnspacing": 1.6}
-    axes.legend(handles=handles, ncols=3, **below)
+    axes.legend(handles=handles, ncols=4, **below)
 
 
 def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
@@ -217,18 +218,20 @@ def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow], top: f
     if len(place) > 1:
         mesh = axes.pcolormesh(place, contrast, chance.T, **look)
         lines = axes.contour(place, contrast, chance.T, levels=_CONTOURS, colors="white", linewidths=0.8)
-        axes.clabel(lines, fmt=lambda level: f"{100 * level:.0f} %", fontsize=8)
-        axes.figure.colorbar(mesh, ax=axes, label="found blind, at any position angle")
+        bar = axes.figure.colorbar(mesh, ax=axes, label="found blind, at any PA", ticks=_CONTOURS)
+        bar.add_lines(lines)
         separation_ticks(axes, place[0], place[-1])
     else:
         axes.plot(np.full(contrast.shape, place[0]), contrast, color=_GREY, lw=0.5)
         axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], cmap=look["cmap"], vmin=0.0, vmax=top)
         separation_ticks(axes, place[0] / 1.2, place[0] * 1.2)
     x, y = _line(rows, "contrast_limit_blind")
-    axes.plot(x, y, color="#D55E00", ls=(0, (4, 2)), lw=2.0)
+    axes.plot(x, y, color="#D55E00", ls=(0, (4, 2)), lw=2.0, label="half found on the diagonal")
+    axes.legend(loc="lower center", fontsize=8, labelcolor="white")
+    axes.set_ylabel("contrast (flux ratio)")
     axes.set_ylim(contrast[0], contrast[-1])
     drawing.power_ticks(axes.yaxis)
-    axes.set_title(f"{one.band}; dashed: half found on the diagonal", fontsize=10)
+    axes.set_title(one.band, fontsize=10)
 
 
 def _draw_recovered(axes: Axes, rows: Sequence[RecoveredRow]) -> None:

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cpic_core import ArrayLike, NDArray
-from cpic_planner.registry import SCORES
+from cpic_planner.registry import SCORES, Score
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import STATUS_STYLE, Look, Picture, literal, new_figure, place_labels, save, style
+from cpic_planner.report.drawing import VERDICT_STYLE, Look, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.numbers import duration_text, pretty_name
-from cpic_planner.report.words import LIMITED_BY, reason_text, status_text
+from cpic_planner.report.summary import mode_of
+from cpic_planner.report.words import LIMITED_BY, SEARCHES, reason_text, verdict_text
 from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -28,11 +30,12 @@ MOST_STARS = 100
 """Stars whose names can still be read in one figure, which is then 27 inches high."""
 _N_BINS = 28
 _LOWEST_DECADES = 4.0
+_MARGIN = "margin: significance / threshold\nat a known place"
 _LEGEND: Look = {"loc": "lower right", "fontsize": 8.5, "frameon": True, "edgecolor": "none", "framealpha": 0.9}
 
 
 def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
-    """Draw completeness, and margin of the reference planet, of the first stars.
+    """Draw the score, and the margin of the reference planet, of the first stars.
 
     Parameters
     ----------
@@ -44,48 +47,57 @@ def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
     with style():
         figure = new_figure(max(3.2, 1.4 + 0.26 * len(rows)))
         left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
-        looks = drawing.band_style(sorted({row.completeness_band for row in rows}))
-        _completeness(left, rows, looks)
+        _scores(left, rows, SCORES[rank.score_name])
         _margins(right, rows)
-        title = f"first {len(rows)} of {len(rank.targets)} stars by {SCORES[rank.score_name].title}"
-        under = f"population {rank.population.name}, up to {duration_text(rank.time_s)} per star and band"
-        figure.suptitle(literal(f"{title}; {under}"), fontsize=11)
+        title = f"First {len(rows)} of {len(rank.targets)} stars, population {rank.population.name}"
+        figure.suptitle(literal(f"{title}, at most {duration_text(rank.time_s)}"), fontsize=11)
         figure.draw_without_rendering()
     return figure
 
 
-def _completeness(axes: Axes, rows: list[RankedTarget], looks: dict[str, tuple[str, str]]) -> None:
+def _scores(axes: Axes, rows: list[RankedTarget], score: Score) -> None:
+    """Draw what orders the stars, in the colour of the band that it is for; an error where completeness has one."""
+    of_completeness = score.name.startswith("completeness")
+    bands = [row.completeness_band if of_completeness else row.band for row in rows]
+    looks = drawing.band_style(sorted(set(bands)))
+    values = [max(row.score, 0.0) for row in rows]
+    shares = [row.completeness_error / row.completeness if row.completeness else 0.0 for row in rows]
+    errors = [value * share for value, share in zip(values, shares, strict=True)] if of_completeness else None
+    look: Look = {"height": 0.7, "error_kw": {"lw": 0.9, "capsize": 1.5}, "label": f"_{score.title}"}
+    axes.barh(range(len(rows)), values, xerr=errors, color=[looks[band][0] for band in bands], **look)
+    _name_stars(axes, rows)
+    axes.grid(visible=True, axis="x")
+    axes.set_xlabel(f"{score.title}{score.unit and f' ({score.unit})'}")
+    axes.legend(handles=[_patch(looks[band][0], band) for band in looks], **_LEGEND)
+
+
+def _patch(colour: str, label: str) -> Artist:
     from matplotlib.patches import Patch
 
-    values = [100.0 * row.completeness for row in rows]
-    errors = [100.0 * row.completeness_error for row in rows]
-    colours = [looks[row.completeness_band][0] for row in rows]
-    look: Look = {"height": 0.7, "error_kw": {"lw": 0.9, "capsize": 1.5}, "label": "_completeness (%)"}
-    axes.barh(range(len(rows)), values, xerr=errors, color=colours, **look)
+    return Patch(color=colour, label=label)
+
+
+def _name_stars(axes: Axes, rows: list[RankedTarget]) -> None:
+    """Name the rows of a panel, first star on top."""
     axes.set_yticks(range(len(rows)), [literal(f"{row.rank}  {pretty_name(row.name)}") for row in rows])
-    axes.invert_yaxis()
-    axes.grid(visible=True, axis="x")
-    axes.set(xlabel="completeness (%)", ylim=(len(rows) - 0.4, -0.6))
-    bands = [band for band in looks if band in {row.completeness_band for row in rows}]
-    axes.legend(handles=[Patch(color=looks[band][0], label=band) for band in bands], **_LEGEND)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
 
 
 def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
-    with_margin = [(i, row) for i, row in enumerate(rows) if row.detection_margin > 0]
-    for status, (colour, marker) in STATUS_STYLE.items():
-        own = [(row.detection_margin, i) for i, row in with_margin if row.status == status]
-        if own:
-            axes.plot(*zip(*own, strict=True), marker=marker, ms=6, ls="none", color=colour, label=status_text(status))
-    axes.axvline(1.0, color="#111111", lw=1.2, ls="--", zorder=1)
-    if with_margin:
+    margins = [row.detection_margin for row in rows if row.detection_margin > 0]
+    groups = drawing.by_verdict(row for row in rows if row.detection_margin > 0)
+    for verdict, group in groups.items():
+        colour, marker = VERDICT_STYLE[verdict]
+        own = [(row.detection_margin, rows.index(row)) for row in group]
+        axes.plot(*zip(*own, strict=True), marker=marker, ms=6, ls="none", color=colour, label=verdict_text(verdict))
+    if margins:
         axes.set_xscale("log")
-        margins = [row.detection_margin for _, row in with_margin]
         axes.set_xlim(min(0.5, 0.7 * min(margins)), max(2.0, 1.4 * max(margins)))
         drawing.plain_ticks(axes.xaxis, 1.0, 3.0)
-        axes.legend(**_LEGEND)
-    axes.set_yticks(range(len(rows)), [literal(pretty_name(row.name)) for row in rows])
+        axes.legend(title="reference planet", title_fontsize=8.5, **_LEGEND)
+    _name_stars(axes, rows)
     axes.tick_params(axis="y", labelleft=False)
-    axes.set(xlabel="margin (1: reference planet detected)", ylim=(len(rows) - 0.4, -0.6))
+    axes.set_xlabel(_MARGIN)
     axes.grid(visible=True)
 
 
@@ -102,22 +114,17 @@ def margin_figure(rank: RankResult) -> Picture:
             high = np.log10(positive.max() * 1.05)
             low = max(np.log10(positive.min() * 0.95), high - _LOWEST_DECADES)
             low, high = min(low, -0.05), max(high, 0.05)
-            step = (high - low) / _N_BINS  # bins start at 1, so that no bin mixes detections with the rest
+            step = (high - low) / _N_BINS
             edges = 10.0 ** (step * np.arange(np.floor(low / step), np.ceil(high / step) + 1))
-            groups: dict[str, list[float]] = {}
-            for row in rows:
-                if row.detection_margin > 0:
-                    groups.setdefault(row.status, []).append(max(row.detection_margin, edges[0]))
-            groups = {status: groups[status] for status in STATUS_STYLE if status in groups}
-            colours = [STATUS_STYLE[s][0] for s in groups]
-            labels = [f"{status_text(s)} ({len(margins)})" for s, margins in groups.items()]
-            bins = edges.tolist()
-            left.hist(list(groups.values()), bins=bins, stacked=True, rwidth=0.92, color=colours, label=labels)
+            groups = drawing.by_verdict(row for row in rows if row.detection_margin > 0)
+            colours = [VERDICT_STYLE[verdict][0] for verdict in groups]
+            labels = [f"{verdict_text(verdict)} ({len(group)})" for verdict, group in groups.items()]
+            margins = [[max(row.detection_margin, edges[0]) for row in group] for group in groups.values()]
+            left.hist(margins, bins=edges.tolist(), stacked=True, rwidth=0.92, color=colours, label=labels)
             left.set_xscale("log")
             drawing.plain_ticks(left.xaxis, 1.0, 3.0)
         left.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-        left.axvline(1.0, color="#111111", lw=1.2, ls="--", label="margin 1: detection")
-        left.set(xlabel="detection margin (significance / threshold)", ylabel="stars per bin")
+        left.set(xlabel=_MARGIN, ylabel="stars per bin")
         left.grid(visible=True, axis="y")
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, columnspacing=1.4)
         _outcomes(right, rank)
@@ -125,19 +132,22 @@ def margin_figure(rank: RankResult) -> Picture:
         left_out = f"; stars without a possible frame are left out ({without})" if without else ""
         return save(
             figure,
-            alt=f"Histogram of the detection margins of {positive.size} stars, and bars that count stars by outcome.",
-            caption="Left: predicted detection margin of the reference planet around every ranked star, in the star's "
-            f"best band and separation{left_out}. Right: stars by outcome.",
+            alt=f"Histogram of the margins of {positive.size} stars, and bars that count stars by outcome.",
+            caption="Left: predicted margin of the reference planet around every ranked star, in the star's best band "
+            f"and separation{left_out}. The margin is the significance over the threshold at a known place; colours "
+            f"show the verdict, which goes by the probability {SEARCHES[mode_of(rank)]}, so that a planet of margin "
+            "below 1 can be detected. Right: stars by outcome.",
         )
 
 
 def _outcomes(axes: Axes, rank: RankResult) -> None:
     """Draw horizontal bars, most frequent on top."""
-    status_of = {row.limited_by or row.reason or "none": row.status for row in rank.targets} | {"ok": "ok"}
+    verdicts = {row.limited_by or row.reason or "none": drawing.verdict_of(row) for row in rank.targets}
+    verdicts["ok"] = "detected"
     items = sorted((rank.counts_limited_by or rank.counts).items(), key=lambda item: (item[1], item[0]))
     names = [LIMITED_BY[key][0] if key in LIMITED_BY else _wrapped(reason_text(key) or "detected") for key, _ in items]
     counts = [count for _, count in items]
-    colours = [STATUS_STYLE.get(status_of.get(key, "unreachable"), STATUS_STYLE["unreachable"])[0] for key, _ in items]
+    colours = [VERDICT_STYLE[verdicts.get(key, "unreachable")][0] for key, _ in items]
     bars = axes.barh(range(len(items)), counts, color=colours, height=0.6)
     axes.bar_label(bars, labels=[str(count) for count in counts], padding=3)
     axes.set_yticks(range(len(items)), names)
@@ -216,15 +226,12 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
     with style():
         figure = new_figure(5.3)
         axes = sky_axes(figure)
-        for status in reversed(STATUS_STYLE):
-            chosen = [row for row in rows if row.status == status]
-            if not chosen:
-                continue
-            label = f"{status_text(status)} ({len(chosen)})"
+        for verdict, chosen in reversed(drawing.by_verdict(rows).items()):
+            label = f"{verdict_text(verdict)} ({len(chosen)})"
             # One call per half magnitude: markers of one size share one definition, which keeps the file small.
             for step in sorted({round(2.0 * row.v_mag) for row in chosen}, key=lambda step: abs(step - 8)):
                 group = [row for row in chosen if round(2.0 * row.v_mag) == step]
-                look = drawing.status_look(status, faint=0.5)
+                look = drawing.verdict_look(verdict, faint=0.5)
                 axes.scatter(*_map_positions(group), s=float(marker_area(step / 2.0)), label=label, **look)
                 label = "_nolegend_"
         ringed = [row for row in rows if row.name in confirmed]
@@ -245,8 +252,8 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
         best = ", ".join(pretty_name(row.name) for row in rows[:5]) or "none"
         return save(
             figure,
-            alt=f"Map of the whole sky with {len(rows)} ranked stars, coloured by status; highest ranked: {best}.",
-            caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the status "
+            alt=f"Map of the whole sky with {len(rows)} ranked stars, coloured by verdict; highest ranked: {best}.",
+            caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the verdict "
             "of the reference planet; rings mark targets whose images were simulated."
             + (f" Stars without a listed position, not shown: {hidden}." if hidden else ""),
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report.numbers import count_text, pretty_name, significant
+from cpic_planner.report.numbers import count_text, pretty_name, significant, unused_text
 from cpic_planner.report.words import EXCLUSIONS, LIMITED_BY, SEARCHES, counted, orbits_text, overrides_text, sentence
 from simulator.knobs import Quantity
 
@@ -104,10 +104,29 @@ def velocities_sentence(rank: results.RankResult, first: int) -> str:
 
 
 def calibration_sentence(result: results.ImagedResult) -> str:
-    """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
-    if result.calibration.get("ratio") is None:
+    """Return predicted over recovered SNR and what it says; a bias is named only beyond two standard errors."""
+    if not any(result.calibration.get(name) for name in ("n_bands", "n_faint")):
         return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
+
+
+def outcome_text(bands: Sequence[results.BandConfirmation]) -> str:
+    """Return whether simulated images confirm planets: in every band, in some, in none, or nothing was measured.
+
+    Parameters
+    ----------
+    bands : sequence of BandConfirmation
+        At least one: of one planet, or of several, each of whose bands counts.
+    """
+    if all(band.recovered_snr is None for band in bands):
+        return "not measured in simulated images"
+    found, tried = sum(bool(band.detected) for band in bands), len(bands)
+    of = counted(tried, "band" if len({band.planet for band in bands}) == 1 else "measurement")
+    if tried == 1:
+        return f"{'confirmed' if found else 'not confirmed'} by simulated images in {bands[0].band}"
+    if not found:
+        return f"not confirmed by simulated images in any of {of}"
+    return f"confirmed by simulated images in {'all' if found == tried else f'{found} of'} {of}"
 
 
 def overrides_sentence(result: results.ImagedResult) -> str:
@@ -154,7 +173,7 @@ def detected_sentence(rank: results.RankResult) -> str:
     visits = sorted(row.visits or 1 for row in seen)
     extent = f"{visits[0]} to {counted(visits[-1], 'visit')}" if visits[0] < visits[-1] else counted(visits[0], "visit")
     days = [row.span_days for row in seen if row.span_days is not None]
-    span = f", which span {significant(statistics.median(days), 2)} days in the median" if days else ""
+    span = f", which span {significant(statistics.median(days), 2)} days in the median, without slews" if days else ""
     paid = orbits_text(seen)
     return f"{words}, in {extent}{span}{f'; {paid}' if paid else ''}."
 
@@ -178,7 +197,21 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
         sentences.append(f"{planet} is found in {', '.join(detected) or 'no band'}.")
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
-    return sentences
+    return [*sentences, *programme_sentences(result)]
+
+
+def programme_sentences(result: results.ConfirmResult) -> list[str]:
+    """Return for whom visits and frames of a scene were chosen, and what they leave unused of the time."""
+    rows = {row.band: row for row in (*result.searches, *result.bands) if row.exposure_s is not None}
+    chosen: dict[str, list[str]] = {}
+    for row in rows.values():
+        if row.chosen_for:
+            each = row.frames_per_visit if isinstance(row, results.BandConfirmation) else row.n_frames
+            text = f"{row.band} {counted(row.visits or 1, 'visit')} of {each} × {significant(row.exposure_s)} s"
+            chosen.setdefault(row.chosen_for, []).append(text)
+    said = [f"Programme of most SNR of {name}, as cpic etc: {', '.join(each)}." for name, each in chosen.items()]
+    unused = unused_text(rows.values())
+    return [*said, *[f"{unused}."] * bool(unused)]
 
 
 def day_text(utc: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.table_cells import listed
 from cpic_core import FloatArray, NDArray
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
@@ -42,29 +43,31 @@ def known_figure(result: KnownResult) -> Figure:
         for number, row in enumerate(rows):
             _track(axes, row, number)
         axes.axvline(_days([result.mjd])[0], color="#444444", lw=0.9, ls=":")
-        top = max([max(row.track.separation_high_arcsec) for row in rows if row.track is not None], default=1.0)
-        highest = max(1.12 * top, 1.25 * max(hole.inner_arcsec for hole in result.holes))
+        tops = [max(row.track.separation_high_arcsec) for row in rows if row.track is not None]
+        highest = 1.08 * max(*tops, *(hole.outer_arcsec for hole in result.holes))
         axes.set(ylim=(0.0, highest), ylabel="projected separation (arcsec)", xlim=_ends(rows))
         date_axis(axes, minticks=5, maxticks=None)
         axes.grid(visible=True)
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3, fontsize=9, columnspacing=1.6)
         stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
-        figure.suptitle(literal(f"known planets of {stars}: median and 68 % of {result.n_draws} draws"), fontsize=11)
+        title = f"Known planets of {stars}: median, and 68 % of the draws"
+        if result.columns_not_used:
+            title += f"\ncolumns of the table that were not used: {listed(result.columns_not_used)}"
+        figure.suptitle(literal(title), fontsize=11)
         figure.draw_without_rendering()
     return figure
 
 
 def _holes(axes: Axes, result: KnownResult) -> None:
-    """Shade where the bands' dark holes lie; bands of one geometry share a shade."""
+    """Draw the edges of the bands' dark holes, and shade what lies in any of them; equal edges share a line."""
     edges: dict[tuple[float, float], list[str]] = {}
     for hole in result.holes:
         edges.setdefault((hole.inner_arcsec, hole.outer_arcsec), []).append(hole.band)
+    axes.axhspan(min(inner for inner, _ in edges), max(outer for _, outer in edges), color="#F2F2F2", lw=0, zorder=0)
     for number, ((inner, outer), bands) in enumerate(edges.items()):
-        axes.axhspan(inner, outer, color="#8C8C8C", alpha=0.10, lw=0)
-        for edge in (inner, outer):
-            axes.axhline(edge, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)])
-        label = f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″"
-        axes.axhline(inner, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)], label=label)
+        look: Look = {"color": "#666666", "lw": 0.8, "ls": _LINES[number % len(_LINES)], "zorder": 1}
+        axes.axhline(outer, **look)
+        axes.axhline(inner, label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″", **look)
 
 
 def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
@@ -72,13 +75,18 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     assert track is not None
     colour = BAND_STYLE[number % len(BAND_STYLE)][0]
     days = _days(track.mjd)
-    axes.fill_between(days, track.separation_low_arcsec, track.separation_high_arcsec, color=colour, alpha=0.25, lw=0)
-    unknown = ", phase unknown" if "phase_unknown" in row.flags else ""
+    # Where the phase is unknown there is no track: lines say in which range the planet stands at any date.
+    known = "phase_unknown" not in row.flags
+    if known:
+        low, high = track.separation_low_arcsec, track.separation_high_arcsec
+        axes.fill_between(days, low, high, color=colour, alpha=0.25, lw=0)
+    unknown = "".join(f", {name} unknown" for name in ("phase", "omega") if f"{name}_unknown" in row.flags)
     doubted = "" if row.status == "confirmed" else f", {row.status}"
     label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
-    axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6, label=label)
+    axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6 if known else 1.1, label=label)
     for end, edge in (("16", track.separation_low_arcsec), ("84", track.separation_high_arcsec)):
-        axes.plot(days, edge, color=colour, alpha=0.4, lw=0.5, label=f"_{label}, {end} % are below")
+        look: Look = {"alpha": 0.4, "lw": 0.5} if known else {"ls": (0, (2, 2)), "lw": 0.9}
+        axes.plot(days, edge, color=colour, label=f"_{label}, {end} % are below", **look)
 
 
 def _ends(rows: list[KnownPlanetRow]) -> tuple[float, float]:

@@ -320,10 +320,11 @@ def _detection(rule: Mapping[str, Any]) -> str:
         f"{law['blind']} in Gaussian noise ten resolution elements from the star, {tails:.2f} where all noise is light "
         f"of the wavefront's errors, more further in; known planets at their place where it is {law['known']}"
     )
+    ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
     return (
         f"{text}. Measured on images: half of the planets are found where predicted significance over threshold is "
-        f"{half if rule['rule'] == 'blind' else law['known']}; recovered over predicted SNR is "
-        f"{rule['calibration']:g} ± {rule['calibration_error']:g}. These errors are drawn anew in each universe"
+        f"{half if rule['rule'] == 'blind' else law['known']}; predicted over recovered SNR is "
+        f"{ratio:.3f} ± {error:.3f}. These errors are drawn anew in each universe"
     )
 
 

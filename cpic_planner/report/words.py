@@ -147,6 +147,11 @@ FLAGS: dict[str, str] = {
     "modes_limited": "fewer modes than asked for: a library has fewer than reference visits, an idealised one has none",
     "modes_not_modelled": "the prediction is for the mean of the references: modes are not modelled in this band",
     "modes_not_counted": "rankings predict for the mean of the references, not for modes",
+    "converter_assumed": "no detector.gain_e_adu is given: the converter spans the full well of a pixel",
+    "inherited_rounding": "the largest noise is rounding, by detector.gain_e_adu of the preset: give your own",
+    "inherited_read_noise": "the largest noise is read noise, by detector.read_noise_e of the preset: give your own",
+    "inherited_cic": "the largest noise is clock-induced charge, by detector.cic_e of the preset: give your own",
+    "inherited_dark": "the largest noise is dark current, by detector.dark_e_s of the preset: give your own",
     "visits_at_limit": "the best number of visits is the largest that there can be: 1000, or one frame each",
     "blind_law_not_measured": "no search without a known place was measured here: detection is that at a known place",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
@@ -190,9 +195,9 @@ def status_text(status: str) -> str:
     return _spelled({}, status)
 
 
-def verdict_text(verdict: str | None, status: str) -> str:
-    """Return a verdict as words; the status where there is none."""
-    return status_text(status) if verdict is None else _spelled(VERDICTS, verdict)
+def verdict_text(verdict: str | None, status: str = "") -> str:
+    """Return a verdict, or the status where there is none, as words."""
+    return _spelled(VERDICTS, status if verdict is None else verdict)
 
 
 def reason_text(reason: str) -> str:
@@ -262,8 +267,8 @@ def overrides_text(overrides: Mapping[str, Any]) -> str:
 
 
 def score_number(value: float, score: str) -> str:
-    """Return a score as text with sensible digits."""
-    places = SCORES[score].decimals
+    """Return a score as text with sensible digits, in the unit that people read."""
+    places, value = SCORES[score].decimals, value * SCORES[score].scale
     if places is not None:
         return decimals(value, places)
     return "0" if value == 0.0 else significant(value) if value >= 1e-3 else f"{value:.1e}"

@@ -40,6 +40,7 @@ from cpic_planner.results.ensemble import (
     EnsembleRecord as EnsembleRecord,
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
+    SensitivityStar as SensitivityStar,
 )
 from cpic_planner.results.estimates import (
     ChangeRecord as ChangeRecord,
@@ -147,10 +148,12 @@ from cpic_planner.results.surveyed import (
 )
 from cpic_planner.results.table import (
     FLAG_SEPARATOR as FLAG_SEPARATOR,
+    Taken as Taken,
     arrow_schema as arrow_schema,
     csv_text as csv_text,
     ecsv_text as ecsv_text,
     names_of as names_of,
     rows_from_csv as rows_from_csv,
+    taken_of as taken_of,
     values_of as values_of,
 )

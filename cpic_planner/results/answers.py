@@ -58,13 +58,19 @@ class ModellingRecord(Result):
 
 
 class ImageCheck(Row):
-    """One answer, observed in simulated images with its own frames; ratios are images over closed form."""
+    """One answer, observed in simulated images with its own frames; its SNR beside that of the closed form."""
 
     draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
     realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
-    light_ratio: float = column("planet's light in its aperture, in images without noise", short="light", format=".4f")
+    light_ratio: float = column(
+        "planet's light in its aperture, in images without noise, over that of the closed form",
+        short="light",
+        format=".4f",
+    )
     flux_ratio: float = column(
-        "mean measured flux of the planet, after the reduction", short="flux / true", format=".3f ± .3f"
+        "mean measured flux of the planet over its true flux, after the reduction",
+        short="flux / true",
+        format=".3f ± .3f",
     )
     flux_ratio_error: float = Field(description="1 sigma")
     predicted_snr: float = column(
@@ -74,10 +80,10 @@ class ImageCheck(Row):
         "mean measured flux over the quadratic mean of its measured errors", short="of images", format=".3g ± .2g"
     )
     snr_error: float = Field(description="1 sigma")
-    snr_ratio: float = column("SNR over predicted_snr", short="images / SNR", format=".2f ± .2f")
-    snr_ratio_error: float = Field(
-        description="1 sigma, of the images alone; at least what is expected of so many draws"
+    etc_ratio: float | None = optional(
+        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed", format=".2f ± .2f"
     )
+    etc_ratio_error: float | None = optional("1 sigma, of the images alone; at least what is expected of so many draws")
     predicted_significance: float = Field(description="closed form, of noise without the planet's own")
     significance: float
     agrees: bool = Field(
@@ -137,6 +143,7 @@ class KnownPlanetLook(Result):
     reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
     planets_table: str
     flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
     date_utc: str
     separation_arcsec: Quantiles = Field(description="projected; the answer is for the median")
     contrast: Quantiles = Field(description="true planet-to-star ratio of detected rates; the answer is for the median")

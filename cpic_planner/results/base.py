@@ -16,6 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticUndefined
 
+from cpic_planner.results.tabular import Tabular
+
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
 DetectionMode = Literal["blind", "known_place"]
@@ -35,7 +37,7 @@ LimitText = Literal[
 _ABSENT = object()
 
 
-class Result(BaseModel):
+class Result(Tabular, BaseModel):
     """Base of results: immutable, unknown keys refused, NaN and inf refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
@@ -215,6 +217,7 @@ VOCABULARY: Mapping[str, Look] = {
     "em_gain": Look("EM gain", "gain", ".3g", "EM gain"),
     "integration_s": Look("time on source", "on source", "time", "time on source of all visits, s"),
     "time_s": Look("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
+    "unused_s": Look("time left unused", "unused", "time", "part of the given wall time that is left; null without"),
     "completeness": Look("completeness", "compl %", "%"),
     "completeness_known_place": Look("completeness at known places", "known %", "%"),
     "verdict": Look(
@@ -319,6 +322,7 @@ class ProgrammeColumns(Row):
     em_gain: float | None = None
     integration_s: float | None = None
     time_s: float | None = None
+    unused_s: float | None = None
     visits: int | None = None
     reference_visits: int | None = None
     visit_time_s: float | None = None

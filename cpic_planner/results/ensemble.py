@@ -15,19 +15,16 @@ class EnsembleBar(Row):
     label: str = column("what the number is", label="number")
     low: str = column("value, or factor on the instrument's, that 5 % of its law are below", label="low")
     high: str = column("that 95 % are below", label="high")
-    planets_low: float = column(
-        "expected planets of one observation of every star, at low", short="planets low", format=".2g"
-    )
-    planets_high: float = column("the same at high", short="high", format=".2g")
-    n_reachable_low: int = column("stars whose reference planet is detected, at low", short="reached low")
-    n_reachable_high: int = column("the same at high", short="high")
+    planets_low: float = column("expected planets of one observation of every star, at low", format=".2g")
+    planets_high: float = column("the same at high", format=".2g")
+    n_reachable_low: int = column("stars whose reference planet is detected, at low")
+    n_reachable_high: int = column("the same at high")
     tau_low: float | None = column(
         "Kendall's tau-b of the nominal scores and those at low, over the stars among the first ten in either; null "
         "where no order can be compared",
-        short="tau low",
         format=".2f",
     )
-    tau_high: float | None = column("the same at high", short="high", format=".2f")
+    tau_high: float | None = column("the same at high", format=".2f")
     source: str = column("where the law is from")
 
 
@@ -73,7 +70,7 @@ class SensitivityRow(Row):
     n_compared: int = column(
         "stars among the first, nominally or under the assumption, that have a score above zero in either",
         label="stars compared",
-        short="of",
+        short="tau of",
     )
     kendall_tau: float | None = column(
         "Kendall's tau of the ranks of the nominal first stars, those without a score included, whose ranks are by "
@@ -81,6 +78,7 @@ class SensitivityRow(Row):
         format=".2f",
     )
     kept: int = column("stars of the nominal top that are in the top under this assumption too")
+    kept_first: int = column("stars of the nominal first ones that are among the first under this assumption too")
     largest_fall: str = column(
         "star of the nominal top that loses most ranks; empty if none", label="biggest fall", format="star"
     )
@@ -88,20 +86,26 @@ class SensitivityRow(Row):
     best: str = column("first star under this assumption", label="first star", short="first", format="star")
 
 
+class SensitivityStar(Row):
+    """The ranks of one of the nominal first stars under all assumptions, the nominal ones included."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    rank: int = column("nominal rank", label="#")
+    rank_lowest: int = column("lowest number of its rank under any of the assumptions")
+    rank_highest: int = column("highest number of its rank under any of them")
+
+
 class SensitivityResult(RunResult):
     """The dependence of the ranking on what is assumed."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     kind: Literal["sensitivity"] = "sensitivity"
     config_hash: str
     top: int = Field(description="stars of the nominal ranking that are compared")
+    first: int = Field(description="first stars that kept_first is about: those that a plan proposes, else ten")
     score_name: ScoreName
     n_ranked: int = Field(description="stars of the ranking")
     n_ok: int = Field(description="stars whose reference planet is detected, nominally")
     rows: list[SensitivityRow]
-    deciding_tau: float = Field(description="an assumption with a kendall_tau_b below this decides the ranking")
-    deciding_share: float = Field(
-        description="so does one that changes n_ok by this share of the nominal number (of 1 if that is 0) or more"
-    )
-    decides: list[str] = Field(description="assumptions that decide the ranking")
+    stars: list[SensitivityStar] = Field(description="the nominal top")
     statement: str = Field(description="the same in words")

@@ -3,7 +3,7 @@
 Results of visibility: when stars can be seen.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -102,11 +102,13 @@ class KnownHole(Result):
 class KnownResult(RunResult):
     """Known planets of some stars at a date."""
 
+    main_rows: ClassVar[str] = "planets"
     schema_version: Literal[1] = 1
     kind: Literal["known"] = "known"
     config_hash: str
     catalogue: str
     planets_table: str = Field(description="as catalogue, of the table of planets")
+    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
     date_utc: str
     mjd: float
     years: float | None = Field(description="length of the tracks from the date on; null without tracks")

@@ -22,6 +22,11 @@ from cpic_planner.results.known import SeasonRecord
 from cpic_planner.results.ranked import RankedTarget
 from simulator.knobs import Quantity
 
+_CHOSEN_FOR = column(
+    "planet for which visits and frames of the band were chosen; empty where they were given, and in older results",
+    default="",
+)
+
 
 class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
@@ -67,6 +72,15 @@ class BandConfirmation(Row):
     em_gain: float | None = None
     integration_s: float | None = optional("on source, all visits")
     time_s: float | None = optional("wall time of all visits")
+    telescope_h: float | None = optional(
+        "telescope time of all visits as surveys count it: slews, settling and occultations included, at the mean "
+        "visibility of the days of a plan's period on which the star may be pointed at; null outside plans, for a "
+        "schedule, and where it does not fit these days",
+        label="telescope time",
+        format=".1f",
+    )
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(
         "sums of frames over the hole, or every frame, where sums cannot stand for them"
@@ -92,8 +106,8 @@ class BandConfirmation(Row):
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None
     etc_ratio: float | None = optional(
-        "predicted over recovered SNR: above 1 is optimistic",
-        label="predicted / recovered SNR",
+        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed or too faint to tell",
+        label="predicted over recovered SNR",
         short="pred/rec",
         format=".2f ± .2f",
     )
@@ -130,7 +144,8 @@ class BandConfirmation(Row):
         label="threshold of the search",
     )
     n_significant: int | None = optional(
-        "realisations whose significance at the known place reaches the threshold",
+        "realisations whose significance at the known place reaches the threshold: another statistic with another "
+        "threshold than those of the search, which decides",
         label="significant at the known place",
     )
     false_detections: int | None = optional(
@@ -165,6 +180,14 @@ class ConfirmedTarget(Result):
     verdict: str = Field(default="", description="of all bands, in words")
     etc_ratio: float | None = optional("predicted over recovered SNR, mean of the bands")
     etc_ratio_error: float | None = None
+    detection_telescope_h: float | None = optional(
+        "telescope time of the least wall time that detects the reference planet (ranked.detection_time_s), counted as "
+        "that of the bands, with frames as long as those of the ranking; null as there"
+    )
+    rank_lowest: int | None = optional(
+        "lowest number of its rank under other assumptions (sensitivity.json); null behind the stars that are compared"
+    )
+    rank_highest: int | None = optional("highest number of it")
     bands: list[BandConfirmation]
 
 
@@ -189,10 +212,12 @@ class ImagedResult(RunResult):
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
     calibration: dict[str, float | int | None] = Field(
-        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+        description="etc_ratio: mean of predicted over recovered SNR over bands that tell, and etc_ratio_error, 1 "
+        "sigma; null where no band tells; etc_ratio_least: where planets are missed, the ratio that is exceeded; "
+        "n_bands: bands that tell; n_faint: bands left out because they are too faint to measure the ETC by"
     )
     calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic, by how much"
+        default="", description="the same in words: whether the ETC is optimistic or pessimistic, and by how much"
     )
     not_modelled: list[str] = Field(
         description="effects that neither the prediction nor the images contain, but for an audited realisation"
@@ -260,6 +285,8 @@ class PlanResult(ImagedResult):
     catalogue: str
     sample: str
     date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
+    reference_star_v_mag: float | None = optional("V magnitude of the reference star; null where the library has none")
+    reference_star_teff_k: float | None = optional("temperature of the reference star, K")
     n_ranked: int = Field(description="stars of the ranking that pass the filters")
     n_in_catalogue: int | None = Field(default=None, description="all ranked stars; null in older results")
     counts: dict[str, int]
@@ -323,8 +350,12 @@ class SearchRecord(Row):
 
     band: str
     exposure_s: float
-    n_frames: int
+    n_frames: int = column("science frames of a visit")
     em_gain: float
+    visits: int | None = None
+    time_s: float | None = None
+    unused_s: float | None = None
+    chosen_for: str = _CHOSEN_FOR
     realisations: int
     false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
     resolution_elements: float = Field(description="searched area over (lambda/D)^2")
@@ -351,13 +382,18 @@ class AlbedoRecord(Row):
     planet: str
     bands: list[str]
     status: Literal["constrained", "not_constrained", "degenerate"]
-    log10_mh: float = Field(description="best fit")
-    log10_fsed: float = Field(description="best fit")
+    log10_mh: float = Field(description="median of the posterior, clouds integrated over")
+    log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
+    best_fit: list[float] = Field(
+        default_factory=list,
+        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that "
+        "one of them may lie outside its interval; empty in older results",
+    )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]
     correlation: float
-    log10_mh_interval: list[float] = Field(description="68 %")
-    log10_fsed_interval: list[float] = Field(description="68 %")
+    log10_mh_interval: list[float] = Field(description="central 68 % around the median")
+    log10_fsed_interval: list[float] = Field(description="central 68 % around the median")
     chi2: float
     degrees_of_freedom: int
     p_value: float | None

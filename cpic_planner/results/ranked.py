@@ -1,6 +1,6 @@
 """Results of the ranking: rows, sensitivity, comparison with another ranking, and the explanation of one star."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -39,6 +39,7 @@ class PopulationRecord(Result):
         default_factory=list,
         description="knowledge of the stars that excludes planets: rv, stability, known_giants; empty in older results",
     )
+    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of known planets")
 
 
 class PlaceColumns(Row):
@@ -111,8 +112,10 @@ class RankedColumns(Row):
     v_mag: float
     sp_type: str = column("spectral type as catalogued", label="type")
     distance_pc: float
-    ra_deg: float | None = column("ICRS right ascension at the date, deg; null if not listed")
-    dec_deg: float | None = column("ICRS declination at the date, deg; null if not listed")
+    hd: str | None = optional("Henry Draper number; null if not listed, and in older results", label="HD")
+    gj: str | None = optional("Gliese-Jahreiss number; null if not listed, and in older results", label="GJ")
+    ra_deg: float | None = column("ICRS right ascension at the date, deg; null if not listed", format=".5f")
+    dec_deg: float | None = column("ICRS declination at the date, deg; null if not listed", format=".5f")
 
 
 class RankedTarget(Standing, RankedColumns):
@@ -132,7 +135,7 @@ class RankedTarget(Standing, RankedColumns):
     )
     detection_visits: int | None = optional("visits of that observation; null: none, or an older result")
     completeness_error: float = column("standard error, by the planets drawn, of the one that counts", format="%")
-    completeness_band: str = column("band of that observation", label="in")
+    completeness_band: str = column("band of that observation", label="band of completeness", short="in")
     completeness_time_s: float | None = column("its wall time, s", format="time")
     completeness_per_hour: float = column("the completeness that counts over that time in hours")
     expected_planets: float | None = optional(
@@ -292,6 +295,7 @@ class ComparedRanking(Result):
 class RankComparison(Result):
     """The moves from one ranking to another one, and their reasons."""
 
+    main_rows: ClassVar[str] = "targets"
     schema_version: Literal[1] = 1
     kind: Literal["comparison"] = "comparison"
     config_hash: str

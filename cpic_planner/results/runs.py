@@ -99,7 +99,8 @@ class SimulationEstimate(Result):
     n_sequences: int
     n_frames: int
     workers: int
-    wall_s: float = Field(description="wall time, with one core of about 2.5 GHz for each worker")
+    cpu_s: float | None = Field(default=None, description="processor time on this machine; null in older results")
+    wall_s: float = Field(description="wall time on this machine, where it does nothing else")
     memory_mb: float = Field(description="memory of a worker")
     disk_mb: float
     sequences: list[PlannedSequenceRow]

@@ -1,6 +1,6 @@
 """Results of contrast curves and of operating characteristics: what one programme of a star shows, and how surely."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -143,6 +143,7 @@ class SearchedResult(RunResult):
 class CurveResult(SearchedResult):
     """Contrast limits of a star against separation, completeness by separation and contrast, injected planets."""
 
+    main_rows: ClassVar[str] = "points"
     schema_version: Literal[1] = 1
     kind: Literal["curve"] = "curve"
     injections: int = Field(description="planets that were asked for at each separation and contrast")
@@ -191,6 +192,7 @@ class RocProgramme(SearchedProgramme):
 class RocResult(SearchedResult):
     """Probability of a detection against false alarms, for one planet of a star."""
 
+    main_rows: ClassVar[str] = "levels"
     schema_version: Literal[1] = 1
     kind: Literal["roc"] = "roc"
     reference_planet: ReferencePlanetRecord | None = Field(description="the planet; null for a given contrast")

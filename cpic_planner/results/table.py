@@ -1,4 +1,4 @@
-"""Rows as files and back: CSV, ECSV with units, Arrow schemas of Parquet files, pandas frames.
+"""Rows as files and back: CSV, ECSV with units, Arrow schemas of Parquet files, tables of astropy, pandas frames.
 
 Columns derive from the row.
 """
@@ -7,21 +7,100 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from cpic_core import guarded, unguarded
-from cpic_planner.results.base import Column, Result, columns_of
+from cpic_planner.results.base import Column, Result, column_of, columns_of
 from simulator.config import validate
 
 if TYPE_CHECKING:
     import pandas as pd
+    from astropy.table import Table
 
 R = TypeVar("R", bound=Result)
 
 FLAG_SEPARATOR = "|"
 """What stands between the flags of a ranked star in a file."""
 _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
+_MIDDLE = ("mean", "median")
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A column of a file, and where its values stand.
+
+    Attributes
+    ----------
+    column : Column
+    value : callable
+        Returns the value of an entry; null where it has none.
+    """
+
+    column: Column
+    value: Callable[[Any], Any]
+
+
+def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda entry: entry) -> list[Taken]:
+    """Return columns of a kind of row, in order: numbers of records that it holds are columns of their own.
+
+    Parameters
+    ----------
+    row : type
+    *paths : str
+        Names of fields, with dots between those of records in records; every field by default. A record of numbers
+        alone, such as a mean with its error, gives a column for each: ``NAME`` is the mean or the median, and
+        ``NAME_error``, ``NAME_low`` stand beside it.
+    of : callable
+        Returns the row of an entry.
+    """
+    found = []
+    for path in paths or row.model_fields:
+        *outer, name = path.split(".")
+        kind, unit = row, ""
+        for part in outer:
+            unit = column_of(kind, part).look.unit or ""
+            kind = _record(kind, part) or Result
+        found += _flat(kind, name, outer, unit, of)
+    return found
+
+
+def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callable[[Any], Any]) -> list[Taken]:
+    column, path = column_of(kind, name), [*outer, name]
+    if column.dtype:
+        unit = column.unit or (unit if column.right and column.dtype != "bool" else "")
+        return [Taken(replace(column, name="_".join(path), unit=unit), lambda entry: _at(of(entry), path))]
+    record = _record(kind, name)
+    parts = () if record is None else columns_of(record)
+    if record is None or len(parts) < len(record.model_fields) or not all(part.right for part in parts):
+        return []
+    held = [item for part in parts for item in _flat(record, part.name, path, column.look.unit or "", of)]
+    ends = tuple(f"_{word}" for word in _MIDDLE)
+    return [
+        replace(item, column=replace(item.column, name=_without(item.column.name, ends), description=said))
+        for item, part in zip(held, parts, strict=True)
+        for said in ["; ".join(filter(None, (column.description, part.description or part.name.replace("_", " "))))]
+    ]
+
+
+def _without(name: str, ends: tuple[str, ...]) -> str:
+    return name.rpartition("_")[0] if name.endswith(ends) else name
+
+
+def _record(kind: type[Result], name: str) -> type[Result] | None:
+    """Return the kind of the record that a field holds; None where it holds something else."""
+    annotation = kind.model_fields[name].annotation
+    for held in (annotation, *get_args(annotation)):
+        if isinstance(held, type) and issubclass(held, Result):
+            return None if get_origin(annotation) in (list, tuple, dict) else held
+    return None
+
+
+def _at(value: Any, path: Sequence[str]) -> Any:
+    for name in path:
+        value = getattr(value, name, None)
+    return value
 
 
 def values_of(row: Result, *, before: str = "") -> dict[str, Any]:
@@ -34,7 +113,18 @@ def names_of(row: type[Result], *, before: str = "") -> tuple[str, ...]:
     return tuple(before + column.name for column in columns_of(row))
 
 
-def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";", digits: int = 0) -> str:
+def rows_of(kind: type[Result]) -> dict[str, type[Result]]:
+    """Return the fields of a kind of result that hold rows, and of which kind these are."""
+    found = {}
+    for name, field in kind.model_fields.items():
+        lists = (held for held in (field.annotation, *get_args(field.annotation)) if get_origin(held) in (list, tuple))
+        for row in (held for several in lists for held in get_args(several)[:1]):
+            if isinstance(row, type) and issubclass(row, Result) and taken_of(row):
+                found[name] = row
+    return found
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";") -> str:
     """Return rows as CSV text: a heading of names, one line a row, units in the names.
 
     Parameters
@@ -42,16 +132,13 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     names : sequence of str
         Columns, in order.
     rows : iterable of mapping
-        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`.
+        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`. Numbers
+        are the shortest text that reads back to the same double.
     joined : str
         What stands between the items of a list.
-    digits : int
-        Significant digits of numbers; 0: all, the shortest text that reads back to the same double.
     """
 
     def cell(value: Any) -> Any:
-        if isinstance(value, float) and digits:
-            return f"{value:.{digits}g}"
         plain = "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
         return guarded(plain) if isinstance(plain, str) else plain
 
@@ -100,73 +187,93 @@ def _plain(value: Any, joined: str) -> Any:
     return joined.join(str(item) for item in value) if isinstance(value, (list, tuple)) else value
 
 
-def _filled(column: Column, rows: Sequence[Result], joined: str) -> tuple[list[Any], list[bool]]:
+def _filled(taken: Taken, entries: Sequence[Any], joined: str) -> tuple[list[Any], list[bool]]:
     """Return the cells of a column without nulls, and which of them were null; texts that are null are empty."""
-    cells = [getattr(row, column.name) for row in rows]
+    cells = [taken.value(entry) for entry in entries]
     missing = [cell is None for cell in cells]
-    if column.dtype == "string":
+    dtype = taken.column.dtype
+    if dtype == "string":
         return ["" if cell is None else str(_plain(cell, joined)) for cell in cells], [False] * len(cells)
-    return [_FILLED[column.dtype] if cell is None else cell for cell in cells], missing
+    return [_FILLED[dtype] if cell is None else cell for cell in cells], missing
 
 
-def ecsv_text(row: type[Result], rows: Sequence[Result], meta: Mapping[str, Any], *, joined: str = "|") -> str:
-    """Return rows as ECSV 1.0: unit and meaning of every column, and what the table is, in the header.
+def astropy_table(
+    columns: Sequence[Taken],
+    entries: Sequence[Any],
+    meta: Mapping[str, Any],
+    *,
+    joined: str = FLAG_SEPARATOR,
+    text: Callable[[str], str] = str,
+) -> Table:
+    """Return a table of astropy with unit and meaning of every column; missing numbers are masked.
 
     Parameters
     ----------
-    row : type
-        Kind of the rows.
-    rows : sequence of Result
+    columns : sequence of Taken
+    entries : sequence
+        Rows, or what the columns take values from.
     meta : mapping
         Of the table; plain values.
     joined : str
         What stands between the items of a list.
+    text : callable
+        Returns a text as the table has it.
+    """
+    import numpy as np
+    from astropy.table import Column as PlainColumn, MaskedColumn, Table
+
+    table = Table(meta=dict(meta))
+    for taken in columns:
+        column = taken.column
+        about = {"name": column.name, "unit": column.unit or None, "description": column.description or None}
+        cells, missing = _filled(taken, entries, joined)
+        texts = column.dtype == "string"
+        values = np.array(list(map(text, cells)) if texts else cells, dtype=str if texts else column.dtype)
+        masked = any(missing)
+        table[column.name] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)
+    return table
+
+
+def ecsv_text(
+    columns: Sequence[Taken], entries: Sequence[Any], meta: Mapping[str, Any], *, joined: str = FLAG_SEPARATOR
+) -> str:
+    """Return rows as ECSV 1.0: unit and meaning of every column, and what the table is, in the header.
+
+    Parameters
+    ----------
+    columns, entries, meta, joined
+        As of `astropy_table`.
 
     Notes
     -----
     Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked, and texts that
     begin like a formula keep the apostrophe of `cpic_core.guarded`.
     """
-    import numpy as np
-    from astropy.table import Column as PlainColumn, MaskedColumn, Table
-
-    table = Table()
-    for column in columns_of(row):
-        about = {"name": column.name, "unit": column.unit or None, "description": column.description or None}
-        cells, missing = _filled(column, rows, joined)
-        if column.dtype == "string":
-            cells = list(map(guarded, cells))
-        values = np.array(cells, dtype=str if column.dtype == "string" else column.dtype)
-        masked = any(missing)
-        table[column.name] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)
-    table.meta.update(meta)
     buffer = io.StringIO()
+    table = astropy_table(columns, entries, meta, joined=joined, text=guarded)
     table.write(buffer, format="ascii.ecsv", delimiter=",")
     return buffer.getvalue()
 
 
-def data_frame(row: type[Result], rows: Sequence[Result], *, joined: str = "|") -> pd.DataFrame:
+def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> pd.DataFrame:
     """Return rows as a pandas frame, units in the names; missing numbers are NaN or, of whole ones, ``pandas.NA``.
 
     Parameters
     ----------
-    row : type
-        Kind of the rows.
-    rows : sequence of Result
-    joined : str
-        What stands between the items of a list.
+    columns, entries, joined
+        As of `astropy_table`.
     """
     import pandas as pd
 
-    columns = {}
-    for column in columns_of(row):
-        cells, missing = _filled(column, rows, joined)
-        dtype = "object" if column.dtype == "string" else column.dtype
+    series = {}
+    for taken in columns:
+        cells, missing = _filled(taken, entries, joined)
+        dtype = "object" if taken.column.dtype == "string" else taken.column.dtype
         if any(missing) and dtype != "float64":
             dtype = {"int64": "Int64", "bool": "boolean"}[dtype]
         known = [None if gone else cell for cell, gone in zip(cells, missing, strict=True)]
-        columns[column.name] = pd.Series(known, dtype=dtype)
-    return pd.DataFrame(columns)
+        series[taken.column.name] = pd.Series(known, dtype=dtype)
+    return pd.DataFrame(series)
 
 
 def arrow_schema(columns: Sequence[Column]) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 
 from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
 from cpic_core import InputError, at_home, load_mapping
-from cpic_planner.jobs import Cost
+from cpic_planner.jobs import Cost, pace
 from cpic_planner.queries import called, called_as
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
 from cpic_planner.simulation.sequences import PlannedSequence, plan_sequences
@@ -226,7 +226,7 @@ def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, wor
         n_sequences=len(planned),
         n_frames=sum(item.n_frames for item in planned),
         workers=workers,
-        **sequences_cost(planned, records, truth=truth).at(workers),
+        **sequences_cost(planned, records, truth=truth).at(workers, pace()),
         sequences=rows,
     )
 

@@ -12,16 +12,9 @@ from cpic_planner.results import SimulatedProgramme, SimulatedSequence, Simulati
 from cpic_planner.simulation.inputs import check_light, disk_bytes, located, modelled, sequences_cost
 from cpic_planner.simulation.sequences import PlannedSequence, plan_sequences
 from cpic_planner.version import __version__
+from simulator import products
 from simulator.camera import Frame
 from simulator.config import FrozenModel, SimulationConfig, content_hash
-from simulator.products import (
-    PARAMS_FILES,
-    PROGRAMME_FILE,
-    FrameSequence,
-    orbit_s,
-    refuse_taken,
-    write_level0,
-)
 
 RESULT_VERSION = 3
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
@@ -46,7 +39,7 @@ def simulation_job(
     def work(runner: Runner) -> SimulationResult:
         folder = runner.folder
         for item in planned:
-            refuse_taken(folder.path / item.folder, item.name, overwrite=True)
+            products.refuse_taken(folder.path / item.folder, item.name, overwrite=True)
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
         bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
@@ -153,7 +146,7 @@ def _named_files(tree: Any) -> Iterator[str]:
 class _Tally:
     """The contents of the frames of a sequence, noted while they go by."""
 
-    sequence: FrameSequence
+    sequence: products.FrameSequence
     adu_min: int = 2**16 - 1
     adu_max: int = 0
     saturated_pixels: int = 0
@@ -186,7 +179,7 @@ def make_sequence(
         tally = _Tally(item.build())
         shown = f"{item.target} {item.band}".strip()
         advance = None if progress is None else lambda done, total: progress(shown, 1)
-        write_level0(
+        products.write_level0(
             cast(Any, tally), own / item.folder, obsid=item.obsid, overwrite=True, truth=truth, progress=advance
         )
     except InputError as error:
@@ -199,7 +192,7 @@ def make_sequence(
 
 def _files(item: PlannedSequence, *, truth: bool) -> list[str]:
     """Return the files of a sequence below the root, the Level-0 file first."""
-    params = [item.name.params / file for file in PARAMS_FILES]
+    params = [item.name.params / file for file in products.PARAMS_FILES]
     return [item.place(path) for path in [item.name.file, *([item.name.truth] if truth else []), *params]]
 
 
@@ -208,7 +201,7 @@ def _manifests(planned: Sequence[PlannedSequence]) -> dict[str, list[PlannedSequ
     found: dict[str, list[PlannedSequence]] = {}
     for item in planned:
         if item.part is not None:
-            found.setdefault((Path(item.programme) / PROGRAMME_FILE).as_posix(), []).append(item)
+            found.setdefault((Path(item.programme) / products.PROGRAMME_FILE).as_posix(), []).append(item)
     return found
 
 
@@ -226,7 +219,7 @@ def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -
             reference_visits=science.references,
             reference_scheme=science.reference_scheme,
             visit_gap_h=science.visit_gap_h,
-            orbit_s=orbit_s(science),
+            orbit_s=products.orbit_s(science),
             span_days=max(item.end_mjd for item in items) - min(item.begin_mjd for item in items),
             sequences=[_visit_row(item, bodies[item.obsid]["streams"]) for item in items],
         )

@@ -11,32 +11,10 @@ from typing import Any, cast
 import numpy as np
 
 from cpic_core import InputError
-from simulator.config import (
-    PROGRAMME_KEYS,
-    SKY_KINDS,
-    FrozenModel,
-    SequenceConfig,
-    SimulationConfig,
-    Timing,
-    at,
-    meaningful_keys,
-)
-from simulator.products import (
-    OBSID_DIGITS,
-    FrameSequence,
-    PartOfVisit,
-    ProductName,
-    SequenceTimes,
-    VisitPart,
-    checked_obsid,
-    product_name,
-    sequence_times,
-    times_after,
-    visit_parts,
-)
+from simulator import config, products
 
 
-def programme_timing(entry: SequenceConfig, parts: Sequence[VisitPart]) -> dict[str, Timing]:
+def programme_timing(entry: config.SequenceConfig, parts: Sequence[products.VisitPart]) -> dict[str, config.Timing]:
     """Return when the visits of each role are, for `simulator.observing.observation.observe`.
 
     Parameters
@@ -49,7 +27,7 @@ def programme_timing(entry: SequenceConfig, parts: Sequence[VisitPart]) -> dict[
     for role in dict.fromkeys(part.role for part in parts):
         starts = [part.start_s for part in parts if part.role == role and part.window == part.step == 0]
         gap_s = (max(starts) - min(starts)) / (len(starts) - 1) if len(starts) > 1 else None
-        timings[role] = Timing(entry.reference_scheme, gap_s)
+        timings[role] = config.Timing(entry.reference_scheme, gap_s)
     return timings
 
 
@@ -80,7 +58,7 @@ class PlannedSequence:
         Folder of the programme; empty for the only one of a simulation, and outside of one.
     """
 
-    entry: SequenceConfig
+    entry: config.SequenceConfig
     obsid: str
     band: str
     camera: str
@@ -88,11 +66,11 @@ class PlannedSequence:
     em_gain: float
     realisation: int
     start_utc: str
-    name: ProductName
+    name: products.ProductName
     begin_mjd: float
     end_mjd: float
-    part: VisitPart | None = None
-    timing: Timing | None = None
+    part: products.VisitPart | None = None
+    timing: config.Timing | None = None
     programme: str = ""
 
     @property
@@ -117,7 +95,7 @@ class PlannedSequence:
     @property
     def on_sky(self) -> bool:
         """Whether the sequence looks at a scene."""
-        return self.entry.kind in SKY_KINDS
+        return self.entry.kind in config.SKY_KINDS
 
     @property
     def readout_s(self) -> float:
@@ -133,10 +111,10 @@ class PlannedSequence:
             about |= {"visit": self.part.visit + 1, "window": self.part.window + 1}
         return {name: getattr(self, name) for name in own} | about
 
-    def settings(self, digest: Callable[[FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
+    def settings(self, digest: Callable[[config.FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
         """Return what decides its frames, as plain values; scene and instrument by their hash."""
         entry = self.entry
-        useful = set(meaningful_keys(entry.kind)) - {"scene", "instrument", *PROGRAMME_KEYS}
+        useful = set(config.meaningful_keys(entry.kind)) - {"scene", "instrument", *config.PROGRAMME_KEYS}
         plain = entry.model_dump(mode="json", include=useful)
         own = ("obsid", "band", "camera", "exposure_s", "em_gain", "realisation", "start_utc")
         scene = None if entry.scene is None else digest(entry.scene)
@@ -146,7 +124,7 @@ class PlannedSequence:
         visit |= {} if self.timing is None else {"timing": dataclasses.asdict(self.timing)}
         return plain | {name: getattr(self, name) for name in own} | switches | hashes | visit
 
-    def build(self) -> FrameSequence:
+    def build(self) -> products.FrameSequence:
         """Set up the sequence; frames are drawn when they are asked for."""
         entry = self.entry
         shared = {name: getattr(self, name) for name in ("em_gain", "realisation", "start_utc")}
@@ -160,7 +138,7 @@ class PlannedSequence:
             kind = cast(Any, entry.kind)
             shared |= {} if self.part is None else {"visit": self.part.visit, "timing": self.timing}
             visit = observe(entry.scene, band=self.band, exposure_s=self.exposure_s, kind=kind, **shared)
-            return visit if self.part is None else cast(Any, PartOfVisit(visit, self.part))
+            return visit if self.part is None else cast(Any, products.PartOfVisit(visit, self.part))
         from simulator.observing import calibrate
 
         shared |= {name: getattr(entry, name) for name in ("level_e", "offset_arcsec", "ra_deg", "dec_deg")}
@@ -168,7 +146,7 @@ class PlannedSequence:
         return calibrate(cast(Any, entry.kind), band=self.band, camera=camera, exposure_s=self.exposure_s, **shared)
 
 
-def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
+def plan_sequences(simulation: config.SimulationConfig) -> tuple[PlannedSequence, ...]:
     """Give the sequences of a simulation their numbers and dates.
 
     Sequences without a begin of their own follow each other at once, those of an entry on the sky after the
@@ -192,12 +170,12 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
         try:
             begin_utc = entry.start_utc or entry.instrument.mission.start_utc
             if entry.start_utc is None and free_utc is not None:
-                overhead_s = entry.instrument.overhead_s if entry.kind in SKY_KINDS else 0.0
+                overhead_s = entry.instrument.overhead_s if entry.kind in config.SKY_KINDS else 0.0
                 begin_utc = _later(free_utc, overhead_s)
             sequences, free_utc = _dated(entry, begin_utc)
             numbers = [_obsid(entry, len(planned) + 1 + count, count) for count in range(len(sequences))]
         except InputError as error:
-            raise at(where, error) from None
+            raise config.at(where, error) from None
         folder = f"programme_{programmes.index(number) + 1}" if entry.is_programme and len(programmes) > 1 else ""
         realisations = [
             _free_realisation(_streams(entry, band), taken, counts) if entry.realisation is None else entry.realisation
@@ -221,7 +199,7 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
                     em_gain=em_gain,
                     realisation=realisations[item.step],
                     start_utc=item.start_utc,
-                    name=product_name(cast(Any, what), times, obsid),
+                    name=products.product_name(cast(Any, what), times, obsid),
                     begin_mjd=float(times.begin_mjd[0]),
                     end_mjd=float(times.end_mjd[0]),
                     part=item.part,
@@ -236,16 +214,16 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
 class _Dated:
     """A sequence of an entry with its times; ``step`` counts band, exposure and gain, which are its ``grid``."""
 
-    entry: SequenceConfig
+    entry: config.SequenceConfig
     step: int
     grid: tuple[str, float, float]
     start_utc: str
-    times: SequenceTimes
-    part: VisitPart | None = None
-    timing: Timing | None = None
+    times: products.SequenceTimes
+    part: products.VisitPart | None = None
+    timing: config.Timing | None = None
 
 
-def _dated(entry: SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
+def _dated(entry: config.SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
     """Return the sequences of an entry in the order of time, and when the next entry may begin."""
     grid = list(entry.grid())
     paces_s = [exposure_s + _readout_s(entry, entry.camera_of(band)) for band, exposure_s, _ in grid]
@@ -258,16 +236,16 @@ def _dated(entry: SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
     if not entry.is_programme:
         free_utc = begin_utc
         for step, pace_s in enumerate(paces_s):
-            times = sequence_times(free_utc, lasts_s(step, entry.frames), 0.0, 1)
+            times = products.sequence_times(free_utc, lasts_s(step, entry.frames), 0.0, 1)
             found.append(_Dated(entry, step, grid[step], free_utc, times))
             free_utc = _later(free_utc, entry.frames * pace_s)
         return found, free_utc
-    parts = visit_parts(entry, paces_s)
+    parts = products.visit_parts(entry, paces_s)
     timings = programme_timing(entry, parts)
     entries = {"science": entry, "reference": entry.reference_entry()}
     begins_s = np.array([part.start_s for part in parts])
     ends_s = begins_s + [lasts_s(part.step, part.n_frames) for part in parts]
-    for part, times in zip(parts, times_after(begin_utc, begins_s, ends_s).each(), strict=True):
+    for part, times in zip(parts, products.times_after(begin_utc, begins_s, ends_s).each(), strict=True):
         own = entries[part.role], part.step, grid[part.step]
         found.append(_Dated(*own, times.start_utc, times, part, timings[part.role]))
     return found, _later(begin_utc, max(part.start_s + part.n_frames * paces_s[part.step] for part in parts))
@@ -275,27 +253,27 @@ def _dated(entry: SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
 
 def _later(utc: str, seconds: float) -> str:
     """Return a time of UTC some seconds later."""
-    return sequence_times(utc, seconds, 0.0, 1).stop_utc
+    return products.sequence_times(utc, seconds, 0.0, 1).stop_utc
 
 
-def _readout_s(entry: SequenceConfig, camera: str) -> float:
+def _readout_s(entry: config.SequenceConfig, camera: str) -> float:
     return entry.instrument.channel(camera).detector.readout_s
 
 
-def _stream(entry: SequenceConfig, band: str) -> Hashable:
+def _stream(entry: config.SequenceConfig, band: str) -> Hashable:
     """Return what names the random streams of a sequence besides its realisation."""
     if entry.scene is not None:
         return entry.seed, entry.scene.name, entry.role, band
     return entry.seed, entry.kind, entry.camera_of(band), band
 
 
-def _streams(entry: SequenceConfig, band: str) -> set[Hashable]:
+def _streams(entry: config.SequenceConfig, band: str) -> set[Hashable]:
     """Return what names the random streams of an entry, those of its reference visits too."""
     own = (entry, entry.reference_entry()) if entry.references else (entry,)
     return {_stream(one, band) for one in own}
 
 
-def _given_realisations(simulation: SimulationConfig) -> dict[Hashable, set[int]]:
+def _given_realisations(simulation: config.SimulationConfig) -> dict[Hashable, set[int]]:
     given: dict[Hashable, set[int]] = defaultdict(set)
     for entry in simulation.sequences:
         if entry.realisation is not None:
@@ -314,11 +292,11 @@ def _free_realisation(keys: set[Hashable], taken: Mapping[Hashable, set[int]], c
     return number
 
 
-def _obsid(entry: SequenceConfig, position: int, step: int) -> str:
+def _obsid(entry: config.SequenceConfig, position: int, step: int) -> str:
     prefix = entry.instrument.mission.obsid_prefix
     if entry.obsid is not None:
-        return checked_obsid(f"{entry.obsid + step:011d}", prefix)
-    digits = OBSID_DIGITS - len(prefix)
+        return products.checked_obsid(f"{entry.obsid + step:011d}", prefix)
+    digits = products.OBSID_DIGITS - len(prefix)
     if position >= 10**digits:
         raise InputError("sequences", position, allowed=f"at most {10**digits - 1} with the prefix {prefix}")
     return f"{prefix}{position:0{digits}d}"

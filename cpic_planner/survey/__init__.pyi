@@ -1,5 +1,7 @@
+from cpic_planner.survey.calendar import Sight as Sight
 from cpic_planner.survey.observed import ScheduledVisit as ScheduledVisit, read_schedule as read_schedule
 from cpic_planner.survey.prepare import known_table as known_table
+from cpic_planner.survey.strategy import VisitRule as VisitRule
 from cpic_planner.survey.strategy_file import (
     StrategiesConfig as StrategiesConfig,
     load_strategies as load_strategies,

@@ -11,7 +11,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits
 from cpic_planner.survey.strategy_file import UniverseConfig
-from cpic_planner.survey.visibility import VisibilityConfig, slew_s, visibility
+from cpic_planner.survey.visibility import Visibility, VisibilityConfig, slew_s, visibility
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
 from simulator.products import body_km, mjd_of, offline_time
@@ -19,6 +19,81 @@ from simulator.products import body_km, mjd_of, offline_time
 _SAMPLES = 6
 _MEAN_SLEW_DEG = 60.0
 _HOUR_S = 3600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A star as the telescope sees it in some times, arrays of any shape: what telescope time is counted by.
+
+    Attributes
+    ----------
+    fraction : ndarray
+        Part of an orbit in which the star is seen, mean over the days on which it may be pointed at.
+    allowed_h : ndarray
+        Hours of those days.
+    window_s : ndarray
+        Longest time without interruption, mean over those days.
+    settle_h : float
+        A mean slew with all that follows it.
+    """
+
+    fraction: FloatArray
+    allowed_h: FloatArray
+    window_s: FloatArray
+    settle_h: float
+
+    @classmethod
+    def of(cls, seen: Visibility, star: int, pointing: VisibilityConfig) -> "Sight":
+        """Return how a star is seen over the whole of a calendar of visibility.
+
+        Parameters
+        ----------
+        seen : Visibility
+        star : int
+            Position of the star.
+        pointing : VisibilityConfig
+        """
+        days = seen.allowed[star] & (seen.visible_fraction[star] > 0.0)
+        fraction, window = (
+            np.where(days, values[star], 0.0).sum() / max(np.count_nonzero(days), 1)
+            for values in (seen.visible_fraction, seen.window_s)
+        )
+        allowed_h = np.asarray(24.0 * seen.step_days * np.count_nonzero(days))
+        return cls(np.asarray(fraction), allowed_h, np.asarray(window), settle_h(pointing, seen.period_s))
+
+    def telescope_h(self, time_s: float, frame_s: float, settlings: int) -> FloatArray:
+        """Return the telescope time of an observation, hours; infinite where it is not possible.
+
+        As many orbits as the wall time needs, each counting for the whole frames that fit its longest window, and the
+        slews with their settling.
+
+        Parameters
+        ----------
+        time_s : float
+            Wall time of all its visits.
+        frame_s : float
+            Exposure and readout of a frame.
+        settlings : int
+            Slews of all its visits.
+        """
+        window = self.window_s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            filled = np.where(window >= frame_s, np.floor(window / frame_s) * frame_s / window, 0.0)
+            elapsed = time_s / (self.fraction * filled) / _HOUR_S + settlings * self.settle_h
+        good = (filled > 0) & (self.fraction > 0) & (elapsed <= self.allowed_h)
+        return np.where(good, elapsed, np.inf)
+
+
+def settle_h(pointing: VisibilityConfig, period_s: float) -> float:
+    """Return the time of a mean slew with all that follows it, hours.
+
+    Parameters
+    ----------
+    pointing : VisibilityConfig
+    period_s : float
+        Of the orbit.
+    """
+    return (float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * period_s) / _HOUR_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +153,7 @@ class Calendar:
     def cost_h(self, model: EtcModel, star: int, setting: Setting, settlings: int = 1) -> FloatArray:
         """Return the telescope time of one observation in every slot, hours; infinite where it is not possible.
 
-        Each of its visits begins with slews and settling; then come as many orbits as the wall time needs, each
-        counting for the whole frames that fit its longest window. All visits are in one slot.
+        Each of its visits begins with slews and settling (`Sight.telescope_h`). All visits are in one slot.
 
         Parameters
         ----------
@@ -92,14 +166,9 @@ class Calendar:
         """
         if not setting.possible:
             return np.full(self.n_slots, np.inf)
-        frame = setting.exposure_s + model.camera(setting.band).readout_s
-        window = self.window_s[star]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            filled = np.where(window >= frame, np.floor(window / frame) * frame / window, 0.0)
-            settled_h = (model.strategy.visits or 1) * settlings * self.settle_h
-            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + settled_h
-        good = (filled > 0) & (self.fraction[star] > 0) & (elapsed <= self.allowed_h[star])
-        return np.where(good, elapsed, np.inf)
+        frame_s = setting.exposure_s + model.camera(setting.band).readout_s
+        sight = Sight(self.fraction[star], self.allowed_h[star], self.window_s[star], self.settle_h)
+        return sight.telescope_h(setting.time_s, frame_s, (model.strategy.visits or 1) * settlings)
 
     def roll_deg(self, revisits: Revisits, star: int, slots: IntArray, ordinals: IntArray) -> FloatArray:
         """Return the roll of visits, given their numbers among those of their star.
@@ -159,7 +228,6 @@ def make_calendar(
     opens = slot_day + step * np.argmax(allowed, axis=2)
     closes = np.minimum(slot_day + step * (_SAMPLES - np.argmax(allowed[..., ::-1], axis=2)), universe.duration_days)
     lengths = np.minimum(universe.slot_days, universe.duration_days - np.arange(b) * universe.slot_days)
-    settle_s = float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * found.period_s
     return Calendar(
         start_mjd=start,
         slot_h=lengths * 24.0,
@@ -169,7 +237,7 @@ def make_calendar(
         day=day,
         sun_pa_deg=sun_position_angle_deg(targets, start + day),
         period_s=found.period_s,
-        settle_h=settle_s / _HOUR_S,
+        settle_h=settle_h(pointing, found.period_s),
         opens_day=opens,
         closes_day=closes,
     )

@@ -352,7 +352,7 @@ def detection_chance(
     shift : array_like
         Standard errors by which the law's middle is off.
     calibration : array_like
-        Recovered over predicted SNR.
+        Factor on a predicted SNR that gives that of images.
 
     Notes
     -----

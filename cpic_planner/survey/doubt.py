@@ -12,17 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from cpic_core import FloatArray, InputError
+from cpic_planner import results
 from cpic_planner.jobs import Runner, Task
 from cpic_planner.queries import get, load_ensemble
-from cpic_planner.results import (
-    ChangeRecord,
-    DoubtCell,
-    DoubtChoice,
-    DoubtDecision,
-    DoubtRecord,
-    DoubtValue,
-    VariedSetting,
-)
 from cpic_planner.survey.alarms import alarms
 from cpic_planner.survey.decision import Choice, decide, law_weights, quantiles
 from cpic_planner.survey.estimates import difference_interval
@@ -70,7 +62,7 @@ def doubted(config: StrategiesConfig) -> StrategiesConfig:
     return found
 
 
-def _setting(config: StrategiesConfig, at: int) -> VariedSetting:
+def _setting(config: StrategiesConfig, at: int) -> results.VariedSetting:
     """Return the doubtful number as one of the strategies of `doubted` has it."""
     return config.strategies[at].varied[-1]
 
@@ -97,7 +89,7 @@ def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
     return 0 if rule is None else n_strategies * len(rule.values) ** 2
 
 
-def doubt_record(config: StrategiesConfig, runner: Runner) -> DoubtRecord | None:
+def doubt_record(config: StrategiesConfig, runner: Runner) -> results.DoubtRecord | None:
     """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule.
 
     Parameters
@@ -132,7 +124,9 @@ def doubt_record(config: StrategiesConfig, runner: Runner) -> DoubtRecord | None
     return record_of(config, every, counts)
 
 
-def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping[str, FloatArray]) -> DoubtRecord:
+def record_of(
+    config: StrategiesConfig, every: StrategiesConfig, counts: Mapping[str, FloatArray]
+) -> results.DoubtRecord:
     """Return the table of all plans under all values, and the decisions.
 
     Parameters
@@ -160,7 +154,7 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
         for p, t in itertools.product(range(k), range(k)):
             o = s * k + p
             cells.append(
-                DoubtCell(
+                results.DoubtCell(
                     strategy=strategy.name,
                     planned_for=texts[p],
                     played_under=texts[t],
@@ -175,11 +169,11 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     own = [decide(found[s], weights) for s in range(n)]
     named = {s: [(item.name, text) for text in texts] for s, item in enumerate(config.strategies)}
     decision = _decision("", choice, worth, weights, plans, texts)
-    return DoubtRecord(
+    return results.DoubtRecord(
         key=settings[0].name,
         quantity=rule.quantity,
         values=[
-            DoubtValue(text=item.text, meaning=item.meaning, weight=float(weight))
+            results.DoubtValue(text=item.text, meaning=item.meaning, weight=float(weight))
             for item, weight in zip(settings, weights, strict=True)
         ],
         weights_from=source,
@@ -193,10 +187,10 @@ def record_of(config: StrategiesConfig, every: StrategiesConfig, counts: Mapping
     )
 
 
-def _more(one: FloatArray, other: FloatArray) -> ChangeRecord:
+def _more(one: FloatArray, other: FloatArray) -> results.ChangeRecord:
     """Return one plan less another in the same universes; exactly nothing of what is equal in each of them."""
     if np.array_equal(one, other):
-        return ChangeRecord(mean=0.0, error=0.0, low=0.0, high=0.0)
+        return results.ChangeRecord(mean=0.0, error=0.0, low=0.0, high=0.0)
     return change_record(difference_interval(one - other))
 
 
@@ -207,14 +201,14 @@ def _choice(
     weights: FloatArray,
     plans: Sequence[tuple[str, str]],
     texts: Sequence[str],
-) -> DoubtChoice:
+) -> results.DoubtChoice:
     strategy, planned_for = plans[o]
     own, n = worth[o], worth.shape[2]
     mixed = weights @ own
     low, high = quantiles(choice.mean[o], weights)
     survey_low, survey_high = quantiles(own.ravel(), np.repeat(weights / n, n))
     worst = int(choice.loss[o].argmax())
-    return DoubtChoice(
+    return results.DoubtChoice(
         strategy=strategy,
         planned_for=planned_for,
         planets=float(mixed.mean()),
@@ -235,10 +229,10 @@ def _decision(
     weights: FloatArray,
     plans: Sequence[tuple[str, str]],
     texts: Sequence[str],
-) -> DoubtDecision:
+) -> results.DoubtDecision:
     cautious, expected = (_choice(o, choice, worth, weights, plans, texts) for o in (choice.cautious, choice.expected))
     knowing = _more(choice.knowing, np.zeros_like(choice.knowing))
-    return DoubtDecision(strategy=strategy, cautious=cautious, expected=expected, value_of_knowing=knowing)
+    return results.DoubtDecision(strategy=strategy, cautious=cautious, expected=expected, value_of_knowing=knowing)
 
 
 def weights_of(config: StrategiesConfig, every: StrategiesConfig) -> tuple[FloatArray, str]:
@@ -266,7 +260,7 @@ def weights_of(config: StrategiesConfig, every: StrategiesConfig) -> tuple[Float
 def statement(
     key: str,
     quantity: str,
-    decision: DoubtDecision,
+    decision: results.DoubtDecision,
     choice: Choice,
     plans: Sequence[tuple[str, str]],
     texts: Sequence[str],
@@ -289,7 +283,7 @@ def statement(
     """
     what = quantity.replace("_", " ")
 
-    def called(item: DoubtChoice) -> str:
+    def called(item: results.DoubtChoice) -> str:
         return f"{item.strategy} planned for {key} {item.planned_for}"
 
     safe, most, knowing = decision.cautious, decision.expected, decision.value_of_knowing
@@ -306,10 +300,11 @@ def statement(
         text = f"no other plan finds more, whatever {key} is"
     same = (safe.strategy, safe.planned_for) == (most.strategy, most.planned_for)
     who = "it" if same else called(most)
+    over = choice.mean[choice.expected]  # all values: the mean by weights lies between, which 5 and 95 % need not do
     return (
         f"A cautious team takes {called(safe)}: {text}. By the weights of the values {who} finds most, "
-        f"{most.planets:.2f} {what} a survey ({most.low:.2f} to {most.high:.2f} over the values). To know {key} before "
-        f"the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
+        f"{most.planets:.2f} {what} a survey ({over.min():.2f} to {over.max():.2f} over the values). To know {key} "
+        f"before the choice is worth {knowing.mean:.3f} {what} a survey (90 % interval {knowing.low:.3f} to "
         f"{knowing.high:.3f})."
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, NDArray
+from cpic_core import NDArray
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model
@@ -118,11 +118,8 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
 
 
 def image_task(task: Mapping[str, Any]) -> dict[str, Any]:
-    """Simulate and measure one detection; no confirmations where its place leaves no room to measure the noise in."""
-    try:
-        return {"confirmations": confirm_task(dict(task))["confirmations"]}
-    except InputError:
-        return {"confirmations": []}
+    """Simulate and measure one detection."""
+    return {"confirmations": confirm_task(dict(task))["confirmations"]}
 
 
 def image_sample(
@@ -150,12 +147,9 @@ def image_sample(
             images += n
             expected += n * item.probability
             found += int((answer["n_significant"] if item.known else answer["n_detected"]) or 0)
-    cornered = sum(not body["confirmations"] for body in bodies)
-    text = f"{cornered} at places with no room to measure the noise in" if cornered else ""
-    remarks = "; ".join(filter(None, (note, text)))
     numbers = found, *_poisson_interval(found)
     correction, low, high = (number / expected if expected > 0 else None for number in numbers)
-    made = {"detections": len(sampled), "images": images, "expected": expected, "found": found, "note": remarks}
+    made = {"detections": len(sampled), "images": images, "expected": expected, "found": found, "note": note}
     return ImageSample(**made, correction=correction, low=low, high=high)
 
 

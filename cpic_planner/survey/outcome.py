@@ -381,7 +381,7 @@ def visit_files(
     rows, meta = table.visits, table.model_dump(mode="json", exclude={"visits"})
     texts = (
         results.csv_text(results.names_of(results.PlannedVisitRow), map(results.values_of, rows)),
-        results.ecsv_text(results.PlannedVisitRow, rows, meta),
+        results.ecsv_text(results.taken_of(results.PlannedVisitRow), rows, meta),
         dump_json(table.model_dump(mode="json")),
     )
     return dict(zip(VISIT_FILES, texts, strict=True))

@@ -99,11 +99,6 @@ class UniverseConfig(FrozenModel):
         return self
 
 
-def _written(value: Any) -> str:
-    """Return a value as people write it."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 class DoubtRule(FrozenModel):
     """A number that nobody knows before launch: strategies are planned for each of its values, and played under each.
 

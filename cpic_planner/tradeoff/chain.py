@@ -1,7 +1,4 @@
-"""The work that is timed on a fixed scene: both visits drawn, calibrated and measured, and the closed form.
-
-The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
-"""
+"""The work that is timed on a fixed scene: both visits drawn, calibrated and measured, and the closed form."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray
+from cpic_planner import validation
 from cpic_planner.confirm import scene_target
 from cpic_planner.etc import (
     EtcModel,
@@ -22,27 +20,6 @@ from cpic_planner.etc import (
 )
 from cpic_planner.targets import Targets
 from cpic_planner.tradeoff.setup import ANNULUS_LAMBDA_D, PLANET, SEED, FixedScene, Setup, visit
-from cpic_planner.validation import (
-    ConfirmTask,
-    Frames,
-    ImageSettings,
-    Measurement,
-    Modelling,
-    PlanetTemplate,
-    StarFlux,
-    VisitPair,
-    calibrated_frames,
-    cleaned,
-    expected_of,
-    filled,
-    images_of,
-    measure_planets,
-    modelling_of,
-    planet_templates,
-    realise_frames,
-    task_of,
-    visit_pair,
-)
 from cpic_planner.validation.task import gap_s
 from simulator.camera import FrameNoise, MaskBit
 from simulator.imaging import aperture_sums, centred_axis, forget_starlight, overlap_weights, psf_metrics
@@ -139,7 +116,8 @@ class ClosedForm:
         frames, camera = (case.exposure_s, case.n_frames, case.em_gain), self.model.camera(case.band)
         if not case.is_programme:
             return stack_noise(rates, *frames, camera)
-        visits = Programme.of(case.how, case.visits, gap_s(self.model, case.band, Frames(*frames, case.visits)))
+        gap = gap_s(self.model, case.band, validation.Frames(*frames, case.visits))
+        visits = Programme.of(case.how, case.visits, gap)
         programme = with_modes(self.model, case.band, np.hypot(x, y), rates, visits, *frames)
         return stack_noise(rates, *frames, camera, case.how, programme)
 
@@ -160,7 +138,7 @@ class ClosedForm:
 def closed_form(case: FixedScene) -> ClosedForm:
     """Prepare the calculator for a fixed scene."""
     # Programmes are drawn as sums of frames, which no particle hits.
-    instrument = images_of(case.instrument) if case.is_programme else case.instrument
+    instrument = validation.images_of(case.instrument) if case.is_programme else case.instrument
     model, target = build_model(instrument, [case.band], case.how), scene_target(case.scene)
     planet = next(item for item in scene_sources(case.scene, case.instrument, case.band) if item.kind == "planet")
     x, y = planet.x_arcsec, planet.y_arcsec
@@ -188,12 +166,12 @@ class Images:
         How they are made.
     """
 
-    task: ConfirmTask
-    modelling: Modelling
-    _visits: VisitPair
-    _planets: tuple[PlanetTemplate, ...]
+    task: validation.ConfirmTask
+    modelling: validation.Modelling
+    _visits: validation.VisitPair
+    _planets: tuple[validation.PlanetTemplate, ...]
 
-    def measured(self, number: int) -> Measurement:
+    def measured(self, number: int) -> validation.Measurement:
         """Draw all visits once, reduce them as one, and measure the planet at its place.
 
         Parameters
@@ -210,10 +188,10 @@ class Images:
             visits = self._visits
             drawn = visits.draw(number)
         else:
-            visits = visit_pair(self.task, realisation=number, modelling=self.modelling)
-            drawn, _ = realise_frames(visits)
-        star = StarFlux.known(visits.science.truth.sources[0].rate_e_s)
-        (one,), _ = measure_planets(visits, drawn, list(self._planets), star, searched=False)
+            visits = validation.visit_pair(self.task, realisation=number, modelling=self.modelling)
+            drawn, _ = validation.realise_frames(visits)
+        star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
+        (one,), _ = validation.measure_planets(visits, drawn, list(self._planets), star, searched=False)
         if one is None:
             raise NotApplicable("limits cut off the planet's aperture or what is around it")
         return one
@@ -238,22 +216,22 @@ def images_of_programme(
     NotApplicable
         If the tier is too coarse for the scene, or sums cannot stand for its frames.
     """
-    closed, frames = closed_form(case), Frames(case.exposure_s, case.n_frames, case.em_gain, case.visits)
+    closed, frames = closed_form(case), validation.Frames(case.exposure_s, case.n_frames, case.em_gain, case.visits)
     model = build_model(case.instrument, [case.band], case.how)
     place = closed.x_arcsec, closed.y_arcsec
-    expected = expected_of(model, closed.target, case.band, place, closed.contrast, frames)
-    dial: ImageSettings = {"seed": SEED, "fidelity": fidelity, "tolerance": tolerance}
-    task = task_of(model, case.scene, case.band, frames, [expected], planets=[PLANET], **dial)
-    how = modelling_of(task)
+    expected = validation.expected_of(model, closed.target, case.band, place, closed.contrast, frames)
+    dial: validation.ImageSettings = {"seed": SEED, "fidelity": fidelity, "tolerance": tolerance}
+    task = validation.task_of(model, case.scene, case.band, frames, [expected], planets=[PLANET], **dial)
+    how = validation.modelling_of(task)
     if setup is not None:
         changes = {name: getattr(setup, name) for name in ("draw", "region", "knobs", "epochs")}
         how = replace(how, **changes, switches={}, left_out=(), still=())
     elif how.outcome.value is None:
         raise NotApplicable(how.outcome.message, how.outcome.reason.value)
-    visits = visit_pair(task, modelling=how)
+    visits = validation.visit_pair(task, modelling=how)
     if how.draw == "sums" and visits.stackable.value is None:
         raise NotApplicable(visits.stackable.message)
-    return Images(task, how, visits, planet_templates(visits))
+    return Images(task, how, visits, validation.planet_templates(visits))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,9 +296,9 @@ def drawn_frames(observation: Observation) -> Drawn:
     """
     if observation.camera == "NIR":
         return _infrared(observation)
-    frames = calibrated_frames(observation, cropped=True)
-    usable = cleaned(frames)[1] if frames.detector.switches.cosmic_rays else frames.usable
-    return Drawn(filled(frames.electrons, usable)[0], usable)
+    frames = validation.calibrated_frames(observation, cropped=True)
+    usable = validation.cleaned(frames)[1] if frames.detector.switches.cosmic_rays else frames.usable
+    return Drawn(validation.filled(frames.electrons, usable)[0], usable)
 
 
 def _infrared(observation: Observation) -> Drawn:
@@ -331,7 +309,7 @@ def _infrared(observation: Observation) -> Drawn:
     for frame in observation.iter_full_frames():
         electrons.append((frame.adu[place] - expected) * detector.gain_e_adu)
         usable.append((frame.mask[place] & np.uint8(void)) == 0)
-    whole, _ = filled(np.stack(electrons), np.stack(usable))
+    whole, _ = validation.filled(np.stack(electrons), np.stack(usable))
     return Drawn(whole, np.stack(usable))
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import FloatArray, stream
 from cpic_planner.results import TradeoffRow
 from cpic_planner.tradeoff.chain import Drawn, NotApplicable, Places, aperture_flux_e, stamp_of
 from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, SEED, FixedScene, Setup, reference_setup, visit
@@ -64,66 +64,58 @@ class Point:
         return self.group in ("knob", "effect")
 
 
-def points_of(case: FixedScene) -> tuple[Point, ...]:
-    """Return every way that is tried on a scene, those that it will refuse included."""
-    if case.is_programme:
+def points_of(case: FixedScene, *, main_only: bool = False) -> tuple[Point, ...]:
+    """Return every way that is tried on a scene, those that it will refuse included.
+
+    Parameters
+    ----------
+    case : FixedScene
+    main_only : bool
+        Leave out the reference with one thing changed.
+    """
+    if case.is_programme or main_only:
         return tuple(_main(case))
     return (*_main(case), *_knobs(case), *_effects(case))
 
 
-_STATED: tuple[tuple[Literal["sums", "frames"], Literal["hole", "full"], str, int], ...] = (
-    ("sums", "hole", "quick", QUICK_EPOCHS),
-    ("sums", "hole", "standard", SUM_EPOCHS),
-    ("frames", "hole", "quick", QUICK_EPOCHS),
-    ("frames", "hole", "standard", MAX_EPOCHS),
-    ("frames", "full", "standard", MAX_EPOCHS),
+_STATED: tuple[tuple[str, str, Literal["sums", "frames"], Literal["hole", "full"], int], ...] = (
+    ("sums_quick", "sums of frames", "sums", "hole", QUICK_EPOCHS),
+    ("sums_standard", "sums of frames", "sums", "hole", SUM_EPOCHS),
+    ("hole_quick", "frames over the hole", "frames", "hole", QUICK_EPOCHS),
+    ("hole_standard", "frames over the hole", "frames", "hole", MAX_EPOCHS),
+    ("full_standard", "whole frames", "frames", "full", MAX_EPOCHS),
 )
-"""Images that are made in a stated way: what is drawn, of which pixels, by whose knobs, with how many wavefronts."""
-_STATED_NAMES = {
-    ("sums", "hole"): ("sums", "sums of frames"),
-    ("frames", "hole"): ("hole", "frames over the hole"),
-    ("frames", "full"): ("full", "whole frames"),
-}
-
-
-_OF_PROGRAMMES = ("sums_quick", "hole_standard")
-_FEW_EPOCHS = 1
+"""Images made in a stated way: name with the knobs, title, what is drawn, of which pixels, with how many wavefronts."""
+_OF_PROGRAMMES = ("etc", "etc_many", "sums_quick", "hole_standard")
 
 
 def _main(case: FixedScene) -> list[Point]:
-    points = _every_main(case)
-    if not case.is_programme:
-        return points
-    # Standard knobs tell a visit to 0.05 %, far below what any number of realisations tells of a programme.
-    setup = Setup("sums", "hole", FIDELITIES["standard"], SUM_EPOCHS)
-    best = Point(REFERENCE, "reference: sums of frames, standard knobs, most realisations", "tier", setup=setup)
-    few = replace(setup, knobs=FIDELITIES["quick"], epochs=_FEW_EPOCHS)
-    fewer = Point("sums_one", "sums of frames, quick knobs, one wavefront a visit", "images", setup=few)
-    kept = [point for point in points if point.group == "closed_form" or point.name in _OF_PROGRAMMES]
-    return [best, *kept, fewer, *(point for point in points if point.name in ("quick", "standard"))]
-
-
-def _every_main(case: FixedScene) -> list[Point]:
-    points = [
-        Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=reference_setup(case)),
-        Point("etc", "closed form, one call", "closed_form"),
-        Point("etc_many", "closed form, per case of 10 000 in one call", "closed_form", n_cases=10_000),
-    ]
-    for draw, region, fidelity, epochs in _STATED:
-        name, title = _STATED_NAMES[draw, region]
-        setup = Setup(draw, region, FIDELITIES[fidelity], epochs, scene_model=case.scene_model)
-        points.append(Point(f"{name}_{fidelity}", f"{title}, {fidelity} knobs", "images", setup=setup))
-    points += [Point(name, f"--fidelity {name}", "tier", fidelity=name) for name in ("quick", "standard")]
-    levels = {f"tolerance_{value:g}": value for value in TOLERANCES_MEASURED}
-    points += [Point(name, f"--tolerance {level:g}", "tolerance", tolerance=level) for name, level in levels.items()]
-    return points
+    points = [Point("etc", "closed form, one call", "closed_form")]
+    points.append(Point("etc_many", "closed form, per case of 10 000 in one call", "closed_form", n_cases=10_000))
+    for name, title, draw, region, epochs in _STATED:
+        knobs = name.partition("_")[2]
+        setup = Setup(draw, region, FIDELITIES[knobs], epochs, scene_model=case.scene_model)
+        points.append(Point(name, f"{title}, {knobs} knobs", "images", setup=setup))
+    dials = [Point(name, f"--fidelity {name}", "tier", fidelity=name) for name in ("quick", "standard")]
+    if case.is_programme:
+        # Standard knobs tell a visit to 0.05 %, far below what any number of realisations tells of a programme.
+        setup = Setup("sums", "hole", FIDELITIES["standard"], SUM_EPOCHS)
+        best = Point(REFERENCE, "reference: sums of frames, standard knobs, most realisations", "tier", setup=setup)
+        few = replace(setup, knobs=FIDELITIES["quick"], epochs=1)
+        one = Point("sums_one", "sums of frames, quick knobs, one wavefront a visit", "images", setup=few)
+        return [best, *(point for point in points if point.name in _OF_PROGRAMMES), one, *dials]
+    setup = reference_setup(case)
+    best = Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=setup)
+    levels = [(f"tolerance_{level:g}", level) for level in TOLERANCES_MEASURED]
+    dials += [Point(name, f"--tolerance {level:g}", "tolerance", tolerance=level) for name, level in levels]
+    return [best, *points, *dials]
 
 
 def _knobs(case: FixedScene) -> list[Point]:
     best = reference_setup(case)
 
     def one(name: str, title: str, **changes: Any) -> Point:
-        return Point(name, title, "knob", setup=best.changed(**changes))
+        return Point(name, title, "knob", setup=replace(best, **changes))
 
     def one_of_optics(name: str, title: str, **knobs: Any) -> Point:
         return one(name, title, knobs=best.knobs.model_copy(update=knobs))
@@ -142,35 +134,17 @@ def _knobs(case: FixedScene) -> list[Point]:
 
 
 def _effects(case: FixedScene) -> list[Point]:
-    best, stars = reference_setup(case), case.scene.stars
     switches = case.instrument.detector_of(case.band).switches.model_dump()
-
-    def without(name: str, words: str, light_changes: bool = True, **changes: Any) -> Point:
-        setup = best.changed(**changes)
-        return Point(f"no_{name}", f"without {words}", "effect", light_changes=light_changes, setup=setup)
-
-    return [
-        *(without(name, name.replace("_", " "), False, switches={name: False}) for name, on in switches.items() if on),
-        without("sky", "sky", sky=False),
-        without("drift", "drift of the wavefront", drift=False),
-        *([without("other_stars", "other stars", left_out=tuple(star.name for star in stars))] if stars else []),
-    ]
-
-
-def named_points(case: FixedScene, names: tuple[str, ...], *, main_only: bool = False) -> tuple[Point, ...]:
-    """Return the ways of a scene with some names; all without any.
-
-    Raises
-    ------
-    InputError
-        For a name that no point of the scene has.
-    """
-    points = tuple(_main(case)) if main_only else points_of(case)
-    known = {point.name for point in points}
-    for name in names:
-        if name not in known:
-            raise InputError("--only", name, allowed=f"a point of {case.name}: {', '.join(sorted(known))}")
-    return tuple(point for point in points if not names or point.name in names)
+    changes: dict[str, dict[str, Any]] = {name: {"switches": {name: False}} for name, on in switches.items() if on}
+    changes |= {"sky": {"sky": False}, "drift": {"drift": False}}
+    if case.scene.stars:
+        changes["other_stars"] = {"left_out": tuple(star.name for star in case.scene.stars)}
+    best, points = reference_setup(case), []
+    for name, change in changes.items():
+        words = "drift of the wavefront" if name == "drift" else name.replace("_", " ")
+        setup, new = replace(best, **change), "switches" not in change
+        points.append(Point(f"no_{name}", f"without {words}", "effect", setup=setup, light_changes=new))
+    return points
 
 
 def ratio_of_programmes(

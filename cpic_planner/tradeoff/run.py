@@ -12,20 +12,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from cpic_core import Advance, FloatArray, InputError, numeric_context, untold
 from cpic_planner.jobs import Job, RunFolder, Runner, Task
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
-from cpic_planner.tradeoff.points import (
-    REFERENCE,
-    Point,
-    compared_programme,
-    named_points,
-    points_of,
-)
+from cpic_planner.tradeoff.points import REFERENCE, Point, compared_programme, points_of
 from cpic_planner.tradeoff.setup import FULL_EFFORT, GLANCE, SCENES, Effort, FixedScene, fixed_scene, this_machine
 from cpic_planner.tradeoff.worker import measured_rows
 from cpic_planner.tradeoff.write import FILES, RESULT, products_of
@@ -38,10 +32,24 @@ FLUX_LIMIT = 1e-9
 
 @dataclass(frozen=True)
 class _Ratio:
-    """A ratio and its standard error."""
+    """A mean or a ratio, and its standard error."""
 
     value: float
     error: float
+
+    @classmethod
+    def of(cls, values: Sequence[float] | FloatArray) -> Self:
+        """Return the mean of samples."""
+        mean = float(np.mean(values))
+        return cls(mean, mean * _relative(values))
+
+    def over(self, other: Self) -> Self:
+        """Return the ratio to another one, whose samples have nothing to do with these."""
+        if not other.value > 0:
+            return type(self)(1.0, 0.0)
+        value = self.value / other.value
+        own = self.error / self.value if self.value > 0 else 0.0
+        return type(self)(value, value * math.hypot(own, other.error / other.value))
 
 
 def compared(rows: Iterable[TradeoffRow], *, exposure_s: float) -> list[TradeoffRow]:
@@ -86,8 +94,7 @@ def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
         variance = row.samples["whole_e2"][0] + row.samples["fixed_speckle_e2"][0]
         error = _variance_error(parts, white_best.error / white_best.value, _relative(best.samples["speckle_e2_s2"]))
     else:
-        white, speckle = _white_ratio(row, best), _speckle(row, best)
-        ratio = _divided(speckle, _speckle(best, best))
+        white, ratio = _white_ratio(row, best), _speckle(row, best).over(_speckle(best, best))
         new = parts * [white.value, 1.0, ratio.value]
         new[1] = row.samples["own_e2"][0]
         variance = float(new.sum())
@@ -117,20 +124,14 @@ def _relative(values: Sequence[float] | FloatArray) -> float:
 
 
 def _white(row: TradeoffRow) -> _Ratio:
-    values = [*row.samples["white_e2"], *row.samples.get("more_white_e2", [])]
-    return _Ratio(float(np.mean(values)), float(np.mean(values)) * _relative(values))
+    return _Ratio.of([*row.samples["white_e2"], *row.samples.get("more_white_e2", [])])
 
 
 def _white_ratio(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
     """Return the white noise over the reference's: frame by frame where the frames have the same random numbers."""
-    if _same_numbers(row, best):
-        return _paired(row.samples["white_e2"], best.samples["white_e2"])
-    return _divided(_white(row), _white(best))
-
-
-def _same_numbers(row: TradeoffRow, best: TradeoffRow) -> bool:
+    ours, theirs = row.samples["white_e2"], best.samples["white_e2"]
     alike = all(row.settings.get(key) == best.settings.get(key) for key in ("draw", "region"))
-    return alike and len(row.samples["white_e2"]) == len(best.samples["white_e2"])
+    return _paired(ours, theirs) if alike and len(ours) == len(theirs) else _white(row).over(_white(best))
 
 
 def _speckle(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
@@ -153,19 +154,10 @@ def _paired(ours: Sequence[float], theirs: Sequence[float]) -> _Ratio:
     """Return the ratio of two means of paired samples."""
     first, second = np.asarray(ours, float), np.asarray(theirs, float)
     if len(first) != len(second):
-        pair = (_Ratio(float(part.mean()), float(part.mean()) * _relative(part)) for part in (first, second))
-        return _divided(*pair)
+        return _Ratio.of(first).over(_Ratio.of(second))
     value = float(first.mean() / second.mean())
     difference = first / first.mean() - second / second.mean() if value > 0 else np.zeros(2)
     return _Ratio(value, value * float(difference.std(ddof=1)) / math.sqrt(difference.size))
-
-
-def _divided(ours: _Ratio, theirs: _Ratio) -> _Ratio:
-    if not theirs.value > 0:
-        return _Ratio(1.0, 0.0)
-    value = ours.value / theirs.value
-    relative = math.hypot(ours.error / ours.value if ours.value > 0 else 0.0, theirs.error / theirs.value)
-    return _Ratio(value, value * relative)
 
 
 def speed_ups(rows: Iterable[TradeoffRow], *, beside: str = "etc") -> dict[str, float]:
@@ -199,16 +191,18 @@ def chosen(
     cases = [fixed_scene(name) for name in dict.fromkeys(scenes)] or list(SCENES.values())
     if quick_look:
         cases = [dataclasses.replace(case, n_frames=GLANCE_FRAMES) for case in cases]
-    work = []
-    for case in cases:
-        known = {point.name for point in points_of(case)}
-        names = tuple(name for name in only if name in known)
-        if names or not only:
-            work.append((case, named_points(case, names, main_only=quick_look and not only)))
-    everywhere = {point.name for case in cases for point in points_of(case)}
+    known = {case.name: points_of(case) for case in cases}
+    everywhere = {point.name for points in known.values() for point in points}
     for name in only:
         if name not in everywhere:
             raise InputError("--only", name, allowed=", ".join(sorted(everywhere)))
+    work = []
+    for case in cases:
+        points = tuple(point for point in known[case.name] if point.name in only)
+        if not only:
+            points = points_of(case, main_only=quick_look)
+        if points:
+            work.append((case, points))
     return work
 
 
@@ -321,7 +315,8 @@ def _result(
         own = [rows[case.name, point.name] for point in points_of(case) if (case.name, point.name) in rows]
         if own:
             ordered += compared(own, exposure_s=case.exposure_s)
-            shown.append(TradeoffScene.of(case, n_frames=own[0].n_frames))
+            references = case.how.references_of(case.visits)
+            shown.append(TradeoffScene.of(case, case.how, n_frames=own[0].n_frames, reference_visits=references))
     used = {row.machine for row in ordered} - {machine.key}
     return TradeoffResult(
         version=__version__,

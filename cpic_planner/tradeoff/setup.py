@@ -3,16 +3,16 @@
 The fixed scenes on which speed and accuracy are measured: one for each place where shortcuts can fail.
 """
 
-import dataclasses
+import contextlib
 import functools
 import math
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 from cpic_core import InputError, load_yaml
 from cpic_planner.queries import Strategy
@@ -47,12 +47,11 @@ def this_machine() -> MachineRecord:
 
 
 def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
 
 
 def _memory_gb() -> float:
@@ -119,21 +118,6 @@ class FixedScene:
     def visits(self) -> int:
         """Science visits."""
         return self.how.visits or 1
-
-    @property
-    def reference_visits(self) -> int:
-        """Visits that the references are spread over."""
-        return self.how.references_of(self.visits)
-
-    @property
-    def n_modes(self) -> int:
-        """Modes of the references that are projected out."""
-        return self.how.n_modes
-
-    @property
-    def library(self) -> str:
-        """Where the references come from."""
-        return self.how.library
 
     @property
     def frames(self) -> dict[str, Any]:
@@ -263,31 +247,19 @@ class Setup:
     drift: bool = True
     scene_model: SceneModel = "exact"
 
-    def changed(self, **changes: Any) -> Self:
-        """Return the same with something changed."""
-        return dataclasses.replace(self, **changes)
-
     def instrument(self, case: FixedScene) -> Instrument:
         """Return the instrument of the scene as far as it is modelled."""
-        instrument = case.instrument
-        if self.draw == "sums":
-            instrument = images_of(instrument)
+        instrument = images_of(case.instrument) if self.draw == "sums" else case.instrument
         names = self.still if self.drift else ("visit_nm", "walk_nm_per_sqrt_hour", "orbital_nm")
         if names:
             instrument = instrument.changed({"drift": dict.fromkeys(names, 0.0)})
-        if not self.sky:
-            instrument = _dark_sky(instrument)
-        return instrument.switched(self.switches)
+        return (instrument if self.sky else _dark_sky(instrument)).switched(self.switches)
 
     def scene(self, case: FixedScene, *, planets: bool = True) -> Scene:
         """Return what is shown, without planets if so asked."""
-        scene = case.scene
-        kept = {
-            "stars": tuple(star for star in scene.stars if star.name not in self.left_out),
-            "planets": tuple(body for body in scene.planets if planets and body.name not in self.left_out),
-            "extended": tuple(body for body in scene.extended if body.name not in self.left_out),
-        }
-        return scene.model_copy(update=kept)
+        kinds = {kind: getattr(case.scene, kind) for kind in ("stars", "planets", "extended")}
+        kept = {kind: tuple(one for one in bodies if one.name not in self.left_out) for kind, bodies in kinds.items()}
+        return case.scene.model_copy(update=kept if planets else kept | {"planets": ()})
 
     def n_epochs(self, case: FixedScene) -> int:
         """Return the wavefronts of one visit."""
@@ -316,18 +288,8 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
     case : FixedScene
     dial : Dial
     """
-    predicted = forecast(
-        case.scene,
-        case.instrument,
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=case.n_frames,
-        em_gain=case.em_gain,
-        scene_model=case.scene_model,
-        planets=(PLANET,),
-        reduced=True,
-        full=dial.fidelity == "reference",
-    )
+    how: dict[str, Any] = {"scene_model": case.scene_model, "planets": (PLANET,), "reduced": True}
+    predicted = forecast(case.scene, case.instrument, **case.frames, **how, full=dial.fidelity == "reference")
     return choose(predicted, dial.of("planet_flux", "snr"), fixed=("hole_region",))
 
 
@@ -339,18 +301,9 @@ def chosen_by(case: FixedScene, choice: Choice) -> Setup:
     case : FixedScene
     choice : Choice
     """
+    own = {item.name: getattr(choice, item.name) for item in fields(Setup) if hasattr(choice, item.name)}
     region = "hole" if choice.draw == "sums" else choice.region
-    return Setup(
-        choice.draw,
-        region,
-        choice.knobs,
-        choice.epochs,
-        switches=dict(choice.switches),
-        left_out=tuple(choice.left_out),
-        sky=choice.sky,
-        still=choice.still,
-        scene_model=case.scene_model,
-    )
+    return Setup(**own | {"region": region, "scene_model": case.scene_model})
 
 
 def visit(
@@ -364,15 +317,9 @@ def visit(
     realisation: int = 0,
 ) -> Observation:
     """Return one visit; reference visits show no planet."""
-    most_epochs = setup.epochs if epochs is None else epochs
-    if setup.draw == "sums":
-        most_epochs = 1
     return observe(
         setup.scene(case, planets=planets and role == "science"),
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=n_frames or case.n_frames,
-        em_gain=case.em_gain,
+        **case.frames | ({} if n_frames is None else {"n_frames": n_frames}),
         seed=SEED,
         fidelity=setup.knobs,
         instrument=setup.instrument(case),
@@ -380,5 +327,5 @@ def visit(
         realisation=realisation,
         window=setup.region,
         scene_model=setup.scene_model,
-        max_epochs=most_epochs,
+        max_epochs=1 if setup.draw == "sums" else epochs or setup.epochs,
     )

@@ -1,43 +1,24 @@
 """Measure one row, or several that share a process: wall clock, processor time, memory, flux and noise."""
 
 import contextlib
-import dataclasses
+import functools
 import gc
 import math
 import resource
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 from cpic_core import FloatArray, Status
 from cpic_planner.results import TradeoffRow
-from cpic_planner.tradeoff.chain import (
-    Images,
-    NotApplicable,
-    Places,
-    Work,
-    both_visits,
-    closed_form,
-    drawn_frames,
-    images_of_programme,
-    worked,
-)
-from cpic_planner.tradeoff.points import (
-    REFERENCE,
-    Point,
-    expected_flux_e,
-    light_without,
-    own_noise_e2,
-    speckle_samples,
-    walk_samples,
-    white_of_frames,
-    white_of_sums,
-)
+from cpic_planner.tradeoff import chain, points as ways
+from cpic_planner.tradeoff.chain import ClosedForm, Images, NotApplicable, Places, Work
+from cpic_planner.tradeoff.points import REFERENCE, Point
 from cpic_planner.tradeoff.setup import Effort, FixedScene, Setup, choice_of, chosen_by, reference_setup, visit
-from cpic_planner.validation import Measurement, contrasts_of
+from cpic_planner.validation import Measurement, Modelling, contrasts_of
 from cpic_planner.version import __version__
 from simulator.knobs import dial_of
 from simulator.observing import Observation
@@ -107,56 +88,21 @@ def peak_memory_mb() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
-@dataclass
-class _Row:
-    """A row while it is made."""
-
-    case: FixedScene
-    point: Point
-    machine: str
-    places: Places | None = None
-    predicted: dict[Any, float] = field(default_factory=dict)
-    reason: str = "not_applicable"
-
-    def made(self, **more: Any) -> TradeoffRow:
-        """Return the row."""
-        return TradeoffRow(
-            scene=self.case.name,
-            point=self.point.name,
-            title=self.point.title,
-            group=self.point.group,
-            predicted_error=self.predicted,
-            n_frames=self.case.n_frames,
-            machine=self.machine,
-            version=__version__,
-            **more,
-        )
-
-    def ok(
-        self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]], cold_s: float | None = None
-    ) -> TradeoffRow:
-        """Return the row of images."""
-        settings = {
-            "draw": setup.draw,
-            "region": setup.region,
-            "epochs": setup.n_epochs(self.case),
-            "knobs": setup.knobs.model_dump(mode="json"),
-            "switches": dict(setup.switches),
-            "left_out": list(setup.left_out),
-            "sky": setup.sky,
-            "drift": setup.drift,
-            "scene_model": setup.scene_model,
-        }
-        assert self.places is not None  # images have places
-        own_e2 = own_noise_e2(self.case, setup, self.places, flux_e)
-        return self.made(
-            status="ok",
-            cold_s=cold_s,
-            flux_e=flux_e,
-            settings=settings,
-            samples=samples | {"own_e2": [own_e2]},
-            **dataclasses.asdict(timing),
-        )
+def _row(
+    case: FixedScene,
+    point: Point,
+    machine: str,
+    way: Callable[[], dict[str, Any]],
+    predicted: dict[Any, float] | None = None,
+) -> TradeoffRow:
+    """Return the row of what a way finds, or of why the scene does not allow it."""
+    try:
+        found = {"status": "ok"} | way()
+    except NotApplicable as error:
+        found = {"status": "invalid", "reason": error.reason, "message": str(error)}
+    about = {name: getattr(point, name) for name in ("title", "group")}
+    about |= {"n_frames": case.n_frames, "machine": machine, "version": __version__}
+    return TradeoffRow(scene=case.name, point=point.name, predicted_error=predicted or {}, **about, **found)
 
 
 def measured_rows(
@@ -203,60 +149,72 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
     launched_s : float
         ``time.monotonic()`` when the process was started.
     """
-    row = _Row(case, point, machine)
-    if point.group == "closed_form":
-        return _closed_form(row, effort, launched_s)
-    if case.is_programme:
-        return _programme(row, effort, launched_s)
+    predicted: dict[Any, float] = {}
+
+    def times(job: Callable[[], object], first: Callable[[], object] | None = None) -> dict[str, Any]:
+        (first or job)()
+        cold_s = time.monotonic() - launched_s
+        return {"cold_s": cold_s} | asdict(timed(job, budget_s=effort.budget_s))
+
+    def way() -> dict[str, Any]:
+        if point.group == "closed_form":
+            return _closed_form(chain.closed_form(case), point.n_cases, times)
+        if case.is_programme:
+            return _programme(case, point, effort, times)
+        return _single(case, point, effort, times, predicted)
+
+    return _row(case, point, machine, way, predicted)
+
+
+def _closed_form(question: ClosedForm, n_cases: int, times: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    told: list[dict[str, float]] = []
+    found = times(lambda: question.noise(n_cases), lambda: told.append(question.answer()))
+    samples = {"whole_e2": [told[0]["white_e2"]], "fixed_speckle_e2": [told[0]["speckle_e2"]]}
+    one = {name: found[name] / n_cases for name in ("wall_s", "cpu_s")}
+    return found | one | {"flux_e": told[0]["flux_e"], "samples": samples}
+
+
+def _programme(case: FixedScene, point: Point, effort: Effort, times: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """Time one realisation of a programme, its set-up included, and draw more of them."""
+    held: list[tuple[Images, Measurement]] = []
+
+    def job() -> None:
+        images = chain.images_of_programme(case, point.setup, point.fidelity, point.tolerance)
+        held[:] = [(images, images.measured(0))]
+
+    found = times(job)
+    images, first = held[0]
+    how = images.modelling
+    count = effort.realisations if how.draw == "sums" else max(2, effort.visits_by_frames // case.visits)
+    contrast, contrast_error, _ = contrasts_of([first, *map(images.measured, range(1, count))])
+    question = chain.closed_form(case)
+    return found | {
+        "flux_e": float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
+        "settings": _settings(how, "draw", "region", "epochs", "knobs"),
+        "samples": {"contrast": _listed(contrast), "contrast_error": _listed(contrast_error)},
+    }
+
+
+def _single(
+    case: FixedScene, point: Point, effort: Effort, times: Callable[..., dict[str, Any]], predicted: dict[Any, float]
+) -> dict[str, Any]:
     held: list[tuple[Setup, Work]] = []
 
     def job() -> None:
-        setup = point.setup or _by_ledger(row)
-        held[:] = [(setup, worked(case, setup))]
+        setup = point.setup or _by_ledger(case, point, predicted)
+        held[:] = [(setup, chain.worked(case, setup))]
 
-    try:
-        job()
-        cold_s = time.monotonic() - launched_s
-        timing = timed(job, budget_s=effort.budget_s)
-    except NotApplicable as error:
-        return row.made(status="invalid", reason=row.reason, message=str(error))
-    row.places = Places.of(case)
-    return _imaged(row, *held[0], timing, effort, cold_s)
+    found = times(job)
+    return found | _imaged(case, point, *held[0], effort, Places.of(case))
 
 
-def _programme(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
-    """Time one realisation of a programme, its set-up included, and draw more of them."""
-    case, point = row.case, row.point
-    held: list[Images] = []
-
-    def job() -> Measurement:
-        held[:] = [images_of_programme(case, point.setup, point.fidelity, point.tolerance)]
-        return held[0].measured(0)
-
-    try:
-        first = job()
-        cold_s = time.monotonic() - launched_s
-        timing = timed(job, budget_s=effort.budget_s)
-        how, drawn = held[0].modelling, held[0].modelling.draw
-        count = effort.realisations if drawn == "sums" else max(2, effort.visits_by_frames // case.visits)
-        found = [first, *(held[0].measured(number) for number in range(1, count))]
-    except NotApplicable as error:
-        return row.made(status="invalid", reason=error.reason, message=str(error))
-    contrast, contrast_error, _ = contrasts_of(found)
-    question = closed_form(case)
-    return row.made(
-        status="ok",
-        cold_s=cold_s,
-        flux_e=float(contrast.mean()) / question.contrast * question.answer()["flux_e"],
-        settings={
-            "draw": drawn,
-            "region": how.region,
-            "epochs": how.epochs,
-            "knobs": how.knobs.model_dump(mode="json"),
-        },
-        samples={"contrast": _listed(contrast), "contrast_error": _listed(contrast_error)},
-        **dataclasses.asdict(timing),
-    )
+def _by_ledger(case: FixedScene, point: Point, predicted: dict[Any, float]) -> Setup:
+    choice = choice_of(case, dial_of(point.fidelity, point.tolerance))
+    # A size without a bound is told by the message alone.
+    predicted |= {name: size for name, size in choice.predicted_error.items() if math.isfinite(size)}
+    if choice.outcome.status is not Status.OK:
+        raise NotApplicable(choice.outcome.message, choice.outcome.reason.value)
+    return chosen_by(case, choice)
 
 
 def measure_shared(
@@ -271,17 +229,10 @@ def measure_shared(
     Each is called once. Ways that leave the light as it is take the light of the reference, and its time.
     """
     base = reference_setup(case)
-    worked(case, base.changed(region="hole", epochs=1))  # compiles and reads what all of them need
-    light: _Light | None = None
-    places, rows = Places.of(case), []
+    chain.worked(case, replace(base, region="hole", epochs=1))  # compiles and reads what all of them need
+    places, light, rows = Places.of(case), functools.cache(lambda: _Light.of(case, base)), []
     for point in points:
-        assert point.setup is not None  # of knobs and effects
-        row = _Row(case, point, machine, places)
-        if point.light_changes:
-            rows.append(_changed(row, point.setup, effort))
-        else:
-            light = light or _Light.of(case, base)
-            rows.append(_recast(row, point.setup, places, light))
+        rows.append(_row(case, point, machine, functools.partial(_shared, case, point, effort, places, light)))
         advance(point.name)
     return rows
 
@@ -298,84 +249,64 @@ class _Light:
     @classmethod
     def of(cls, case: FixedScene, base: Setup) -> Self:
         visits: list[tuple[Observation, Observation]] = []
-        wall_s, cpu_s = _block(lambda: visits.append(both_visits(case, base)), 1)
-        return cls(wall_s, cpu_s, visits[0], light_without(case, base))
+        wall_s, cpu_s = _block(lambda: visits.append(chain.both_visits(case, base)), 1)
+        return cls(wall_s, cpu_s, visits[0], ways.light_without(case, base))
 
 
-def _changed(row: _Row, setup: Setup, effort: Effort) -> TradeoffRow:
-    held: list[Work] = []
-    timing = timed(lambda: held.append(worked(row.case, setup)), budget_s=0.0)
-    return _imaged(row, setup, held[0], timing, effort)
+def _shared(
+    case: FixedScene, point: Point, effort: Effort, places: Places, light: Callable[[], _Light]
+) -> dict[str, Any]:
+    """Do the work once, of the light of the reference or with light of its own."""
+    setup, held = point.setup, []
+    assert setup is not None  # of knobs and effects
+    if point.light_changes:
+        timing = timed(lambda: held.append(chain.worked(case, setup)), budget_s=0.0)
+        return asdict(timing) | _imaged(case, point, setup, held[0], effort, places)
+    same, instrument = light(), setup.instrument(case)
+    science, reference = (replace(seen, instrument=instrument) for seen in same.visits)
+    timing = timed(lambda: held.append(chain.worked(case, setup, (science, reference))), budget_s=0.0)
+    timing = replace(timing, wall_s=timing.wall_s + same.wall_s, cpu_s=timing.cpu_s + same.cpu_s)
+    samples = {"white_e2": ways.white_of_frames(places, held[0].drawn)}
+    return asdict(timing) | _of_images(case, setup, held[0], samples, places, same.bare_e_s)
 
 
-def _imaged(
-    row: _Row, setup: Setup, work: Work, timing: Timing, effort: Effort, cold_s: float | None = None
-) -> TradeoffRow:
-    """Return the row of images that were timed, with what their noise is measured from."""
-    assert row.places is not None  # images have places
-    case, places = row.case, row.places
+def _imaged(case: FixedScene, point: Point, setup: Setup, work: Work, effort: Effort, places: Places) -> dict[str, Any]:
+    """Return what a row of images says, with what its noise is measured from."""
+    base, is_reference = reference_setup(case), point.name == REFERENCE
+    samples: dict[str, FloatArray] = {}
+    if work.drawn:
+        samples["white_e2"] = ways.white_of_frames(places, work.drawn)
+    else:
+        samples["white_e2"] = ways.white_of_sums(case, setup, places, effort.draws)
     # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
-    more = effort.more_frames if row.point.name == REFERENCE or setup.region == "hole" else 0
-    samples = _white(row, setup, places, work, effort, more)
-    samples |= _residual(row, setup, places, effort, reference_setup(case))
-    flux_e = expected_flux_e(case, setup, work.science, light_without(case, setup))
-    return row.ok(setup, timing, flux_e, samples, cold_s)
-
-
-def _recast(row: _Row, setup: Setup, places: Places, light: _Light) -> TradeoffRow:
-    instrument = setup.instrument(row.case)
-    science, reference = (dataclasses.replace(seen, instrument=instrument) for seen in light.visits)
-    held: list[Work] = []
-    timing = timed(lambda: held.append(worked(row.case, setup, (science, reference))), budget_s=0.0)
-    timing = dataclasses.replace(timing, wall_s=timing.wall_s + light.wall_s, cpu_s=timing.cpu_s + light.cpu_s)
-    samples = {"white_e2": _listed(white_of_frames(places, held[0].drawn))}
-    return row.ok(setup, timing, expected_flux_e(row.case, setup, science, light.bare_e_s), samples)
-
-
-def _by_ledger(row: _Row) -> Setup:
-    choice = choice_of(row.case, dial_of(row.point.fidelity, row.point.tolerance))
-    # A size without a bound is told by the message alone.
-    row.predicted = {name: size for name, size in choice.predicted_error.items() if math.isfinite(size)}
-    if choice.outcome.status is not Status.OK:
-        row.reason = choice.outcome.reason.value
-        raise NotApplicable(choice.outcome.message)
-    return chosen_by(row.case, choice)
-
-
-def _white(row: _Row, setup: Setup, places: Places, work: Work, effort: Effort, more: int) -> dict[str, list[float]]:
-    if not work.drawn:
-        return {"white_e2": _listed(white_of_sums(row.case, setup, places, effort.draws))}
-    samples = {"white_e2": _listed(white_of_frames(places, work.drawn))}
-    if more > 1:
+    if work.drawn and effort.more_frames > 1 and (is_reference or setup.region == "hole"):
         # Another realisation, at one wavefront: more of the same noise.
-        longer = visit(row.case, setup, n_frames=more, epochs=1, realisation=1)
-        samples["more_white_e2"] = _listed(white_of_frames(places, (drawn_frames(longer),)))
-    return samples
+        longer = visit(case, setup, n_frames=effort.more_frames, epochs=1, realisation=1)
+        samples["more_white_e2"] = ways.white_of_frames(places, (chain.drawn_frames(longer),))
+    # Speckles where optics or drift differ from the reference's, and the walk where the epochs do.
+    if is_reference or setup.knobs != base.knobs or setup.drift != base.drift:
+        samples["speckle_e2_s2"] = ways.speckle_samples(case, setup, places, effort.pairs)
+    if is_reference or setup.n_epochs(case) != base.n_epochs(case):
+        samples["walk_e2_s2"], samples["one_epoch_e2_s2"] = ways.walk_samples(case, setup, places, effort.walk_pairs)
+    return _of_images(case, setup, work, samples, places, ways.light_without(case, setup))
 
 
-def _residual(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> dict[str, list[float]]:
-    """Return the speckles where optics or drift differ from the reference's, and the walk where the epochs do."""
-    case, own = row.case, row.point.name == REFERENCE
-    samples: dict[str, list[float]] = {}
-    if own or setup.knobs != base.knobs or setup.drift != base.drift:
-        samples["speckle_e2_s2"] = _listed(speckle_samples(case, setup, places, effort.pairs))
-    if own or setup.n_epochs(case) != base.n_epochs(case):
-        walk, one = walk_samples(case, setup, places, effort.walk_pairs)
-        samples |= {"walk_e2_s2": _listed(walk), "one_epoch_e2_s2": _listed(one)}
-    return samples
+def _of_images(
+    case: FixedScene, setup: Setup, work: Work, samples: dict[str, FloatArray], places: Places, bare_e_s: FloatArray
+) -> dict[str, Any]:
+    flux_e = ways.expected_flux_e(case, setup, work.science, bare_e_s)
+    names = ("draw", "region", "epochs", "knobs", "switches", "left_out", "sky", "drift", "scene_model")
+    settings = _settings(setup, *names) | {"epochs": setup.n_epochs(case)}
+    listed = {name: _listed(values) for name, values in samples.items()}
+    listed["own_e2"] = [ways.own_noise_e2(case, setup, places, flux_e)]
+    return {"flux_e": flux_e, "settings": settings, "samples": listed}
+
+
+def _settings(how: Setup | Modelling, *names: str) -> dict[str, Any]:
+    plain = {"knobs": how.knobs.model_dump(mode="json"), "left_out": list(how.left_out)}
+    return {name: plain.get(name, getattr(how, name)) for name in names}
 
 
 def _listed(values: FloatArray) -> list[float]:
     """Return seven digits of each: enough to compare them pair by pair."""
     return [float(f"{value:.7g}") for value in values]
-
-
-def _closed_form(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
-    question, n_cases = closed_form(row.case), row.point.n_cases
-    answer = question.answer()
-    cold_s = time.monotonic() - launched_s
-    timing = timed(lambda: question.noise(n_cases), budget_s=effort.budget_s)
-    timing = dataclasses.replace(timing, wall_s=timing.wall_s / n_cases, cpu_s=timing.cpu_s / n_cases)
-    samples = {"whole_e2": [answer["white_e2"]], "fixed_speckle_e2": [answer["speckle_e2"]]}
-    times = dataclasses.asdict(timing)
-    return row.made(status="ok", cold_s=cold_s, flux_e=answer["flux_e"], samples=samples, **times)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from cpic_core import InputError, parse_json, read_text
+from cpic_core import InputError, load_yaml, parse_json, read_text
 from cpic_planner.report import new_figure, place_labels, style
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, csv_text as table_text, names_of
 from cpic_planner.tradeoff.points import REFERENCE
@@ -28,19 +29,25 @@ _AT = _COUNTED.index("n_frames")
 COLUMNS = (*_COUNTED[:_AT], "predicted_flux_error", "predicted_snr_error", *_COUNTED[_AT:])
 """Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
 _MEASURED = ("flux", "snr")
+_PROSE = Path(__file__).resolve().parents[1] / "presets" / "tradeoff" / "report.yaml"
 _TIERS = ("etc", "quick", "standard", "reference")
 
 
 def csv_text(result: TradeoffResult) -> str:
-    """Return one line for each row, six digits; empty where there is no number."""
+    """Return one line for each row; empty where there is no number."""
     errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
     rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
-    return table_text(COLUMNS, rows, digits=6)
+    return table_text(COLUMNS, rows)
 
 
-def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    rows = [list(head), ["---"] * len(head), *map(list, lines)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+@functools.cache
+def _prose() -> dict[str, Any]:
+    return dict(load_yaml(_PROSE))
+
+
+def _table(name: str, lines: Iterable[Sequence[str]]) -> str:
+    head = _prose()["heads"][name].split(" | ")
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *lines))
 
 
 def _seconds(value: float | None) -> str:
@@ -52,7 +59,9 @@ def _seconds(value: float | None) -> str:
     return f"{value / 1e-9:.3g} ns"
 
 
-def _error(value: float | None, uncertainty: float | None) -> str:
+def _error_of(row: TradeoffRow, quantity: str) -> str:
+    value: float | None = getattr(row, f"{quantity}_error")
+    uncertainty: float | None = getattr(row, f"{quantity}_uncertainty")
     if value is None:
         return ""
     if value == 0.0 and not uncertainty:
@@ -61,10 +70,6 @@ def _error(value: float | None, uncertainty: float | None) -> str:
         return f"< {100 * (uncertainty or 0.0):.2g} %"
     spread = f" ± {100 * uncertainty:.2g}" if uncertainty and uncertainty > 1e-6 else ""
     return f"{100 * value:+.2g}{spread} %"
-
-
-def _memory(value: float | None) -> str:
-    return "" if value is None else f"{value:.0f}"
 
 
 def tier_table(result: TradeoffResult) -> str:
@@ -80,19 +85,11 @@ def tier_table(result: TradeoffResult) -> str:
         span = f"{_seconds(times[0])} to {_seconds(times[-1])}"
         memory = f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}"
         lines.append([tier, span, memory, _worst(good, "flux"), _worst(good, "snr"), f"{len(good)} of {len(rows)}"])
-    head = [
-        "tier",
-        "wall clock of an observation",
-        "memory (MB)",
-        "largest error of the planet's flux",
-        "largest error of SNR",
-        "scenes",
-    ]
-    return _table(head, lines)
+    return _table("tiers", lines)
 
 
-_OF_PROGRAMMES = {"etc": "closed form", REFERENCE: "sums of frames", "hole_standard": "every frame"}
-"""Ways that the table of programmes compares, and their words."""
+_OF_PROGRAMMES = ("etc", REFERENCE, "hole_standard")
+"""Ways that the table of programmes compares."""
 
 
 def programme_table(result: TradeoffResult) -> str:
@@ -103,29 +100,19 @@ def programme_table(result: TradeoffResult) -> str:
         known = (rows.get(name) for name in _OF_PROGRAMMES)
         times = [_seconds(row.cpu_s) if row else "" for row in known]
         form, best = rows.get("etc"), rows.get(REFERENCE)
-        errors = [_error(getattr(form, f"{of}_error"), getattr(form, f"{of}_uncertainty")) for of in _MEASURED if form]
+        errors = [_error_of(form, of) for of in _MEASURED if form]
         cells = [scene.visits, scene.reference_visits, scene.n_modes, scene.library.replace("_", " ")]
         snr = f"{best.snr:.2f}" if best and best.snr else ""
         lines.append([*map(str, cells), snr, *(errors or ["", ""]), *times])
-    head = ["visits", "reference visits", "modes", "references", "SNR of the images", "closed form: flux", "its SNR"]
-    return _table(head + [f"time: {words}" for words in _OF_PROGRAMMES.values()], lines)
+    return _table("programmes", lines)
 
 
 def _programmes_text(result: TradeoffResult) -> str:
     """Return the section of programmes; nothing where none was measured."""
     if not any(scene.is_programme for scene in result.scenes):
         return ""
-    return f"""
-## Programmes of visits and modes
-
-Each programme is drawn many times with wavefronts of its own in every visit, reduced as one and measured at the
-planet's place. Errors are those of the closed form against the images made from sums of frames; the processor time is
-that of one realisation. The time of the closed form does not grow with the visits, that of the images does. What modes
-bring is the SNR of a line against that of the line with as many visits and reference visits and no modes; what they
-cost is its time. White noise rules these visits, so that there is little for modes to take away.
-
-{programme_table(result)}
-"""
+    text: str = _prose()["programmes"]
+    return f"\n{text.format(programmes=programme_table(result))}"
 
 
 def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
@@ -133,8 +120,7 @@ def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
         return float(abs(getattr(row, f"{quantity}_error") or 0.0))
 
     worst = max(rows, key=size)
-    text = _error(getattr(worst, f"{quantity}_error"), getattr(worst, f"{quantity}_uncertainty"))
-    return text if not size(worst) else f"{text} ({worst.scene})"
+    return _error_of(worst, quantity) + (f" ({worst.scene})" if size(worst) else "")
 
 
 def _machine_text(machine: MachineRecord) -> str:
@@ -161,8 +147,7 @@ def _scene_text(result: TradeoffResult, scene: str) -> str:
         rows = [row for row in own if row.group == group]
         if rows:
             lines = [_line(row, result.machine.key) for row in rows]
-            head = ["", "wall clock", "processor", "first answer", "memory (MB)", "error of flux", "error of SNR"]
-            parts.append(f"### {heading}\n\n{_table(head, lines)}")
+            parts.append(f"### {heading}\n\n{_table('scene', lines)}")
     return "\n\n".join(parts)
 
 
@@ -176,15 +161,9 @@ def _line(row: TradeoffRow, machine: str) -> list[str]:
     mark = "" if row.machine == machine else " (another machine)"
     if row.status != "ok":
         return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
-    return [
-        f"{row.title}{mark}",
-        _seconds(row.wall_s),
-        _seconds(row.cpu_s),
-        _seconds(row.cold_s),
-        _memory(row.peak_memory_mb),
-        _error(row.flux_error, row.flux_uncertainty),
-        _error(row.snr_error, row.snr_uncertainty),
-    ]
+    times = map(_seconds, (row.wall_s, row.cpu_s, row.cold_s))
+    memory = "" if row.peak_memory_mb is None else f"{row.peak_memory_mb:.0f}"
+    return [f"{row.title}{mark}", *times, memory, *(_error_of(row, of) for of in _MEASURED)]
 
 
 def report_text(result: TradeoffResult, *, head: str = "") -> str:
@@ -197,47 +176,13 @@ def report_text(result: TradeoffResult, *, head: str = "") -> str:
         What stands between the title and the tables.
     """
     scenes = "\n\n".join(_scene_text(result, item.name) for item in result.scenes)
-    programmes = {scene.name for scene in result.scenes if scene.is_programme}
-    ratios = {scene: ratio for scene, ratio in result.speed_ups.items() if scene not in programmes}
-    faster = "\n".join(f"- {scene}: {ratio:.0f} times" for scene, ratio in ratios.items())
+    single = [scene.name for scene in result.scenes if not scene.is_programme]
+    faster = "\n".join(f"- {name}: {ratio:.0f} times" for name, ratio in result.speed_ups.items() if name in single)
     others = "".join(f"\nRows marked so: {_machine_text(item)}.\n" for item in result.other_machines)
     glance = "\n**Few frames and samples: for a look, not for a record.**\n" if result.quick_look else ""
-    return f"""# Speed against accuracy
-{glance}{head}
-{_machine_text(result.machine)}.
-{others}
-## Tiers over {_scenes_text(result)}
-
-{tier_table(result)}
-{_programmes_text(result)}
-Wall clock of the reference over one call of the closed forms, for a single visit:
-
-{faster}
-
-![error against time](pareto.png)
-
-*Every way on every scene of a single visit: error against wall clock. Triangles are upper limits: the error is below
-what the measurement can tell.*
-
-## How it is measured
-
-Each way makes science and reference visit, calibrates them, and sums the planet's aperture; the closed forms give the
-same numbers without images. Every row of the first four groups is a process of its own: the first answer counts from
-its start, the other times are the best of some more calls. Rows that change one thing share a process and are called
-once; one that leaves the light as it is counts the time of the reference's light. Memory is the peak resident set,
-interpreter and libraries included.
-
-The flux is that of the expected images, with the planet minus without it: no noise, so that its error has no other
-limit than rounding. The SNR is that flux over the noise of the aperture in both visits: the scatter from frame to frame
-over all apertures of the hole, each scaled to the planet's place by the light that is expected there, particles and
-lost pixels taken out as `cpic confirm` does; the planet's own noise in closed form; and what subtraction of the
-reference visit leaves of the star near the planet's separation, from images without noise of the same random
-wavefronts. Ways with the random numbers of the reference are compared frame by frame, so that
-differences are known far better than the noise itself; windows, sums and closed forms carry the scatter of both. No
-planet stands on a bad pixel; the infrared camera has no reduction yet, so that its flat counts.
-
-{scenes}
-"""
+    tables = {"tiers": tier_table(result), "programmes": _programmes_text(result), "scenes": scenes, "faster": faster}
+    said = {"glance": glance, "head": head, "machine": _machine_text(result.machine), "others": others}
+    return str(_prose()["report"].format(names=_scenes_text(result), **tables, **said))
 
 
 # Heading in the report; Okabe-Ito colour, symbol and words in the figure.

@@ -16,6 +16,7 @@ from cpic_planner.validation.confirm import confirm_task as confirm_task, decode
 from cpic_planner.validation.detection import BlindSearch as BlindSearch, Candidate as Candidate
 from cpic_planner.validation.findings import (
     PREDICTION_ERROR as PREDICTION_ERROR,
+    Calibration as Calibration,
     FittedAlbedo as FittedAlbedo,
     albedo_fits as albedo_fits,
     albedo_records as albedo_records,
@@ -85,12 +86,14 @@ from cpic_planner.validation.star_flux import (
     star_flux_off_mask as star_flux_off_mask,
 )
 from cpic_planner.validation.task import (
+    TOO_MANY as TOO_MANY,
     ConfirmTask as ConfirmTask,
     Frames as Frames,
     ImageSettings as ImageSettings,
     expected_of as expected_of,
     gap_s as gap_s,
     images_of as images_of,
+    not_observed as not_observed,
     prepare_task as prepare_task,
     star_scene as star_scene,
     target_scene as target_scene,

@@ -115,7 +115,7 @@ class AlbedoFit:
         return bool(np.interp(mh, axes[0], along) >= self.level(probability))
 
     def interval(self, name: Literal["log10_mh", "log10_fsed"], probability: float = LEVELS[0]) -> tuple[float, float]:
-        """Return the central interval of one parameter, the other integrated over.
+        """Return the central interval of one parameter, the other integrated over; its median lies in it.
 
         Parameters
         ----------
@@ -124,16 +124,26 @@ class AlbedoFit:
         probability : float, optional
             Probability, 0 to 1.
         """
+        _check_probability(probability)
+        low, high = self._quantiles(name, 0.5 - 0.5 * probability, 0.5 + 0.5 * probability)
+        return low, high
+
+    def median(self, name: Literal["log10_mh", "log10_fsed"]) -> float:
+        """Return the median of one parameter, the other integrated over.
+
+        The best fit is that of both parameters together, and may lie outside the interval of one of them.
+        """
+        return self._quantiles(name, 0.5)[0]
+
+    def _quantiles(self, name: str, *levels: float) -> list[float]:
         if name not in ("log10_mh", "log10_fsed"):
             raise InputError("name", name, allowed="log10_mh, log10_fsed")
-        _check_probability(probability)
         axis, other, posterior = self.log10_mh_grid, self.log10_fsed_grid, self.posterior
         if name == "log10_fsed":
             axis, other, posterior = other, axis, posterior.T
         density = posterior @ _widths(other)
         below = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(axis))])
-        low, high = np.interp((0.5 - 0.5 * probability, 0.5 + 0.5 * probability), below / below[-1], axis)
-        return float(low), float(high)
+        return [float(value) for value in np.interp(levels, below / below[-1], axis)]
 
 
 @numeric_context()

@@ -245,7 +245,8 @@ def sample_scatter(
 
     Apertures lie wholly inside the region, on square grids of pitch ``ceil(2 r)`` so that none overlap; every
     offset of the grid by whole pixels is used, and the variances about each grid's own mean are pooled. The
-    pooled variance is unbiased for uncorrelated pixels, and correlated speckles are included as they are.
+    pooled variance is unbiased for uncorrelated pixels, and correlated speckles are included as they are. Where no
+    such grid holds 3 apertures, as in the corners of a dark hole, every separate part of the region has its own grid.
 
     Parameters
     ----------
@@ -306,7 +307,7 @@ def sample_places(
     Returns
     -------
     y, x, grid : ndarray of int
-        Rows and columns, and the number of the square grid that each is part of.
+        Rows and columns, and the number of the grid that each is part of.
     n_apertures : int
         Places of the fullest grid.
 
@@ -315,12 +316,19 @@ def sample_places(
     InputError
         If no grid holds 3 places.
     """
-    from scipy.ndimage import binary_erosion
+    from scipy.ndimage import binary_erosion, label
 
     pitch = math.ceil(2.0 * radius_pixel)
     inside = np.zeros_like(region) if kernel is None else binary_erosion(region, structure=kernel > 0)
     y, x = np.nonzero(inside)
     grid = (y % pitch) * pitch + x % pitch
+    if np.bincount(grid, minlength=1).max() < MIN_BACKGROUND_APERTURES:
+        # Apertures in separate parts of the region never overlap: the fullest grids of all parts make one.
+        part = label(region)[0][y, x]
+        for number in np.unique(part):
+            own = part == number
+            _, offset, held = np.unique(grid[own], return_inverse=True, return_counts=True)
+            grid[own] = np.argsort(np.argsort(-held, kind="stable"), kind="stable")[offset]
     n_apertures = int(np.bincount(grid, minlength=1).max())
     if n_apertures < MIN_BACKGROUND_APERTURES:
         small = f"too small for apertures of radius {radius_pixel:g} px"

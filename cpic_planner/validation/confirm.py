@@ -17,8 +17,8 @@ from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.templates import PlanetTemplate, obstacle, planet_templates
-from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off, not_shown
+from cpic_planner.validation.templates import PlanetTemplate, planet_templates
+from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
 from simulator.target import detector_to_sky
 
 AUDIT_REALISATION = 1_000_000
@@ -54,7 +54,6 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     for at, realisation, statistics in _drawn(task, modelling, visits if sums else None):
         if not every:
             first = realisation
-            geometry = at.geometry
             planets = planet_templates(at)
             star, known = _star(at)
             positions: list[Astrometry | None] = [None] * len(planets)
@@ -78,12 +77,9 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     confirmations = []
     for index, planet in enumerate(planets):
         there = [run for measured in every if (run := measured[index]) is not None]
-        if len(there) == len(every):
-            answer = confirmation_of(seen, index, there, planet.core, positions[index], audits[index])
-        else:
-            hidden = obstacle(planet, geometry)
-            answer = not_shown(seen, index, *hidden) if hidden else cut_off(seen, index)
-        confirmations.append(answer)
+        whole = len(there) == len(every)
+        answer = confirmation_of(seen, index, there, planet.core, positions[index], audits[index]) if whole else None
+        confirmations.append(answer or cut_off(seen, index))
     if record is not None:
         record = record.model_copy(update={"realisations": len(every), "false_detections": false})
     residual = np.where(first.reduced.region, first.reduced.image_e, np.nan)

@@ -22,67 +22,90 @@ differ by 2.7 % rms and by 5 % at most."""
 MIN_JACKKNIFE = 8
 MIN_SNR = 3.0
 """A recovered SNR below this many of its errors says that the planet is missed, not by which factor."""
+MOST_ERROR = 1.0 / (MIN_SNR + 2.0)
+"""Largest error, in units of the predicted SNR, of a recovered SNR that tells about the ETC. Measurements are chosen by
+their errors, since a choice by what was recovered would keep lucky ones; below this error a planet that is missed is
+also one whose SNR was predicted too high by more than two errors."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Ratio of recovered to predicted SNR.
+    """Ratio of predicted to recovered SNR, over one or many measurements.
 
     Attributes
     ----------
-    ratio : float or None
-        Weighted mean of recovered / predicted SNR; ``None`` without a confirmed band.
-    error : float or None
+    etc_ratio : float or None
+        Predicted over recovered SNR, weighted mean; ``None`` where nothing tells, or the planets are missed.
+    etc_ratio_error : float or None
         Standard error, enlarged where three or more bands scatter more than their errors allow.
+    etc_ratio_least : float or None
+        Where the planets are missed: the ratio that is exceeded beyond two standard errors.
     n_bands : int
-        Bands with a measurement.
+        Bands that tell, those that miss their planet included.
+    n_faint : int
+        Bands left out because their planets are too faint to measure the ETC by.
     """
 
-    ratio: float | None
-    error: float | None
-    n_bands: int
+    etc_ratio: float | None = None
+    etc_ratio_error: float | None = None
+    etc_ratio_least: float | None = None
+    n_bands: int = 0
+    n_faint: int = 0
+
+    @classmethod
+    def of(cls, recovered: float, error: float, *, n_bands: int = 1, n_faint: int = 0) -> "Calibration":
+        """Return the ratio from a recovered SNR and its error, both in units of the predicted SNR.
+
+        Parameters
+        ----------
+        recovered, error : float
+        n_bands, n_faint : int, optional
+            Measurements behind it, and those left out.
+        """
+        if recovered > MIN_SNR * error:
+            return cls(1.0 / recovered, error / recovered**2, None, n_bands, n_faint)
+        least = 1.0 / (max(recovered, 0.0) + 2.0 * error)
+        return cls(None, None, least if least > 1.0 else None, n_bands, n_faint)
+
+    @property
+    def standing(self) -> str:
+        """Whether the ETC agrees, or by how much it is optimistic or pessimistic: beyond two standard errors only."""
+        if self.etc_ratio is None or self.etc_ratio_error is None:
+            return "too faint to measure the ETC by" if self.etc_ratio_least is None else "ETC optimistic"
+        if abs(self.etc_ratio - 1.0) <= 2.0 * self.etc_ratio_error:
+            return "ETC agrees"
+        word = "optimistic" if self.etc_ratio > 1.0 else "pessimistic"
+        size = 100.0 * abs(self.etc_ratio - 1.0)
+        return f"ETC {word} by {size:.{int(size < 10.0)}f} %"
+
+    @property
+    def number(self) -> str:
+        """The ratio with its error as text; its bound where planets are missed."""
+        if self.etc_ratio is None or self.etc_ratio_error is None:
+            return "" if self.etc_ratio_least is None else f"above {self.etc_ratio_least:.2g}"
+        places = 2 if self.etc_ratio_error >= _FINE else 3
+        return f"{self.etc_ratio:.{places}f} +- {self.etc_ratio_error:.{places}f}"
 
     @property
     def text(self) -> str:
-        """In words; a difference is named beyond two standard errors only."""
-        if self.ratio is None or self.error is None:
-            return "nothing was measured"
-        counted = f"over {self.n_bands} measurement{'s' if self.n_bands != 1 else ''}"
-        if self.ratio < MIN_SNR * self.error:
-            return f"the planets are missed: recovered / predicted SNR {self.ratio:.2f} +- {self.error:.2f} {counted}"
-        factor, error = optimism(self.ratio, self.error)
-        word = standing(self.ratio, self.error)
-        if word == "agrees":
-            return f"the ETC agrees with the images: predicted / recovered SNR {factor:.2f} +- {error:.2f} {counted}"
-        return f"the ETC is {word} by {factor:.2f} +- {error:.2f} (predicted / recovered SNR) {counted}"
+        """In words: the ratio first, then what it says."""
+        if not self.n_bands:
+            return _TOO_FAINT if self.n_faint else "nothing was measured"
+        counted = f"{self.n_bands} measurement{'s' * (self.n_bands != 1)}"
+        counted += f" ({self.n_faint} more too faint to count)" * bool(self.n_faint)
+        if not self.number:
+            return f"{counted} scatter too much to measure the ETC by"
+        ratio = f"predicted over recovered SNR {self.number} over {counted}"
+        if self.etc_ratio is None:
+            return f"{ratio}: the planets are missed, and the ETC is optimistic"
+        if self.standing == "ETC agrees":
+            return f"{ratio}: the ETC agrees with the images within two standard errors"
+        return f"{ratio}: {self.standing.replace('ETC', 'the ETC is')}, beyond two standard errors"
 
 
-def optimism(ratio: float, error: float) -> tuple[float, float]:
-    """Return the predicted over recovered from recovered over predicted, with its error.
-
-    Parameters
-    ----------
-    ratio : float
-        Predicted over recovered SNR.
-    error : float
-        Its standard error.
-    """
-    return 1.0 / ratio, error / ratio**2
-
-
-def standing(ratio: float, error: float) -> str:
-    """Return ``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its error.
-
-    Parameters
-    ----------
-    ratio : float
-        Predicted over recovered SNR.
-    error : float
-        Its standard error.
-    """
-    if abs(ratio - 1.0) <= 2.0 * error:
-        return "agrees"
-    return "optimistic" if ratio < 1.0 else "pessimistic"
+_TOO_FAINT = "the planets are too faint in these images to measure the ETC by"
+_FINE = 0.03
+"""Largest error of a ratio that is written with a third decimal."""
 
 
 def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> float:
@@ -136,31 +159,55 @@ def mean_snr(flux: ArrayLike, error: ArrayLike, *, significance: float, n_apertu
 
 
 def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
-    """Return the calibration factor over bands: the mean of recovered / predicted by inverse variance.
+    """Return predicted over recovered SNR over bands: the inverse of the mean of their inverses by inverse variance.
 
     Parameters
     ----------
     bands : sequence of BandConfirmation
-        Bands without a measurement are passed over.
+        Bands without a measurement are passed over, those too faint to tell are counted.
 
     Notes
     -----
-    The variance of a band is that of its mean and that of the prediction, `PREDICTION_ERROR` of the mean ratio.
+    The variance of a band is that of its mean and that of the prediction, `PREDICTION_ERROR` of the mean ratio. The
+    mean is taken of recovered SNRs in units of the predicted ones, whose errors are normal.
     """
     used = [b for b in bands if b.predicted_snr and b.recovered_snr is not None and b.recovered_snr_error is not None]
-    if not used:
-        return Calibration(None, None, 0)
     predicted = np.array([b.predicted_snr for b in used], float)
     ratios = np.array([b.recovered_snr for b in used], float) / predicted
     own = np.array([b.recovered_snr_error for b in used], float) / predicted
+    told = np.array([tells(ratio, error) for ratio, error in zip(ratios, own, strict=True)], bool)
+    ratios, own, n_faint = ratios[told], own[told], int(np.sum(~told))
+    if not ratios.size:
+        return Calibration(n_faint=n_faint)
     ratio = float(np.average(ratios, weights=own**-2))
     weight = 1.0 / (own**2 + (PREDICTION_ERROR * ratio) ** 2)
     ratio = float(np.sum(weight * ratios) / weight.sum())
     error = 1.0 / math.sqrt(weight.sum())
-    if len(used) >= 3:
-        chi2 = float(np.sum(weight * (ratios - ratio) ** 2) / (len(used) - 1))
+    if len(ratios) >= 3:
+        chi2 = float(np.sum(weight * (ratios - ratio) ** 2) / (len(ratios) - 1))
         error *= math.sqrt(max(chi2, 1.0))
-    return Calibration(ratio, error, len(used))
+    return Calibration.of(ratio, error, n_bands=len(ratios), n_faint=n_faint)
+
+
+def tells(recovered: float, error: float) -> bool:
+    """Return whether a recovered SNR with its own error, in units of the predicted one, tells about the ETC."""
+    return math.hypot(error, PREDICTION_ERROR * recovered) <= MOST_ERROR * max(recovered, 1.0)
+
+
+def calibration_of(predicted: float, recovered: float, error: float) -> Calibration:
+    """Return predicted over recovered SNR of one band; the error of the prediction itself counts.
+
+    Parameters
+    ----------
+    predicted, recovered : float
+        SNR.
+    error : float
+        That of the recovered SNR, 1 sigma.
+    """
+    share, own = (value / predicted for value in (recovered, error))
+    if not tells(share, own):
+        return Calibration(n_faint=1)
+    return Calibration.of(share, math.hypot(own, PREDICTION_ERROR * share))
 
 
 def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[PositionRecord]:
@@ -252,8 +299,11 @@ def albedo_records(fitted: Sequence[FittedAlbedo]) -> list[AlbedoRecord]:
         AlbedoRecord.of(
             item.fit,
             planet=item.light.name,
+            log10_mh=item.fit.median("log10_mh"),
+            log10_fsed=item.fit.median("log10_fsed"),
             log10_mh_interval=list(item.fit.interval("log10_mh")),
             log10_fsed_interval=list(item.fit.interval("log10_fsed")),
+            best_fit=[item.fit.log10_mh, item.fit.log10_fsed],
         )
         for item in fitted
     ]

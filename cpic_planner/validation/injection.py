@@ -108,8 +108,7 @@ def azimuths_inside(geometry: BandGeometry, separation_arcsec: float) -> FloatAr
     """
     angle = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     x, y = separation_arcsec * np.cos(angle), separation_arcsec * np.sin(angle)
-    # A hair less than the aperture: rounding shall not hide the diagonal at the corners.
-    return angle[inside_zone(geometry.zone, x, y, geometry.aperture_radius_arcsec * (1.0 - 1e-9))]
+    return angle[inside_zone(geometry.zone, x, y, geometry.aperture_radius_arcsec)]
 
 
 def azimuth_share(geometry: BandGeometry, separation_arcsec: float) -> float:

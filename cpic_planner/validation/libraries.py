@@ -1,6 +1,5 @@
 """Reference libraries by name: what their frames show, and how those of another star are scaled."""
 
-import math
 from dataclasses import dataclass
 from typing import TypedDict
 
@@ -8,12 +7,9 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite, check_number, check_whole, numeric_context
 from cpic_planner.queries import Strategy
-from cpic_planner.validation.apertures import checked_frames, checked_region, region_rows
+from cpic_planner.validation.apertures import checked_frames
 from simulator.config import Scene
 from simulator.observing import MAX_FRAMES, Role
-
-BLOCK_PIXELS = 8
-"""Side of the squares whose sums count as independent in the error of `halo_scale`: about two speckles."""
 
 
 class VisitSettings(TypedDict):
@@ -120,7 +116,7 @@ def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike
         Frames in electrons, (m, y, x) or (y, x).
     scale : float
         Light of the science star over that of the reference star in equal exposures, above 0: the ratio of the rates
-        that the ETC takes, or `halo_scale`.
+        that the ETC takes.
     pedestal_e : array_like, optional
         Mean of what does not come from the star (dark current, clock-induced charge), broadcasts to a frame; it is the
         same afterwards. Sky light that is left in becomes a constant, which the background of the photometry takes.
@@ -155,63 +151,3 @@ def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike
     if np.isinf(scaled).any():
         raise InputError("scale", scale, allowed="one at which the frames stay finite")
     return scaled
-
-
-@dataclass(frozen=True)
-class HaloScale:
-    """Light of the science star over that of the reference star as the halo shows it, and its 1-sigma error."""
-
-    value: float
-    error: float
-
-
-def halo_scale(science_e: ArrayLike, reference_e: ArrayLike, *, region: ArrayLike | None = None) -> HaloScale:
-    """Measure the brightness of the science star over that of the reference star on their halos.
-
-    Parameters
-    ----------
-    science_e, reference_e : array_like
-        Frames of equal exposure, electrons, (n, y, x) and (m, y, x); at least two reference frames.
-    region : array_like of bool, optional
-        Pixels (y, x) to use; all by default. Leave out known planets.
-
-    Returns
-    -------
-    HaloScale
-
-    Raises
-    ------
-    InputError
-        If shapes or numbers do not fit, there are fewer than two reference frames, or the halo does not stand out of
-        the noise.
-
-    Notes
-    -----
-    Least squares of the mean science frame ``S`` on the mean reference frame, both less their mean over the region (a
-    constant background does not matter), would be too small by the share of noise in the square of the reference. The
-    even and the odd frames, ``A`` and ``B``, have independent noise: ``sum(S (A + B) / 2) / sum(A B)`` is free of it.
-    A planet of flux ``f`` and template ``p`` in the region adds ``f sum(p A) / sum(A B)``.
-
-    The error is that of a ratio of sums over squares of 8 x 8 pixels (Cochran 1977, Sampling Techniques, eq. 6.13): it
-    holds for correlated speckles too, as long as the region has some ten squares.
-    """
-    science, reference = checked_frames("science_e", science_e), checked_frames("reference_e", reference_e)
-    if reference.ndim != 3 or len(reference) < 2 or reference.shape[-2:] != science.shape[-2:]:
-        allowed = f"at least two frames of {science.shape[-2:]}"
-        raise InputError("reference_e", reference.shape, unit="px", allowed=allowed)
-    pixels = checked_region("region", region, science.shape[-2:])
-    star = region_rows("science_e", science, pixels).mean(axis=0)
-    frames = region_rows("reference_e", reference, pixels)
-    even, odd = frames[::2].mean(axis=0), frames[1::2].mean(axis=0)
-    star, even, odd = star - star.mean(), even - even.mean(), odd - odd.mean()
-    y, x = np.nonzero(pixels)
-    _, square = np.unique((y // BLOCK_PIXELS) * pixels.shape[1] + x // BLOCK_PIXELS, return_inverse=True)
-    above, below = np.bincount(square, star * (even + odd) / 2.0), np.bincount(square, even * odd)
-    value, spread = math.nan, math.inf
-    if len(below) > 1 and below.sum() > 0:
-        value = float(above.sum() / below.sum())
-        left = above - value * below
-        spread = math.sqrt(float(left @ left) * len(left) / (len(left) - 1)) / float(below.sum())
-    if not value > 2.0 * spread:
-        raise InputError("reference_e", "no halo above the noise", allowed="frames in which both halos can be measured")
-    return HaloScale(value, spread)

@@ -3,25 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from cpic_planner.queries import FluxFilter
-from cpic_planner.validation.apertures import outside_discs
 from cpic_planner.validation.detection import BlindSearch, search
-from cpic_planner.validation.photometry import (
-    EXCLUSION_RADII,
-    Photometry,
-    aperture_photometry,
-    sum_weights,
-    without_source,
-)
+from cpic_planner.validation.photometry import Photometry, aperture_photometry, sum_weights, without_source
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.roll import roll_photometry
 from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
-from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, tells_noise
+from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, radius_pixel
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.imaging import BandGeometry
 from simulator.signal import REGION_LAMBDA_D
@@ -133,8 +124,8 @@ def measure_planets(
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
-        covered = all(is_covered(stack.region, weights) for weights in planet.apertures)
-        if not covered or not tells_noise(stack.region, planet):
+        covered = all(is_covered(stack.region, weights * geometry.hole) for weights in planet.apertures)
+        if not covered or not planet.tells_noise(stack.region, geometry, visits.strategy):
             found.append(None)
             continue
         near = reduced_around(realisation, planet, visits)
@@ -176,7 +167,7 @@ def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: Vis
     n_modes = strategy.n_modes
     if n_modes == 0:
         return realisation
-    annulus = stack.region & geometry.annulus(float(np.hypot(*planet.places_arcsec[0])), REGION_LAMBDA_D)
+    annulus = stack.region & geometry.annulus(planet.separation_arcsec, REGION_LAMBDA_D)
     if strategy.choose_modes and stack.inputs is not None:
         kernel = planet.kernels(geometry, strategy.filter)[0]
         n_modes = paying_modes(
@@ -214,12 +205,13 @@ def forced_photometry(
     model : SpeckleModel, optional
         Residual speckles that the filter ``whitened`` takes for granted.
     """
-    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
+    radius = radius_pixel(geometry)
     stack, roll = realisation.reduced, realisation.roll
     first, *second = (pixels_of(geometry, place) for place in planet.places_arcsec)
-    around = planet.background & stack.region
+    around = planet.around(stack.region, geometry, filter_name)
     kernels = planet.kernels(geometry, filter_name)
     matched = kernels if filter_name == "matched" else None
+    kernel = matched[0] if matched else None
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(
@@ -232,7 +224,7 @@ def forced_photometry(
             background_region=around,
             em_gain=stack.em_gain,
             stages=stack.stages,
-            kernels=None if matched is None else (matched[0], matched[1]),
+            kernels=matched,
         )
     image, template = stack.image_e, planet.templates[0]
     if filter_name == "whitened":
@@ -249,29 +241,21 @@ def forced_photometry(
         return fitted.photometry(stack)
     left = stack.rdi.project(template)
     if filter_name == "mirror":
-        # Nothing of the planet, nor of the others, at either place, nor at what they leave at the opposite ones.
-        middle = len(image) - 1
-        places = [first, *planet.others]
-        around = outside_discs(around & around[::-1, ::-1], places, EXCLUSION_RADII * radius)
-        opposite = [(middle - x, middle - y) for x, y in places]
-        around = outside_discs(around, opposite, EXCLUSION_RADII * radius)
         empty = image
         if stack.rdi.modes_used:
             # What modes spread of the planet is not alike at opposite places, and no speckle.
-            ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
-            empty = without_source(image, left, sum_weights(image.shape, *first, radius), ring)
+            empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
         share = mirror_share(empty, kernels[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
-    ring = outside_discs(around, [first], EXCLUSION_RADII * radius)
-    weights = sum_weights(image.shape, *first, radius, None if matched is None else matched[0])
+    weights = sum_weights(image.shape, *first, radius, kernel)
     return aperture_photometry(
         image,
         *first,
         radius,
         background_region=around,
-        throughput=surviving_fraction("template", template, left, weights, ring),
+        throughput=surviving_fraction("template", template, left, weights, around),
         em_gain=stack.em_gain,
         stages=stack.stages,
-        kernel=None if matched is None else matched[0],
+        kernel=kernel,
         left=left if stack.rdi.modes_used else None,
     )

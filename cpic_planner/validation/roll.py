@@ -241,7 +241,7 @@ def roll_photometry(
     background_region: ArrayLike,
     em_gain: float = 1.0,
     stages: int = 604,
-    kernels: tuple[FloatArray, FloatArray] | None = None,
+    kernels: tuple[FloatArray, ...] | None = None,
 ) -> Photometry:
     """Return the flux of a planet from both of its places.
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cpic_core import FloatArray, InputError, Status, announce, stream
+from cpic_core import FloatArray, Status, announce, stream
 from cpic_planner.etc import diagonal
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
 from cpic_planner.validation.injection import draw_place, inject, recovered
@@ -13,7 +13,7 @@ from cpic_planner.validation.modelling import modelling_of
 from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.templates import PlanetTemplate, obstacle, template_at
+from cpic_planner.validation.templates import PlanetTemplate, obstacle, place_at, with_image
 from cpic_planner.validation.whitened import SpeckleModel
 
 
@@ -81,12 +81,10 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
     rate_e_s = visits.science.truth.sources[0].rate_e_s
     geometry, maps = visits.geometry, maps_of(visits)
     beside = [(one.x_arcsec, one.y_arcsec) for one in visits.science.truth.sources[1:]]
-    edge = geometry.stamp_pixels // 2 * geometry.pixel_scale_arcsec
-    near = [place for place in beside if max(abs(place[0]), abs(place[1])) < edge]
     places = []
     for separation in own.places_arcsec:
         x, y = (float(part) for part in diagonal(geometry.zone, separation))
-        places.append(template_at(visits, "place", ((x, y),), near))
+        places.append(with_image(visits, place_at(geometry, visits.strategy, "place", ((x, y),), beside)))
     whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
@@ -110,13 +108,10 @@ def _noise_at(
     visits: VisitPair, drawn: Realisation, place: PlanetTemplate, rate_e_s: float, model: SpeckleModel | None
 ) -> list[float | None]:
     """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
-    if obstacle(place, visits.geometry) is not None:
+    if obstacle(place, visits.geometry, visits.strategy) is not None:
         return [None, None]
     near = reduced_around(drawn, place, visits)
-    try:
-        measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
-    except InputError:  # no room for apertures that tell the noise
-        return [None, None]
+    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
     star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
     return [float(measured.sigma_background / star_e), float(measured.throughput)]
 

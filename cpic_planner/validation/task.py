@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple, Required, TypedDict, Unpack
 
 import numpy as np
@@ -19,10 +19,12 @@ from simulator.ledger import NOT_IN_SUMS
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
+TOO_MANY = f"more than {MAX_FRAMES} frames a visit: give less time, more visits or longer exposures"
+"""Why a programme has no images although it has frames."""
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",
     Status.UNREACHABLE: "the time holds no frame",
-    Status.INVALID: f"more than {MAX_FRAMES} frames: give less time or longer exposures",
+    Status.INVALID: TOO_MANY,
 }
 
 
@@ -84,6 +86,10 @@ class ConfirmTask:
         Science visits that are reduced together, and visits that all the references are spread over.
     gap_s : float
         From the start of a science visit to that of the next, s.
+    unused_s : float or None
+        Part of the given wall time that the visits leave unused.
+    chosen_for : str
+        Planet for which visits and frames were chosen; empty where they were given.
     """
 
     name: str
@@ -104,6 +110,8 @@ class ConfirmTask:
     visits: int = 1
     reference_visits: int = 1
     gap_s: float = 0.0
+    unused_s: float | None = None
+    chosen_for: str = ""
 
     @property
     def n_science_frames(self) -> int:
@@ -114,6 +122,11 @@ class ConfirmTask:
     def n_all_frames(self) -> float:
         """Science and reference frames of one realisation."""
         return self.n_science_frames * (1.0 + float(self.strategy["reference_ratio"]))
+
+    @property
+    def time_s(self) -> float:
+        """Wall time of all visits, s."""
+        return self.visits * (self.gap_s - 3600.0 * float(self.strategy["visit_gap_h"]))
 
     @property
     def timing(self) -> Timing:
@@ -198,18 +211,10 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     seen = {key: _known(getattr(target, f"companion_{key}")[0]) for key in place}
     if seen["pa_deg"] is not None:
         seen["pa_deg"] = (seen["pa_deg"] - float(target.roll_deg)) % 360.0
-    near = companion_of(star.model_dump(), **seen)
-    stars = tuple(SceneStar(**body) for body in near)
+    stars = tuple(SceneStar(**body) for body in companion_of(star.model_dump(), **seen))
     disc = exozodi_disc(exozodi_zodis)
-    extended = () if disc is None else (disc,)
-    return Scene(
-        name=name or star.name,
-        cstar=star,
-        planets=planets,
-        stars=stars,
-        extended=extended,
-        companions=target.companions,
-    )
+    shown = {"planets": planets, "stars": stars, "extended": () if disc is None else (disc,)}
+    return Scene(name=name or star.name, cstar=star, companions=target.companions, **shown)
 
 
 def _known(value: float) -> float | None:
@@ -235,7 +240,7 @@ def expected_of(
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s`` of all visits, ``threshold``,
+        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
         with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``; None where
         no law was measured) that follow, and ``snr_full`` and ``significance_full`` with the frames that particles
@@ -245,7 +250,6 @@ def expected_of(
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
     faint = np.full((1, 1), contrast, dtype=np.float64)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
-    visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
@@ -260,7 +264,6 @@ def expected_of(
         "contrast": float(contrast),
         "separation_arcsec": float(separation[0, 0]),
         "pa_deg": float(pa_deg[0, 0]),
-        "time_s": float(frames.visits * model.time_s(visit_s)),
         "threshold": float(expected.threshold[0, 0]),
         "n_modes": int(expected.programme.n_modes.max()),
         "snr": float(noise.snr[0, 0]),
@@ -320,20 +323,13 @@ def prepare_task(
     separation = float(best.separation_arcsec[0])
     # Two rolls put it to either side of the diagonal; the ETC counts one of them.
     pa_deg = etc.diagonal_pa_deg(model, target, band)
+    given = frames is not None
     if frames is None and not 1 <= best.frames_per_visit[0] <= MAX_FRAMES:
         status, reason = no_frame_status(best, 0, model.camera(band))
         if best.frames_per_visit[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
-        return BandConfirmation(
-            band=band,
-            status=status.value,
-            reason=reason.value,
-            message=_REFUSALS[status],
-            separation_arcsec=separation,
-            pa_deg=pa_deg,
-            true_contrast=float(best.contrast[0]),
-            verdict="not observed",
-        )
+        where = {"separation_arcsec": separation, "pa_deg": pa_deg, "true_contrast": float(best.contrast[0])}
+        return not_observed(status, reason, _REFUSALS[status], band=band, **where)
     distance = float(etc.reference_distance_au(target, np.array([separation]), planet)[0, 0])
     if frames is None:
         per_visit, visits = int(best.frames_per_visit[0]), int(best.visits[0])
@@ -344,7 +340,26 @@ def prepare_task(
     expected = expected_of(
         model, target, band, etc.planet_offsets(model, target, band, separation), float(best.contrast[0]), frames
     )
-    return task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    made = task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    if given:
+        return made
+    return replace(made, unused_s=max(time_s - made.time_s, 0.0), chosen_for=made.planets[0])
+
+
+def not_observed(status: Status, reason: Reason, message: str, **more: Any) -> BandConfirmation:
+    """Return the answer for a planet of which no images are made.
+
+    Parameters
+    ----------
+    status : Status
+    reason : Reason
+    message : str
+        One sentence for people.
+    **more
+        Other fields of the answer; at least the band.
+    """
+    standing = {"status": status.value, "reason": reason.value, "message": message, "verdict": "not observed"}
+    return BandConfirmation(**(standing | more))
 
 
 def task_of(

@@ -7,17 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, Reason
+from cpic_core import FloatArray, Reason, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.results import AuditRecord, BandConfirmation
 from cpic_planner.validation import findings
 from cpic_planner.validation.astrometry import Astrometry
+from cpic_planner.validation.libraries import library_plan
 from cpic_planner.validation.measure import Measurement
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics
 from cpic_planner.validation.star_flux import StarFlux
-from cpic_planner.validation.task import ConfirmTask
-from simulator.config import validate
+from cpic_planner.validation.task import ConfirmTask, not_observed
+from cpic_planner.validation.templates import obstacle, planet_places
+from simulator.config import Instrument, Scene, validate
+from simulator.imaging import BandGeometry
 
 AT_KNOWN_PLACE = "seen at its known place, not confirmed blind"
 _ADVICE = {
@@ -86,9 +89,7 @@ def confirmation_of(
     found = sum(item.found for item in measured)
     at_place = sum(item.significance >= expected["threshold"] for item in measured)
     lost = 0 if statistics is None else statistics.lost_in
-    ratio = snr / expected["snr"]
-    ratio_error = math.hypot(snr_error / expected["snr"], findings.PREDICTION_ERROR * ratio)
-    etc_ratio, etc_ratio_error = _optimism(ratio, ratio_error)
+    mean = findings.calibration_of(expected["snr"], snr, snr_error)
     detected = bool(2 * found >= n and not lost)
     return BandConfirmation(
         **_asked(task, number),
@@ -101,8 +102,8 @@ def confirmation_of(
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
-        etc_ratio=etc_ratio,
-        etc_ratio_error=etc_ratio_error,
+        etc_ratio=mean.etc_ratio,
+        etc_ratio_error=mean.etc_ratio_error,
         recovered_contrast=float(contrast.mean()),
         contrast_error=float(np.sqrt((error**2).mean())),
         contrast_mean_error=spread / math.sqrt(n),
@@ -124,7 +125,7 @@ def confirmation_of(
         found_separation_error_arcsec=sky and sky.separation_error_arcsec,
         found_pa_deg=sky and sky.pa_deg % 360.0,
         found_pa_error_deg=sky and sky.pa_error_deg,
-        verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), _etc(ratio, ratio_error)),
+        verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), _etc(mean)),
         audit=audit,
     )
 
@@ -144,7 +145,9 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
         "n_frames": task.n_science_frames,
         "em_gain": task.em_gain,
         "integration_s": task.exposure_s * task.n_science_frames,
-        "time_s": expected["time_s"],
+        "time_s": task.time_s,
+        "unused_s": task.unused_s,
+        "chosen_for": task.chosen_for,
         "predicted_snr": expected["snr"],
         "predicted_significance": expected["significance"],
         "threshold": expected["threshold"],
@@ -185,46 +188,32 @@ def cut_off(seen: Evidence, number: int) -> BandConfirmation:
     )
 
 
-def not_shown(seen: Evidence, number: int, reason: Reason, message: str) -> BandConfirmation:
-    """Return the answer where a planet cannot be measured whatever the frames hold.
-
-    Parameters
-    ----------
-    seen : Evidence
-    number : int
-        Of the planet among those of the task.
-    reason, message
-        As `cpic_planner.validation.templates.obstacle` says.
-    """
-    return BandConfirmation(
-        **_asked(seen.task, number),
-        status="unreachable",
-        reason=reason.value,
-        message=message,
-        modelled=seen.modelling.record(),
-        drawn_as=seen.modelling.draw,
-        detected=False,
-        verdict="not observed",
-    )
-
-
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
-    """Return the answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
+    """Return the answers for planets of a task that need no image.
+
+    All of them where the tier is not good enough for the scene; those that images cannot show; none where all can be
+    measured.
+    """
     modelling = modelling_of(task)
-    refused = modelling.outcome
-    if refused.value is not None:
-        return []
+    if modelling.outcome.value is None:
+        why = modelling.outcome.status, modelling.outcome.reason
+        text = f"{modelling.outcome.message}: {_ADVICE[modelling.dial.fidelity]}"
+        reasons = dict.fromkeys(range(len(task.planets)), (*why, text, "not modelled"))
+    else:
+        reasons = {}
+        strategy = validate(Strategy, task.strategy, where="strategy")
+        instrument = validate(Instrument, task.simulator, where="instrument")
+        scene = modelling.scene(validate(Scene, task.scene, where="scene"))
+        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+        geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
+        for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):
+            if (hidden := obstacle(place, geometry, strategy)) is not None:
+                few = hidden[0] is Reason.TOO_FEW_ELEMENTS
+                reasons[number] = (Status.UNREACHABLE if few else Status.OUTSIDE_FIELD, *hidden, "not observed")
     answers = []
-    for number in range(len(task.planets)):
-        answer = BandConfirmation(
-            **(_asked(task, number) | {"image": None}),
-            status=refused.status.value,
-            reason=refused.reason.value,
-            message=f"{refused.message}: {_ADVICE[modelling.dial.fidelity]}",
-            modelled=modelling.record(),
-            verdict="not modelled",
-        )
-        answers.append(answer)
+    for number, (status, reason, text, verdict) in reasons.items():
+        more = {"image": None, "modelled": modelling.record(), "verdict": verdict}
+        answers.append(not_observed(status, reason, text, **(_asked(task, number) | more)))
     return answers
 
 
@@ -252,17 +241,8 @@ def _verdict(predicted: tuple[bool, str], detected: bool, counts: tuple[int, int
     return f"{word}{counted}; {etc}"
 
 
-def _etc(ratio: float, error: float) -> str:
-    if ratio <= findings.MIN_SNR * error:
-        return "too faint to measure the ETC by"
-    word = findings.standing(ratio, error)
-    factor, spread = findings.optimism(ratio, error)
-    return f"ETC {word}{', ' if word == 'agrees' else ' by '}{factor:.2f} +- {spread:.2f}"
-
-
-def _optimism(ratio: float, error: float) -> tuple[float, float] | tuple[None, None]:
-    """Return the predicted over recovered SNR with its error; None where too little is recovered to tell."""
-    return findings.optimism(ratio, error) if ratio > findings.MIN_SNR * error else (None, None)
+def _etc(mean: findings.Calibration) -> str:
+    return f"{mean.standing} (predicted over recovered SNR {mean.number})" if mean.number else mean.standing
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -296,7 +276,7 @@ def significant_at_place(band: BandConfirmation) -> bool:
 
 
 def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None, float | None]:
-    """Return a target's bands in words, with the mean factor of the ETC and its error."""
+    """Return a target's bands in words, with predicted over recovered SNR and its error."""
     seen = [band for band in bands if band.detected]
     tried = [band for band in bands if band.recovered_snr is not None]
     if not tried:
@@ -309,7 +289,4 @@ def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None
     else:
         word = AT_KNOWN_PLACE if any(significant_at_place(band) for band in tried) else "not confirmed"
     mean = findings.calibrate(tried)
-    assert mean.ratio is not None  # there is a band
-    assert mean.error is not None
-    factor, error = _optimism(mean.ratio, mean.error)
-    return f"{word}; {_etc(mean.ratio, mean.error)}", factor, error
+    return f"{word}; {_etc(mean)}", mean.etc_ratio, mean.etc_ratio_error

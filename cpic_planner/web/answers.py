@@ -165,7 +165,7 @@ def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -
     tables(cast("Console", sheet))
     if sheet.taken is None:
         raise InputError("format", form, allowed="html or json: this answer has no table")
-    return report.form_text(form, *sheet.taken)
+    return report.form_text(form, result, sheet.taken)
 
 
 @functools.lru_cache(maxsize=64)

@@ -41,7 +41,7 @@ def _row(visits: Any, subject: Any, realised: Any, star: str, band: str) -> dict
 
 
 def summary(rows: list[dict[str, Any]], *, full: bool) -> dict[str, Any]:
-    """SNR of one case over what is predicted, with its 95 % interval."""
+    """Predicted over recovered SNR of one case, with its 95 % interval."""
     star, band = rows[0]["star"], rows[0]["band"]
     expected = task_for(star, band, seed=0).predictions[0]
     suffix = "_full" if full else ""
@@ -53,7 +53,6 @@ def summary(rows: list[dict[str, Any]], *, full: bool) -> dict[str, Any]:
         n_apertures=rows[0]["n_apertures"],
     )
     predicted = expected["snr" + suffix]
-    scatter = 1.0 / flux.std(ddof=1) / predicted
     return {
         "star": star,
         "band": band,
@@ -61,12 +60,12 @@ def summary(rows: list[dict[str, Any]], *, full: bool) -> dict[str, Any]:
         "runs": len(rows),
         "predicted_snr": predicted,
         "recovered_snr": snr,
-        "ratio": snr / predicted,
-        "low": (snr - 1.96 * error) / predicted,
-        "high": (snr + 1.96 * error) / predicted,
+        "ratio": predicted / snr,
+        "low": predicted / (snr + 1.96 * error),
+        "high": predicted / (snr - 1.96 * error),
         "mean_flux": float(flux.mean()),
         "flux_error": float(flux.std(ddof=1) / np.sqrt(len(flux))),
-        "ratio_from_scatter": float(scatter),
+        "ratio_from_scatter": float(predicted * flux.std(ddof=1)),
         "rejected": float(np.mean([row.get("rejected", 0.0) for row in rows])),
     }
 

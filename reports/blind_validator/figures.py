@@ -80,7 +80,7 @@ def null_figure(rows: list[Row]) -> Figure:
 
 
 def chain_figure(rows: list[Row]) -> Figure:
-    """Recovered over predicted SNR with its interval."""
+    """Predicted over recovered SNR with its interval."""
     figure = new_figure(4.6)
     panel = figure.subplots()
     panel.axhspan(0.9, 1.1, color="#EEEEEE", zorder=0)
@@ -105,7 +105,7 @@ def chain_figure(rows: list[Row]) -> Figure:
         )
         shown.add(label)
     panel.set_xticks(range(len(stars)), [pretty_name(star) for star in stars])
-    panel.set_ylabel("SNR, images / ETC (95 %)")
+    panel.set_ylabel("predicted over recovered SNR (95 %)")
     panel.grid(axis="y")
     panel.legend(ncols=5, fontsize=7.5)
     return figure
@@ -148,7 +148,7 @@ def loop_figure(rows: list[Row]) -> Figure:
         axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
         axis.set_ticks([], minor=True)
     panel.set_xlabel("known factor: ETC of the nominal over ETC of the altered instrument")
-    panel.set_ylabel("found factor: predicted / recovered SNR")
+    panel.set_ylabel("found: predicted over recovered SNR")
     panel.grid()
     panel.legend(title="small: one star and band; large: all of them")
     return figure

@@ -13,7 +13,6 @@ from cpic_planner.ranking import rank_targets
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target, rank_sample
 from cpic_planner.validation import PREDICTION_ERROR, Frames, calibrate, confirm_task, expected_of
-from cpic_planner.validation.findings import optimism
 
 UNALTERED_STARS, UNALTERED_REALISATIONS = 20, 24
 ALTERED = ("throughput=x0.7", "read_noise=x1.5", "visit_drift=x3", "companions=on")
@@ -63,18 +62,17 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
         place = planet_offsets(model, band, expected["separation_arcsec"])
         known.append(expected_of(model, target, band, place, expected["contrast"], frames)["snr"] / expected["snr"])
     mean = calibrate(bands)
-    assert mean.ratio is not None  # every band was measured
-    assert mean.error is not None
-    expected_ratio = _weighted(bands, np.array(known), mean.ratio)
-    factor, error = optimism(mean.ratio, mean.error)
+    assert mean.etc_ratio is not None  # every band was measured
+    assert mean.etc_ratio_error is not None
+    expected_ratio = _weighted(bands, np.array(known), 1.0 / mean.etc_ratio)
     return {
         "override": entry,
         "stars": len(stars),
         "bands": len(bands),
         "known": 1.0 / expected_ratio,
-        "found": factor,
-        "error": error,
-        "deviation": (mean.ratio - expected_ratio) / mean.error,
+        "found": mean.etc_ratio,
+        "error": mean.etc_ratio_error,
+        "deviation": (1.0 - expected_ratio * mean.etc_ratio) * mean.etc_ratio / mean.etc_ratio_error,
         "text": mean.text,
         "each": [
             {"star": star, "band": band, "known": 1.0 / ratio, "found": seen.etc_ratio, "error": seen.etc_ratio_error}

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from cases import star_alone
 
-from cpic_planner.validation import PlanetTemplate, VisitPair, aperture_weights, fit_position
+from cpic_planner.validation import PlanetTemplate, VisitPair, fit_position
 from cpic_planner.validation.measure import forced_photometry
+from cpic_planner.validation.templates import place_at, with_image
 from simulator.detectors import excess_noise_factor2
 
 BAND_STARS = {"F520": "alf Cen A", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}
@@ -21,7 +22,7 @@ MIN_APERTURES, MIN_ELEMENTS = 25.0, 3.0  # where the ETC lets a planet stand
 def random_subject(visits: VisitPair, rng: np.random.Generator) -> PlanetTemplate:
     """A planet anywhere in the hole where a detection is defined."""
     geometry = visits.geometry
-    edge, pixel, middle = geometry.zone.outer_arcsec, geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
+    edge = geometry.zone.outer_arcsec
     while True:
         x, y = (float(part) for part in rng.uniform(-edge, edge, 2))
         if not geometry.zone.covers(np.array([y]), np.array([x]), -geometry.aperture_radius_arcsec)[0, 0]:
@@ -30,11 +31,7 @@ def random_subject(visits: VisitPair, rng: np.random.Generator) -> PlanetTemplat
         room = np.count_nonzero(annulus) >= MIN_APERTURES * geometry.aperture_pixels
         if room and geometry.resolution_elements(math.hypot(x, y)) >= MIN_ELEMENTS:
             break
-    template = visits.optics.at(x, y)
-    radius = geometry.aperture_radius_arcsec / pixel
-    weights = aperture_weights(template.shape, middle + x / pixel, middle + y / pixel, radius)
-    core = float(np.sum(template * weights))
-    return PlanetTemplate("injected", ((x, y),), (template,), (weights,), (core,), annulus, ())
+    return with_image(visits, place_at(geometry, visits.strategy, "injected", ((x, y),)))
 
 
 def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) -> list[dict[str, Any]]:

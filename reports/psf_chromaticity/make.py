@@ -297,7 +297,7 @@ at rest; flat wavefront, that is the apodizer's own darkness.*
 
 ## Figures
 
-*Corner*: inner corner of the hole. *IWA*: diagonal separation where the core throughput is half its value far from
+*Corner*: inner corner of the hole. *IWA*: diagonal separation where the core throughput is half its maximum, far from
 the mask; the mask sets it, and the hole may begin farther out. *Own width*: the pixels of the image in the hole,
 jitter and the mirror's 16 bits included. *10 % band*: flat spectrum, points 0.25 lambda/D apart, without jitter and
 bits; five seeds of it are in `reports/dark_hole`. Strehl and core throughput include the jitter.

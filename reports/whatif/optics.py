@@ -94,7 +94,7 @@ def rows(found: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:
         "contrast, nominal",
         "contrast, assumed",
         "error of the mirror (nm)",
-        "predicted / recovered SNR",
+        "predicted over recovered SNR",
         "worst of eight places",
         "by scaled light",
         "its worst",

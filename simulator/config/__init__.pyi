@@ -27,6 +27,7 @@ from simulator.config.coronagraph_table import (
     table_path as table_path,
 )
 from simulator.config.detector import (
+    CONVERTER_ASSUMED as CONVERTER_ASSUMED,
     AnyDetector as AnyDetector,
     Detector as Detector,
     InfraredDetector as InfraredDetector,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast,
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from cpic_core import InputError, in_unit, is_quantity, unit_of
+from cpic_core import InputError, in_unit, is_quantity, number_and_unit, unit_of, units_like
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -181,7 +181,7 @@ def validate(model: type[M], tree: Any, *, where: str = "") -> M:
 
 def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     first = error.errors(include_url=False)[0]
-    parts: Iterable[str] = (str(part) for part in first["loc"])
+    parts = [str(part) for part in first["loc"]]
     path = ".".join([*([where] if where else []), *parts])
     key = path or model.__name__
     kind, context = first["type"], first.get("ctx", {})
@@ -189,7 +189,10 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     if kind == "extra_forbidden":
         names = getattr(_field(model, first["loc"][:-1]), "model_fields", None)
         known = ", ".join(sorted(names)) if names else "see the documentation"
-        return InputError(key, value, allowed="no such key", hint=f"known keys: {known}")
+        with_unit = names if isinstance(value, str) and number_and_unit(value) else ()
+        meant = [name for name in with_unit or () if name.startswith(f"{parts[-1]}_") and unit_of(name)]
+        hint = f"did you mean {meant[0]}: {value}?" if meant else f"known keys: {known}"
+        return InputError(key, value, allowed="no such key", hint=hint)
     limits = _limits(_field(model, first["loc"]), math.inf if kind.startswith("less_than") else 2.0**53)
     if kind == "missing":
         needed = f", {limits} {unit_of(key)}" if limits else ""
@@ -204,7 +207,10 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
         message = limits
     elif limits:
         message += f", {limits}"
-    return InputError(key, value, unit=unit_of(key), allowed=message)
+    unit = unit_of(key)
+    if unit and isinstance(value, str) and number_and_unit(value):
+        return InputError(key, value, allowed=f"{message}, or with a unit: {', '.join(units_like(unit))}")
+    return InputError(key, value, unit=unit, allowed=message)
 
 
 _RANGE_KINDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Field
 
@@ -17,6 +17,10 @@ from simulator.config.base import FrozenModel, flipped
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
+
+CONVERTER_ASSUMED = "assumed: the range of the converter over the full well of a pixel"
+"""Source of the gain of a camera that is described without one."""
+_BITS = 16
 
 Border = Annotated[int, Field(ge=0, le=4096)]
 ReadoutMode = Literal["single", "cds", "up_the_ramp"]
@@ -313,3 +317,38 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
 
 
 AnyDetector = Detector | InfraredDetector
+
+
+def assume_converter(own: Mapping[str, Any], base: Mapping[str, Any], merged: dict[str, Any]) -> None:
+    """Give a camera that is described anew a converter of its own where its file says nothing of one.
+
+    An EMCCD's converter spans the output of its register: 59 electrons a step, which would be 17 electrons of rounding
+    in a camera without a register. Where that is switched off and read noise is given, the range of the converter, 16
+    bit unless it is said, is laid over the full well of a pixel.
+
+    Parameters
+    ----------
+    own, base : mapping
+        Section ``detector`` of an instrument's file, and of the preset under it.
+    merged : dict
+        The two together, which is changed in place.
+    """
+    register = [_plain(own.get("em_gain_max", 0)) == 1, _plain_switch(own) is False]
+    if "gain_e_adu" in own or "read_noise_e" not in own or not any(register) or _plain_switch(base) is False:
+        return
+    merged["adc_bits"] = own.get("adc_bits", {"value": _BITS, "source": "assumed", "confidence": "A"})
+    try:
+        steps = 2.0 ** float(_plain(merged["adc_bits"])) - 1.0 - float(_plain(merged["bias_adu"]))
+        gain = float(_plain(merged["full_well_e"])) / steps
+    except (TypeError, ValueError, ArithmeticError):
+        return  # what is no number is refused with its key
+    merged["gain_e_adu"] = {"value": gain, "unit": "e-/ADU", "source": CONVERTER_ASSUMED, "confidence": "A"}
+
+
+def _plain(item: Any) -> Any:
+    return item.get("value") if isinstance(item, Mapping) else item
+
+
+def _plain_switch(detector: Mapping[str, Any]) -> Any:
+    switches = detector.get("switches")
+    return _plain(switches.get("em_register")) if isinstance(switches, Mapping) else None

@@ -12,7 +12,7 @@ from catalogs import band_provenance, load_bands
 from cpic_core import InputError, Provenance, is_file, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
-from simulator.config.detector import AnyDetector, Detector
+from simulator.config.detector import AnyDetector, Detector, assume_converter
 from simulator.config.optics import Coronagraph, NearInfrared, Telescope, drop_bands
 from simulator.config.presets import preset_names, preset_path
 from simulator.config.sky import CosmicRayConfig, SkyConfig, own_sky
@@ -32,8 +32,6 @@ _MAPS = ("map_file", "template_file", "transmission_file", "surface_files", "cal
 _FILE_KEYS = ("apodizer", "table", "psf", *_MAPS)
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -323,6 +321,8 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         drop_bands(own, merged)
+        if isinstance(own.get("detector"), Mapping):
+            assume_converter(own["detector"], shipped["detector"], merged["detector"])
         return merged
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}

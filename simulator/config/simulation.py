@@ -1,78 +1,17 @@
-"""A simulation as configuration: sequences of frames to be taken one after another, and fields full of stars."""
+"""A simulation as configuration: sequences of frames to be taken one after another."""
 
 import itertools
-import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field
 
-from cpic_core import InputError, check_word, stream
-from simulator.config.base import FrozenModel, SpelledModel, other_names, required, validate
+from cpic_core import InputError, check_word
+from simulator.config.base import FrozenModel, SpelledModel, other_names, required
 from simulator.config.instrument import Instrument
 from simulator.config.light import Real
 from simulator.config.scene import Scene
 from simulator.config.telescope import CameraName, ReferenceScheme, Utc
-
-
-def star_field(
-    n_stars: int = 300,
-    *,
-    seed: int = 1,
-    name: str = "dense star field",
-    half_width_arcsec: float = 8.2,
-    v_mag_bright: float = 13.0,
-    v_mag_faint: float = 20.0,
-    counts_per_mag: float = 0.3,
-    teff_k: tuple[float, float] = (4000.0, 6500.0),
-    centre: dict[str, Any] | None = None,
-) -> Scene:
-    """Scatter stars evenly over a square around a central star.
-
-    Parameters
-    ----------
-    n_stars : int
-        Stars besides the central one.
-    seed : int
-        Equal seeds give equal fields.
-    name : str
-        Name of the scene; part of what the stars are drawn from.
-    half_width_arcsec : float
-        Half the side of the square; the active pixels of the visible camera reach 8.27 arcsec.
-    v_mag_bright, v_mag_faint : float
-        Limits of Johnson V.
-    counts_per_mag : float
-        Slope of log10 N(< V): 0.6 for stars spread evenly through space, about 0.3 for faint stars of the Milky Way.
-    teff_k : tuple of float
-        Limits of the temperature, which is spread evenly.
-    centre : dict, optional
-        Keys of the central star; by default a star of 12 mag and 5800 K.
-
-    Returns
-    -------
-    Scene
-        Magnitudes to 0.001 mag, places to 0.1 mas, temperatures to 1 K.
-    """
-    rng = stream(seed, name, "star field")
-    x, y = rng.uniform(-half_width_arcsec, half_width_arcsec, (2, n_stars))
-    # N(< V) grows as 10^(slope V): the inverse of its cumulative distribution between the limits.
-    low, high = (10.0 ** (counts_per_mag * limit) for limit in (v_mag_bright, v_mag_faint))
-    v_mag = np.log10(low + (high - low) * rng.random(n_stars)) / counts_per_mag
-    warmth = rng.uniform(*teff_k, n_stars)
-    stars = [
-        {
-            "name": f"star {number}",
-            "v_mag": round(float(v_mag[i]), 3),
-            "teff_k": float(round(warmth[i])),
-            "separation_arcsec": round(math.hypot(x[i], y[i]), 4),
-            "pa_deg": round(math.degrees(math.atan2(x[i], y[i])) % 360.0, 4),
-        }
-        for number, i in enumerate(np.argsort(v_mag, kind="stable").tolist(), start=1)
-    ]
-    middle = centre or {"v_mag": 12.0, "teff_k": 5800.0}
-    return validate(Scene, {"name": name, "cstar": middle, "stars": stars}, where="scene")
-
 
 SequenceKind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 SKY_KINDS: tuple[SequenceKind, ...] = ("SCI", "DSF", "CALS")

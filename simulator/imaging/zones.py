@@ -123,7 +123,7 @@ class HoleZone:
         return np.outer(rows, columns)
 
     def contains(self, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-        """Return which points lie in the zone, at least ``margin`` from its edges.
+        """Return which points lie in the zone, at least ``margin`` from its edges or a rounding error less.
 
         Parameters
         ----------
@@ -135,8 +135,9 @@ class HoleZone:
             Distance kept from the edges, arcsec.
         """
         inside = np.ones(np.broadcast_shapes(np.shape(x_arcsec), np.shape(y_arcsec)), bool)
+        margin = margin_arcsec - _ROUNDING * self.outer_arcsec
         for offset, parts in zip((y_arcsec, x_arcsec), self.intervals(), strict=True):
-            within = [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts]
+            within = [(offset >= low + margin) & (offset <= high - margin) for low, high in parts]
             inside &= np.any(within, axis=0)
         return inside
 

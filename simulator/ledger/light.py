@@ -232,7 +232,7 @@ def scene_light(
         whole_e_s, open_pixels = sources[i].rate_e_s, metrics.aperture_pixels
         if weights.size:
             open_pixels = float((weights * open_map[place]).sum())
-        inside = metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]
+        in_hole = metrics.zone.contains(np.array(x), np.array(y), metrics.aperture_radius_arcsec)
         planets.append(
             PlanetPlace(
                 name=sources[i].name,
@@ -247,7 +247,7 @@ def scene_light(
                 sky_e_s=sky * open_pixels,
                 scattered_e_s=float((weights * scattered[place]).sum()),
                 column_e_s=columns_e_s(x, i),
-                inside=bool(inside),
+                inside=bool(in_hole),
                 place=place,
                 weights=weights,
             )

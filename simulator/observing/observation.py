@@ -1,6 +1,5 @@
 """The only composer: scene + instrument + settings -> frames, with expectation, truth and ledger."""
 
-import math
 from collections.abc import Mapping, Sequence as Several
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from simulator.imaging import (
     psf_of_table,
     single_band_psf,
     window_of,
+    zone_of,
 )
 from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import (
@@ -361,7 +361,7 @@ def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[
     values: dict[str, Any] = {
         "HOLEMODE": instrument.dark_hole.mode,
         "HOLE": optics.hole_state,
-        "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
+        "HOLEIN": zone_of(instrument, band).inner_corner_arcsec,
     }
     if not isinstance(optics, ExternalPsf):
         # That of the standard settings: the core table of others takes longer than their images.

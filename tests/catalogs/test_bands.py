@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from astropy import units
+from astropy.table import Table
 
 from catalogs import band_from_file, band_provenance, load_bands
-from catalogs.bands import bands_tree
 from catalogs.spectra import Curve
 
 
@@ -38,9 +39,8 @@ def test_every_number_has_a_source_and_a_confidence() -> None:
 
 def test_loaded_mappings_are_the_callers_own() -> None:
     load_bands().clear()
-    bands_tree().clear()
-    assert len(load_bands()) == len(bands_tree()) == 8
-    assert bands_tree()["F520"]["center_nm"]["value"] == 520
+    assert len(load_bands()) == 8
+    assert load_bands()["F520"].center_nm == 520
 
 
 def test_top_hat_transmission_is_the_product_of_its_parts() -> None:
@@ -95,13 +95,78 @@ def test_curve_from_file_in_either_unit(tmp_path) -> None:
         "# nm\n500 0.1\n510 nan\n",
         "# nm\n500 0.1 3\n510 0.2 3\n",
         "# nm\n500 0.1\n",
-        "# nm\nwave trans\n500 0.1\n510 0.2\n",
+        "# nm\n500 0.1\nwave trans\n510 0.2\n",
+        "# nm\n500 90\n510 95\n",
     ],
 )
 def test_bad_curve_is_refused(refused, tmp_path, text: str) -> None:
     path = tmp_path / "curve.txt"
     path.write_text(text)
     refused("", band_from_file, path, "X", t_opt=0.3, qe=0.9)
+
+
+ROWS = [[510.0, 0.0], [515.0, 0.8], [525.0, 0.8], [530.0, 0.0]]
+
+
+def written_curve(folder, head, scale=1.0, percent=1.0, mark=" ", rows=ROWS):
+    path = folder / "curve.dat"
+    path.write_text(head + "".join(f"{w * scale!r}{mark}{t * percent!r}\n" for w, t in rows))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "scale"),
+    [
+        ("# um transmission\n", 1e-3),
+        ("# wavelength in \N{GREEK SMALL LETTER MU}m\n", 1e-3),
+        ("# wavelength (microns), transmission\n", 1e-3),
+        ("wavelength_um transmission\n", 1e-3),
+        ("lambda_nm transmission\n", 1.0),
+        ("Wavelength[Angstrom] T\n", 10.0),
+        ("# nm T\n", 1.0),
+    ],
+)
+def test_units_of_headings_and_comments_are_read(tmp_path, head, scale):
+    found = band_from_file(written_curve(tmp_path, head, scale), "X", t_opt=0.3, qe=0.9)
+    assert (found.center_nm, found.width_nm) == (pytest.approx(520.0), pytest.approx(15.0))
+
+
+def test_percent_of_a_heading_is_read(tmp_path):
+    found = band_from_file(written_curve(tmp_path, "lambda_nm,%T\n", percent=100.0, mark=","), "X", t_opt=0.3, qe=0.9)
+    assert found.curve.transmission.max() == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("# cm T\n", "unit = cm:"),
+        ("wave_m T\n", "unit = m:"),
+        ("# T\n", "not stated"),
+        ("# nm or um\n", "more than one"),
+    ],
+)
+def test_refusals_of_units_are_true(refused, tmp_path, head, said):
+    refused(f"{said}.*nm, um, Angstrom", band_from_file, written_curve(tmp_path, head), "X", t_opt=0.3, qe=0.9)
+
+
+@pytest.mark.filterwarnings("ignore:The unit 'Angstrom' has been deprecated")
+@pytest.mark.parametrize("form", ["ascii.ecsv", "votable", "fits"])
+@pytest.mark.parametrize(("unit", "scale"), [("nm", 1.0), ("Angstrom", 10.0), ("um", 1e-3), ("0.1 nm", 10.0)])
+def test_curves_of_tables_have_the_unit_of_their_column(tmp_path, form, unit, scale):
+    wavelength, transmission = np.array(ROWS).T
+    path = tmp_path / "curve"
+    Table({"wave": wavelength * scale * units.Unit(unit), "T": transmission}).write(path, format=form)
+    found = band_from_file(path, "X", t_opt=0.3, qe=0.9)
+    assert (found.center_nm, found.width_nm) == (pytest.approx(520.0), pytest.approx(15.0))
+
+
+def test_zeros_beyond_the_ends_are_left_out(tmp_path):
+    padded = [[200.0, 0.0], [505.0, 0.0], *ROWS, [540.0, 0.0], [1900.0, 0.0]]
+    found = band_from_file(written_curve(tmp_path, "# nm\n", rows=padded), "X", t_opt=0.3, qe=0.9)
+    assert found.support_nm == (510.0, 530.0)
+    assert found == band_from_file(written_curve(tmp_path, "# nm\n"), "X", t_opt=0.3, qe=0.9)
+    cut = band_from_file(written_curve(tmp_path, "# nm\n", rows=ROWS[1:3]), "X", t_opt=0.3, qe=0.9)
+    assert cut.support_nm == (515.0, 525.0)
 
 
 def test_unreadable_curve_is_refused(refused, tmp_path) -> None:

@@ -7,7 +7,7 @@ from astropy.coordinates import BarycentricMeanEcliptic, Distance, SkyCoord
 from astropy.time import Time
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
-from catalogs.coordinates import ecliptic, neighbours, propagate
+from catalogs.coordinates import ecliptic, neighbours, offset_place, propagate
 
 # alf Cen A, 61 Cyg A, tau Cet, eps Ind, Barnard, a star near the pole, and one crossing RA 0.
 STARS = np.array(
@@ -110,3 +110,11 @@ def test_neighbours_are_those_of_all_pairs():
 
 def test_a_heap_of_positions_is_no_sky(refused):
     refused("pairs of neighbouring stars = 1124250.*at most 1000000", neighbours, [5.0] * 1500, [5.0] * 1500, 10.0)
+
+
+@pytest.mark.parametrize("dec", [-89.9, -60.8, 0.0, 45.0, 89.99])
+def test_a_place_at_offsets_has_these_offsets(dec):
+    east, north = np.array([0.0, 10.0, -3600.0, 7.5]), np.array([5.0, 0.0, 1800.0, -2e4])
+    places = offset_place(359.999, dec, east, north)
+    assert ((places[0] >= 0.0) & (places[0] < 360.0)).all()
+    np.testing.assert_allclose(tangent_offset(*places, 359.999, dec), [east, north], rtol=1e-9, atol=1e-8)

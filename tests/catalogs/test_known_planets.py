@@ -150,6 +150,25 @@ def test_omega_of_the_planet_is_turned_to_the_star_s(tmp_path):
     assert "omega_planet_deg" not in table.columns
 
 
+def test_capital_omega_is_the_node(tmp_path):
+    text = "star,planet,period,omega,Omega,msini\nmine,mine b,1000,30,120,1\n"
+    planets = load_known_planets(alone(written(tmp_path, text)))
+    assert (planets.number("omega_star_deg")[0], planets.number("node_deg")[0]) == (30.0, 120.0)
+    planets = load_known_planets(alone(written(tmp_path, text.replace("omega,Omega", "note,Omega"))))
+    assert np.isnan(planets.number("omega_star_deg")[0])
+    assert planets.number("node_deg")[0] == 120.0
+    assert "omega_unknown" in planets.flags(0)
+
+
+@pytest.mark.parametrize(("inclination", "known"), [("", False), ("60", False), ("90", True), ("88", True)])
+def test_a_mass_that_repeats_m_sin_i_is_no_true_mass(tmp_path, inclination, known):
+    text = f"star,planet,period,mass,mass_err,msini,inc\nmine,mine b,1000,0.9,0.1,0.9,{inclination}\n"
+    planets = load_known_planets(alone(written(tmp_path, text)))
+    assert np.isfinite(planets.number("mass_mjup")[0]) == known
+    assert planets.number("msini_mjup")[0] == 0.9
+    assert ("minimum_mass" in planets.flags(0)) != known
+
+
 def test_units_and_headings_of_the_archive(tmp_path):
     """Headings, limits, kinds of masses and links of the NASA Exoplanet Archive; its 0 is no error."""
     text = (

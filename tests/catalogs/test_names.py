@@ -170,3 +170,8 @@ def test_resolution_in_a_large_table_of_ones_own(tmp_path):
     table = own_table(tmp_path, *(f"star {i}" for i in range(1500)), magnitudes=[6.0] * 1500)
     for i in range(0, 1500, 100):
         assert resolve_star(f"star {i}", table).index == i
+
+
+@pytest.mark.parametrize("name", ["Sirius B", "alf CMa B", "Fomalhaut C", "Vega B"])
+def test_a_component_is_not_told_the_type_of_its_primary(refused, name):
+    assert "spectral type" not in refused(f"component {name[-1]} is not in the catalogue", resolve_star, name)

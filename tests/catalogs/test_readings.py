@@ -1,7 +1,8 @@
 """What the texts of tables mean: spectral types, names of stars, plain values."""
 
 from catalogs import parse_spectral_type, resolve_star, stellar_parameters
-from catalogs.stellar_physics import is_giant, luminosity_class, spectral_letter
+from catalogs.spectral_types import is_composite, luminosity_class
+from catalogs.stellar_physics import is_giant, spectral_letter
 from cpic_core import parse_yaml
 
 
@@ -18,7 +19,7 @@ def star(text):
 
 def class_and_giants(text):
     found = luminosity_class(text)
-    assert is_giant(text) == (found in ("III", "III-IV", "I", "II"))
+    assert is_giant(text) == (found in ("III", "III-IV", "I", "I-II", "II", "II-III"))
     return found
 
 
@@ -28,6 +29,7 @@ READERS = {
     "temperature": lambda text: stellar_parameters(text).teff_k,
     "letter": spectral_letter,
     "luminosity_class": class_and_giants,
+    "composite": is_composite,
     "scalar": lambda text: parse_yaml(f"key: {text}")["key"],
     "star": star,
 }

@@ -49,6 +49,7 @@ def tables(tmp_path):
         "user_table": opened,
         "known_planets": lambda text: load_known_planets(written(text)),
         "third_row": lambda line: opened(f"{SIMPLE}{line}\n"),
+        "user_table_columns": lambda heading: with_column({heading: "10"}),
         "value_of_column": with_column,
         "unit_of_column": lambda units: with_column(dict.fromkeys(units, "1"), f" [{next(iter(units.values()))}]"),
     }

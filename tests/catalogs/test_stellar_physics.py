@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from catalogs import load_johnson_v, load_stellar_grid, luminosity_from_v
+from catalogs import load_johnson_v, load_stars, load_stellar_grid, luminosity_from_v
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     bolometric_correction,
@@ -206,3 +206,11 @@ def test_flags_of_parallaxes():
     assert parallax_flags(100.0, 1.0) == set()
     assert parallax_flags(49.9, 1.0) == {"low_parallax_snr"}
     assert parallax_flags(100.0, float("nan")) == {"parallax_unknown_error"}
+
+
+def test_shipped_stars_are_flagged_as_their_types_say():
+    types, flags = (load_stars(updates=False).column(name).tolist() for name in ("sp_type", "quality_flags"))
+    told = ("composite_spectrum", "giant", "no_class", "peculiar")
+    for sp_type, words in zip(types, flags, strict=True):
+        assert {word for word in words.split(";") if word in told} == type_flags(sp_type, "", ""), sp_type
+    assert sum("composite_spectrum" in words for words in flags) == 34

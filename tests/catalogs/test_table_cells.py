@@ -3,6 +3,7 @@
 import pytest
 
 from catalogs import QUANTITIES
+from catalogs.known_planet_columns import COLUMNS
 from catalogs.table_cells import heading
 
 
@@ -23,6 +24,14 @@ from catalogs.table_cells import heading
         ("RAJ2000", "ra_deg"),
         ("_DE", "dec_deg"),
         ("V", "v_mag"),
+        ("RAdeg", "ra_deg"),
+        ("DEdeg", "dec_deg"),
+        ("RA_d", "ra_deg"),
+        ("DEC_d", "dec_deg"),
+        ("rad", None),
+        ("DE-", None),
+        ("DE -", None),
+        ("DEd", None),
         ("nonsense", None),
         ("", None),
     ],
@@ -36,4 +45,30 @@ def test_heading_to_quantity(text, name):
 def test_no_heading_means_two_things():
     forms = [form for item in QUANTITIES.values() for form in (heading(item.name), *item.headings)]
     assert len(forms) == len(set(forms))
-    assert all(form == heading(form) for form in forms)
+    assert all(form.lower() == heading(form) for form in forms)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("omega", "omega_star_deg"),
+        ("Omega", "node_deg"),
+        ("omega [deg]", "omega_star_deg"),
+        ("Omega (deg)", "node_deg"),
+        ("omega_err", "omega_err_deg"),
+        ("Omega_err", "node_err_deg"),
+        ("Omega_Err", "node_err_deg"),
+        ("OMEGA_STAR_DEG", "omega_star_deg"),
+        ("omega_planet", "omega_planet_deg"),
+        ("m", "mass_mjup"),
+        ("W", None),
+    ],
+)
+def test_headings_that_differ_by_a_capital_alone(text, name):
+    meant = COLUMNS.meant_by(text)[0]
+    assert (meant.name if meant else None) == name
+
+
+@pytest.mark.parametrize("text", ["OMEGA", "OMEGA [deg]", "OMEGA_ERR", "M", "M [Msun]"])
+def test_headings_whose_capitals_leave_their_meaning_open_are_refused(refused, text):
+    refused("more than one meaning", COLUMNS.meant_by, text)

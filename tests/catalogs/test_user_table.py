@@ -133,7 +133,8 @@ UNITS = [
     ids=str,
 )
 def test_units_of_the_file_are_converted(tmp_path, kind, name, unit, value, expected):
-    table = Table({"name": ["x"], "v_mag": [5.0] * u.mag, "sp_type": ["G2V"], "pm_dec_mas_yr": [0.0]})
+    table = Table({"name": ["x"], "v_mag": [5.0] * u.mag, "sp_type": ["G2V"]})
+    table["pm_ra_mas_yr"], table["pm_dec_mas_yr"] = [0.0], [0.0]
     if name not in ("distance_pc", "parallax_mas"):
         table["distance_pc"] = [10.0] * u.pc
     table["ra_deg"], table["dec_deg"] = [1.0], [2.0]
@@ -356,10 +357,10 @@ def test_provenance_has_name_and_content_but_no_folder(tmp_path):
 
 ROW = st.fixed_dictionaries(
     {
-        "distance_pc": st.floats(0.01, 1e5),
-        "v_mag": st.floats(-30, 30),
-        "teff_k": st.floats(2000, 50000),
-        "log_g": st.none() | st.floats(-2, 7),
+        "distance_pc": st.floats(1, 9990),
+        "v_mag": st.floats(-0.9, 25),
+        "teff_k": st.floats(2000, 9990),
+        "log_g": st.none() | st.floats(-0.9, 7),
         "metallicity": st.none() | st.floats(-5, 1.5),
         "ra_deg": st.none() | st.floats(0, 359.999),
         "dec_deg": st.none() | st.floats(-90, 90),

@@ -11,7 +11,6 @@ import pytest
 
 from cpic_planner.web import application
 
-PROVES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
 SCRIPT = Path(__file__).with_name("commands_that_write.py")
 SHORT = ("etc", "few", "bias", "check", "instrument", "catalog", "cache", "visibility")
 LONG = ("rank", "simulate", "plan", "whatif", "confirm", "known")

@@ -20,7 +20,6 @@ from cpic_core import PROMISES, THREAD_VARIABLES, differing_words, fingerprint, 
 from cpic_core.provenance import TOLERANCE, TOLERANCE_SIGMA
 
 pytestmark = pytest.mark.long
-PROVES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
 SCRIPT = Path(__file__).with_name("commands_that_write.py")
 NAMES = ("etc", "rank", "simulate", "plan", "whatif", "confirm", "curve")
 STORY = ("run.json", "run.lock", "cpic-run.jsonl")

@@ -16,7 +16,6 @@ from simulator import load_instrument, load_scene
 from tests.cpic_planner.web.conftest import Browser
 from tests.docs.blocks import PAGES, ROOT, blocks_of, python_of
 
-PROVES = ("cpic_planner.api", "cpic_planner.cli", "cpic_planner.queries")
 BLOCKS = [block for path in PAGES for block in blocks_of(path)]
 FOREIGN = ("pip ", "make ", "openssl ", "export ", "for who ", "T=", "dask ")
 LOADERS = {

@@ -23,8 +23,6 @@ import cpic_planner
 from cpic_core import InputError
 from tests.fuzz import command_line, product_files, python_calls, settings_files, table_files, watched
 
-PROVES = ["cpic_core", "catalogs", "simulator.config", "simulator.products", "cpic_planner.queries", "cpic_planner.cli"]
-PROVES += ["cpic_planner.api", "cpic_planner.jobs", "cpic_planner.etc", "cpic_planner.targets"]
 SURFACES: dict[str, tuple[ModuleType, int]] = {
     "command line": (command_line, 30),
     "yaml": (settings_files, 60),

@@ -13,7 +13,6 @@ from shlex import split
 
 import pytest
 
-PROVES = ("cpic_planner.api", "cpic_planner.cli", "cpic_planner.confirm")
 ROOT = Path(__file__).resolve().parents[2]
 
 

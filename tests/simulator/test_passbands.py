@@ -10,7 +10,9 @@ import pytest
 
 from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_pickles, load_reference_spectrum, load_stars
 from catalogs.spectra import PLANETS, Curve
+from simulator import load_instrument
 from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
+from simulator.imaging.store import metrics_key
 from simulator.passbands import Passbands
 from simulator.target import star_photlam, stellar_spectrum
 
@@ -328,6 +330,32 @@ def test_from_instrument_reads_a_transmission_file(tmp_path) -> None:
     hat = Passbands.from_bands([Band("F600", "VIS", 600.0, 30.0, 0.3, 0.8)])
     star = (3.0, 5800.0, 4.4, 0.0, 1.0)
     np.testing.assert_allclose(curved.star_rate_e_s(*star), hat.star_rate_e_s(*star), rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("center_nm", "width_nm", "said"),
+    [
+        (606.0, 60.0, "606 and 60 nm: not accepted; allowed: 850.0 and 58.0 nm, those of curve.dat"),
+        (838.0, 58.0, "838 and 58 nm"),
+        (850.0, 80.0, "850 and 80 nm"),
+        (850.0, 40.0, "850 and 40 nm"),
+    ],
+)
+def test_a_curve_elsewhere_than_its_band_is_refused(tmp_path, refused, center_nm, width_nm, said) -> None:
+    (tmp_path / "curve.dat").write_text("# nm\n820 0\n822 0.9\n878 0.9\n880 0\n")
+    band = {"camera": "VIS", "center_nm": center_nm, "width_nm": width_nm, "t_opt": 0.2, "qe": 0.9}
+    instrument = load_instrument({"bands": {"X": band | {"transmission_file": str(tmp_path / "curve.dat")}}})
+    message = refused("instrument.bands.X.center_nm and width_nm", Passbands.from_instrument, instrument)
+    assert said in message
+    refused("instrument.bands.X.center_nm and width_nm", metrics_key, instrument, "X")
+
+
+@pytest.mark.parametrize(("low", "high"), [(299.0, 1100.0), (310.0, 1900.0)])
+def test_a_curve_beyond_the_spectra_is_named(tmp_path, refused, low, high) -> None:
+    (tmp_path / "curve.dat").write_text(f"# nm\n{low} 1e-4\n589 1e-4\n590 0.9\n610 0.9\n611 1e-4\n{high} 1e-4\n")
+    band = {"camera": "VIS", "center_nm": 600, "width_nm": 21, "t_opt": 0.2, "qe": 0.9}
+    instrument = load_instrument({"bands": {"X": band | {"transmission_file": str(tmp_path / "curve.dat")}}})
+    refused(f"^curve.dat wavelengths = {low:g} to {high:g} nm.*300.15 to", Passbands.from_instrument, instrument)
 
 
 @pytest.mark.parametrize(

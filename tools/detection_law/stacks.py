@@ -105,7 +105,15 @@ class Field:
         image[geometry.hole] = self.planet[place]
         weights = aperture_weights(geometry.hole.shape, middle + x / scale, middle + y / scale, radius)
         ring, core = geometry.annulus(math.hypot(x, y), width_lambda_d), float(np.sum(image * weights))
-        return PlanetTemplate("planet", ((x, y),), (image,), (weights,), (core,), ring, ())
+        return PlanetTemplate(
+            name="planet",
+            places_arcsec=((x, y),),
+            apertures=(weights,),
+            background=ring,
+            others=(),
+            templates=(image,),
+            cores=(core,),
+        )
 
     def places(self, rng: np.random.Generator) -> IntArray:
         """Return the places of four planets, one a quadrant, no two near each other's mirror image."""

@@ -67,7 +67,7 @@ CHECKS: dict[str, tuple[Check, ...]] = {
             "no confirmation without a planet", "images without planets", "blind_validator", "confirmations at 5 sigma"
         ),
         Check("SNR of the calculator", "the whole chain of images", "blind_validator", "ETC against the chain"),
-        Check("SNR of 20 ranked stars", "blind measurement", "blind_validator", "predicted / recovered SNR"),
+        Check("SNR of ranked stars", "blind measurement", "blind_validator", "predicted over recovered SNR"),
         Check(
             "errors of the model are noticed",
             "a simulator altered on purpose",

@@ -66,6 +66,8 @@ function check(input) {
 
 // ---- tables ----
 
+const wide = new ResizeObserver((seen) => seen.forEach(({ target }) => target.classList.toggle("wider", target.scrollWidth > target.clientWidth)));
+
 function value(cell) {
   const text = (cell ? cell.textContent : "").trim().replace("−", "-").replace(/[→✓·○□]/g, "").trim();
   const power = text.match(/^([-+]?[\d.]+)\s*×\s*10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/);
@@ -151,6 +153,7 @@ function equip(table) {
     bar.append(button);
   }
   scroll.after(bar);
+  wide.observe(scroll);
 }
 
 // ---- an answer that follows the question ----

@@ -11,5 +11,4 @@ from cpic_planner.survey.visibility.config import (
     VisibilityConfig as VisibilityConfig,
     VisibilitySource as VisibilitySource,
     load_visibility as load_visibility,
-    visibility_names as visibility_names,
 )

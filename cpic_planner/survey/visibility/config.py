@@ -21,7 +21,7 @@ from pydantic import PrivateAttr
 
 from cpic_core import FloatArray, InputError, Provenance, split_sourced
 from cpic_planner.results import PointingRecord
-from simulator.config import at, canonical_keys, load_instrument, preset_names, tree_over_preset, validate
+from simulator.config import at, canonical_keys, load_instrument, tree_over_preset, validate
 
 _TINY = 1e-300
 
@@ -92,11 +92,6 @@ class VisibilityConfig(PointingRecord):
 
 
 VisibilitySource = VisibilityConfig | Mapping[str, Any] | str | Path | None
-
-
-def visibility_names() -> tuple[str, ...]:
-    """Return the names of the limits of pointing that ship with the package."""
-    return preset_names("visibility", package=PACKAGE)
 
 
 def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:

@@ -5,7 +5,6 @@ import pytest
 
 import cpic_planner as cp
 
-PROVES = ("cpic_planner.api", "cpic_planner.etc", "cpic_planner.confirm")
 FEW = {"bands": ["F520"], "v_mag_max": 3.0, "n_planets": 300, "time_s": 7200.0}
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from cpic_planner.cli.main import main
-from cpic_planner.planets.population_config import population_names
 from cpic_planner.results import Explanation, RankComparison, RankResult, SensitivityResult
+from simulator.config import preset_names
 
 COMMAND = "rank"
 
@@ -56,7 +56,7 @@ def test_populations_planets_and_seeds(done, few, tmp_path):
     other = ranking(done, few, "--seed", "2")
     assert other.population.seed == 2
     assert [row.completeness for row in other.targets] != [row.completeness for row in default.targets]
-    for name in population_names():
+    for name in preset_names("population", package="cpic_planner"):
         assert ranking(done, few, "--population", name).population.name == name
     own = tmp_path / "near.yaml"
     own.write_text("semi_major_axis_au: {law: fixed, value: 2.0}\n")

@@ -12,13 +12,6 @@ from cpic_planner.etc.questions import contrast_limit, signal_to_noise
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
-PROVES = [
-    "cpic_planner.confirm.etc_images",
-    "cpic_planner.etc",
-    "cpic_planner.validation",
-    "simulator.signal",
-    "simulator.imaging",
-]
 STARS = (
     "70 Oph A",
     "61 Cyg A",

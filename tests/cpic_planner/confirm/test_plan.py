@@ -126,6 +126,24 @@ def test_each_band_has_prediction_and_measurement(finished):
                 assert band["reason"]
 
 
+def test_page_one_stands_in_plan_json_and_in_the_tables(finished):
+    """Telescope time holds slews of every visit and hidden parts of orbits; ranks are those of sensitivity.json."""
+    out, text = finished
+    plan, firm = json.loads(text), json.loads((out / "sensitivity.json").read_text())
+    assert firm["first"] == 2
+    ranks = {star["name"]: star for star in firm["stars"]}
+    table = (out / "measurements.csv").read_text()
+    measured = {(row["target"], row["band"]): row for row in csv.DictReader(io.StringIO(table))}
+    for target in plan["targets"]:
+        star = ranks[target["name"]]
+        assert (target["rank_lowest"], target["rank_highest"]) == (star["rank_lowest"], star["rank_highest"])
+        assert star["rank_lowest"] <= target["ranked"]["rank"] <= star["rank_highest"]
+        assert (target["detection_telescope_h"] is None) == (target["ranked"]["detection_time_s"] is None)
+        for band in (band for band in target["bands"] if band["status"] == "ok"):
+            assert band["telescope_h"] > band["time_s"] / 3600.0 / 0.65 + 2 * band["visits"] * 5500.0 / 3600.0
+            assert float(measured[target["name"], band["band"]]["telescope_h"]) == pytest.approx(band["telescope_h"])
+
+
 def test_plan_holds_no_clock_host_or_path(finished):
     out, text = finished
     run = json.loads((out / "run.json").read_text())

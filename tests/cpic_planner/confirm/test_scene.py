@@ -11,14 +11,20 @@ from cpic_core import InputError, dump_json
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import confirm_job, confirm_scene, scene_target
 from cpic_planner.confirm.scene import _work
-from cpic_planner.etc import build_model, planet_offsets, reference_distance_au
+from cpic_planner.etc import (
+    aperture_rates,
+    build_model,
+    contrast_limit,
+    planet_offsets,
+    reference_distance_au,
+    usable_range_arcsec,
+)
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import find_target
 from cpic_planner.validation import Frames, confirm_task, expected_of, target_scene
-from simulator import load_instrument, load_scene
-from simulator.passbands import Passbands
+from simulator import load_instrument, load_scene, spectrum_generator
 from simulator.target import scene_sources
 
 FRAMES = {"exposure_s": 4.0, "n_frames": 40, "em_gain": 300.0, "realisations": 3, "audit": False}
@@ -159,17 +165,117 @@ def test_a_star_of_the_catalogue_is_the_same_target_through_its_scene():
     assert ours == pytest.approx(theirs)
 
 
-@pytest.mark.parametrize("star", [{"v_mag": 5.0, "spectral_type": "F8V"}, {"v_mag": 5.0, "teff_k": 4000.0}])
-def test_the_calculator_knows_the_light_of_a_scene(star):
-    scene = load_scene({"name": "s", "cstar": star})
-    instrument = load_instrument()
-    target, passbands = scene_target(scene), Passbands.from_instrument(instrument)
-    rates = passbands.star_rate_e_s(
-        target.v_mag, target.teff_k, target.log_g, target.metallicity, instrument.telescope.area_cm2
-    )[0]
-    for band in instrument.visible_bands():
-        light = scene_sources(scene, instrument, band)[0].rate_e_s
-        assert rates[passbands.names.index(band)] == pytest.approx(light, rel=0.01)
+# From F to M, by type, by temperature, by another model, by a table and by a file.
+LIGHTS = {
+    "F5V": {"spectral_type": "F5V"},
+    "G2V": {"spectral_type": "G2V"},
+    "K5V": {"spectral_type": "K5V"},
+    "K2III": {"spectral_type": "K2III"},
+    "M0V": {"spectral_type": "M0V"},
+    "warm": {"teff_k": 6600.0},
+    "metal-poor": {"teff_k": 4440.0, "log_g": 4.6, "metallicity": -1.5},
+    "blackbody": {"spectrum": "blackbody", "teff_k": 3600.0},
+    "pickles": {"spectrum": "pickles", "spectral_type": "K5V"},
+    "table": {"spectrum": {"wavelength_nm": [300.0, 600.0, 1750.0], "photlam": [1.0, 2.0, 9.0]}},
+    "file": {"spectrum": "star.txt"},
+}
+LIT = load_instrument()
+SUNLIKE = {"teff_k": 5779.0, "log_g": 4.4, "metallicity": 0.0}
+PLACE = {"separation_arcsec": 3.6, "pa_deg": 20.0}
+WEST = {"separation_arcsec": 4.4, "pa_deg": 275.0}
+
+
+def rates_of(stars, cstar=SUNLIKE, **more):
+    """The calculator's rates in an aperture on the diagonal, by band, with its light of the star and of the others."""
+    scene = load_scene({"name": "s", "cstar": {"v_mag": 5.0} | cstar, "stars": stars} | more)
+    model, target = build_model(LIT, list(LIT.bands)), scene_target(scene)
+    at = np.full((1, 1), 0.45)
+    return {band: aperture_rates(model, target, band, at, at, np.full((1, 1), 1e-9)) for band in model.bands}
+
+
+def integrated(star):
+    """Detected rate of a star's spectrum in the images, by trapezoids over every band."""
+    scene = load_scene({"name": "s", "cstar": {"v_mag": 5.0} | SUNLIKE, "stars": [star]})
+    (_, row), found = spectrum_generator(scene), {}
+    for band, optics in LIT.bands.items():
+        ends = optics.center_nm - optics.width_nm / 2, optics.center_nm + optics.width_nm / 2
+        angstrom = 10.0 * np.linspace(*ends, 4001)
+        found[band] = np.trapezoid(row.spectrum(angstrom).value, angstrom) * optics.t_opt * optics.qe
+    return found
+
+
+def lit(looks):
+    """The images' light of a star of these looks, and the calculator's of it as companion, field star and host."""
+    star = {"name": "B", "v_mag": 7.4} | PLACE | looks
+    beside = [rates_of([star | {"companion": companion}]) for companion in (True, False)]
+    alone = rates_of([], looks)
+    ours = {band: [one[band].companion_e_s.item() for one in beside] + [alone[band].halo_e_s.item()] for band in alone}
+    return integrated(star), ours
+
+
+SUN = functools.cache(lambda: lit(SUNLIKE))
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_every_star_has_the_light_of_the_images(light, tmp_path, monkeypatch):
+    """Over that of a star whose temperature, gravity and metallicity are given, in all bands of both cameras."""
+    monkeypatch.chdir(tmp_path)
+    table = np.column_stack([np.linspace(300.0, 1750.0, 60), np.geomspace(1.0, 0.2, 60)])
+    np.savetxt("star.txt", table, header="wavelength_nm photlam", comments="")
+    (seen, ours), (unit, plain) = lit(LIGHTS[light]), SUN()
+    for band in LIT.bands:
+        assert np.divide(ours[band], plain[band]) == pytest.approx(seen[band] / unit[band], rel=0.01)
+
+
+def test_all_stars_of_a_scene_count():
+    near = {"name": "B", "v_mag": 7.0, "spectral_type": "K5V"} | PLACE
+    far = {"name": "C", "v_mag": 8.0, "spectral_type": "M0V"} | WEST
+    field = {"name": "F", "v_mag": 8.5, "teff_k": 6000.0, "ra_deg": 10.001, "dec_deg": 5.0005, "companion": False}
+    star, every = SUNLIKE | {"ra_deg": 10.0, "dec_deg": 5.0}, [near, far, field]
+    one, two, three = (rates_of([body], star) for body in every)
+    together, stayed = rates_of(every, star), rates_of(every, star, companions="off")
+    for band in LIT.bands:
+        for name in ("companion_e_s", "wings_e2_s2"):
+            parts = [getattr(rates[band], name).item() for rates in (one, two, three)]
+            assert getattr(together[band], name).item() == pytest.approx(sum(parts), rel=1e-9)
+            assert getattr(stayed[band], name).item() == pytest.approx(parts[-1], rel=1e-9)
+        assert min(rates[band].companion_e_s.item() for rates in (one, two, three)) > 0.0
+
+
+@pytest.mark.parametrize("band", LIT.visible_bands())
+def test_images_are_made_where_the_calculator_answers(band):
+    """From corner to corner; what it refuses, the dry run and the run refuse too, and for the same reason."""
+    model, (star, _) = build_model(LIT, [band]), find_target("tau Cet")
+    inner, outer = usable_range_arcsec(LIT, band)
+    for separation in (inner - 0.01, inner, inner + 0.015, outer - 1e-3, outer, outer + 0.01):
+        (answer,) = contrast_limit(model, star, time_s=1e4, separation_arcsec=separation)
+        work = _work(config({"name": "edge", "cstar": STAR, "planets": [planet("b", separation, 315)]}, bands=(band,)))
+        assert [task.planets for task in work.tasks] == [["b"] if answer.status == "ok" else []]
+        assert [(one.status, one.reason) for one in work.refused] == (
+            [] if answer.status == "ok" else [(answer.status, answer.reason)]
+        )
+
+
+def test_a_planet_at_the_inner_corner_is_measured():
+    inner, _ = usable_range_arcsec(LIT, "F520")
+    frames = {"exposure_s": 4.0, "n_frames": 20, "realisations": 1}
+    (band,) = confirm_scene(
+        config({"name": "edge", "cstar": STAR, "planets": [planet("b", inner, 315)]}, **frames)
+    ).result.bands
+    assert (band.status, band.n_background_apertures) == ("ok", 3)
+    assert band.recovered_snr > 0.0
+
+
+def test_planets_that_images_cannot_show_are_told_without_images():
+    """One planet of two: the other is measured. Images of another telescope may show less than the nominal one's."""
+    bodies = [planet("b", 0.30, 315), planet("c", 0.6, 135)]
+    hidden = {"entries": [{"key": "coronagraph.inner_arcsec.F520", "action": "set", "value": 0.31}]}
+    work = _work(config({"name": "two", "cstar": STAR, "planets": bodies}, simulator_overrides=hidden))
+    assert [task.planets for task in work.tasks] == [["c"]]
+    assert [len(task.predictions) for task in work.tasks] == [1]
+    assert [(one.planet, one.status, one.reason) for one in work.refused] == [
+        ("b", "outside_field", "inside_inner_edge")
+    ]
 
 
 def test_the_hash_is_that_of_what_decides():
@@ -242,18 +348,18 @@ def test_overrides_alter_the_images_alone(finished):
     assert result.bands[0].predicted_snr >= nominal.predicted_snr
 
 
-@pytest.mark.parametrize(("pa_deg", "draw"), [(331, "sums"), (333, "frames")])
-def test_a_planet_that_one_of_two_rolls_hides_has_an_answer(pa_deg, draw):
-    """Beside the cross it stands behind it at one roll: nothing to measure there, and it says so."""
+@pytest.mark.parametrize("pa_deg", [331, 333])
+def test_a_planet_that_one_of_two_rolls_hides_has_an_answer(pa_deg):
+    """Beside the cross it stands behind it at one roll: nothing to measure there, and it says so without images."""
     planets = [planet("b", 0.6, 315), planet("c", 0.6, pa_deg)]
     scene = {"name": "rolls", "cstar": STAR | {"v_mag": 4.0}, "planets": planets}
     rolls = Strategy(library="roll", roll_deg=24.0)
     settings = {"strategy": rolls, "realisations": 1, "n_frames": 10, "fidelity": "quick"}
     shown, hidden = confirm_scene(config(scene, **settings)).result.bands
-    assert (shown.planet, shown.status, shown.drawn_as) == ("b", "ok", draw)
-    assert (hidden.planet, hidden.status, hidden.reason) == ("c", "unreachable", "inside_inner_edge")
+    assert (shown.planet, shown.status, shown.drawn_as) == ("b", "ok", "sums")
+    assert (hidden.planet, hidden.status, hidden.reason) == ("c", "outside_field", "inside_inner_edge")
     assert "at one of the two rolls" in hidden.message
-    assert (hidden.verdict, hidden.detected, hidden.drawn_as) == ("not observed", False, draw)
+    assert (hidden.verdict, hidden.detected, hidden.drawn_as) == ("not observed", None, None)
     assert hidden.recovered_snr is None
     assert hidden.predicted_snr > 0
 

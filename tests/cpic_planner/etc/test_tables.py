@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner import contrast_limit, exposure_time, rank_targets, signal_to_noise
 from cpic_planner.etc import aperture_rates, build_model, diagonal
 from cpic_planner.targets import find_target
 from simulator import load_instrument, write_coronagraph_table
@@ -232,3 +232,69 @@ def test_answers_about_tables_state_no_error_of_images(copy):
     assert "modes_not_modelled" in answer.flags
     assert answer.n_modes == 0
     assert closed_form_fidelity(0, answer, of_table=True).closed_form_error is None
+
+
+OWN = {"pixel_scale_arcsec": 0.02, "read_noise_e": 1.5}
+NO_REGISTER = {"em_gain_max": 1, "switches": {"em_register": False, "smear": False}}
+
+
+def of_own(tmp_path, detector):
+    """A telescope with a detector of which no more is said, and its answer for a faint planet."""
+    made = telescope(tmp_path)
+    tree = made.model_dump(include={"telescope", "coronagraph", "bands", "overhead_s"})
+    tree["telescope"] = {"diameter_m": 3.0, "obstruction_diameter_ratio": 0.25}
+    tree["coronagraph"] = {"table": str(tmp_path / "flat.csv")}
+    instrument = load_instrument({"name": "own", "detector": detector} | tree)
+    asked = {"separation_arcsec": 0.3, "contrast": [1e-8], "time_s": 3600.0, "visits": 1}
+    return instrument.detector, signal_to_noise("HD 122064", instrument=instrument, **asked)[0]
+
+
+@pytest.mark.parametrize("without", [NO_REGISTER, {"em_gain_max": 1}, {"switches": {"em_register": False}}])
+def test_a_camera_without_register_does_not_inherit_the_converter_of_one(tmp_path, without):
+    camera, answer = of_own(tmp_path, OWN | without)
+    assert camera.adc_bits == 16
+    assert camera.converter_e == pytest.approx(camera.full_well_e)
+    assert "converter_assumed" in answer.flags
+    assert answer.budget["rounding_e2"] < 0.1 * answer.budget["read_noise_e2"]
+    _, same = of_own(tmp_path, OWN | without | {"gain_e_adu": camera.gain_e_adu, "adc_bits": 16})
+    assert same.value == pytest.approx(answer.value, rel=1e-9)
+    assert "converter_assumed" not in same.flags
+
+
+def test_a_converter_is_assumed_by_its_own_bits_and_well_where_they_are_given(tmp_path):
+    camera, _ = of_own(tmp_path, OWN | NO_REGISTER | {"adc_bits": 12, "bias_adu": 95, "full_well_e": 40000})
+    assert (camera.adc_bits, camera.gain_e_adu) == (12, pytest.approx(10.0))
+    assert load_instrument({"detector": OWN}).detector.gain_e_adu == 59, "an EMCCD keeps its own"
+    assert load_instrument({"detector": NO_REGISTER}).detector.gain_e_adu == 59, "no new camera, a register that is off"
+
+
+@pytest.mark.parametrize(
+    ("detector", "flag"),
+    [
+        (NO_REGISTER | {"gain_e_adu": 1.0}, "inherited_read_noise"),
+        (NO_REGISTER | {"read_noise_e": 0.1, "gain_e_adu": 0.1, "exposure_max_s": 1, "cic_e": 3e-4}, None),
+        (NO_REGISTER | {"read_noise_e": 0.01, "gain_e_adu": 0.01, "exposure_max_s": 0.3}, "inherited_cic"),
+        ({"cic_e": 0, "dark_e_s": 0}, None),
+        (OWN | NO_REGISTER | {"gain_e_adu": 59}, None),
+    ],
+)
+def test_a_number_of_the_preset_that_makes_the_largest_noise_is_flagged(tmp_path, detector, flag):
+    _, answer = of_own(tmp_path, {"pixel_scale_arcsec": 0.02} | detector)
+    assert [name for name in answer.flags if name.startswith("inherited")] == ([flag] if flag else [])
+
+
+def test_rankings_flag_what_a_detector_inherits(tmp_path):
+    of_own(tmp_path, NO_REGISTER | {"gain_e_adu": 1.0})
+    tree = {"name": "own", "telescope": {"diameter_m": 3.0}, "coronagraph": {"table": str(tmp_path / "flat.csv")}}
+    tree["bands"] = {"Odd-1": {"center_nm": 600, "width_nm": 60, "t_opt": 0.4, "qe": 0.8}}
+    tree["detector"] = NO_REGISTER | {"pixel_scale_arcsec": 0.02, "gain_e_adu": 1.0}
+    stars = tmp_path / "two.csv"
+    stars.write_text("name,distance_pc,v_mag,sp_type\nHD 1,10,6,G2V\nHD 2,10,6.5,K2V\n")
+    ranking = rank_targets(instrument=load_instrument(tree), catalog=stars)
+    assert all("inherited_read_noise" in row.flags for row in ranking.targets)
+
+
+def test_the_default_instrument_flags_nothing_of_its_own():
+    asked = {"separation_arcsec": 0.5, "contrast": [1e-8], "time_s": 3600.0}
+    flags = signal_to_noise("HD 122064", instrument=DEFAULT, **asked)[0].flags
+    assert not [name for name in flags if name.startswith(("inherited", "converter"))]

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from cpic_core import PROMISES, InputError, fingerprint
 from cpic_core.provenance import WORDS
-from cpic_planner.jobs import Cost, Job, Runner, Task, check_tree, estimate, run
+from cpic_planner.jobs import Cost, Job, Runner, Task, check_tree, estimate, pace, run
 from cpic_planner.jobs.record import host, versions
 from cpic_planner.results import RunRecord
 
@@ -217,13 +217,25 @@ def test_equal_keys_are_done_once():
     assert told == [("a", 1), ("third", 1)]
 
 
-def test_an_estimate_works_nothing():
-    assert estimate(squares(4, pause_s=10.0)) == {"n_tasks": 4, "wall_s": 41.0, "memory_mb": 5.0, "disk_mb": 0.1}
+def test_an_estimate_works_nothing(monkeypatch):
+    monkeypatch.setattr("cpic_planner.jobs.job.pace", lambda: 1.0)
+    times = {"cpu_s": 41.0, "wall_s": 41.0}
+    assert estimate(squares(4, pause_s=10.0)) == {"n_tasks": 4, **times, "memory_mb": 5.0, "disk_mb": 0.1}
     assert estimate(squares(4, pause_s=10.0), workers=2)["wall_s"] == 23.0
     assert estimate(squares(4, pause_s=10.0), workers=3)["wall_s"] == pytest.approx(3 + 40 / 3)
     cost = Cost({}, [1.0, 7.0, 1.0], start_s=0.0, memory_mb=100.0, disk_mb=0.0, worker_mb=10.0)
-    assert cost.at(3) == {"wall_s": 7.0, "memory_mb": 130.0, "disk_mb": 0.0}  # no worker ends before the longest
+    no_sooner = {"cpu_s": 9.0, "wall_s": 7.0, "memory_mb": 130.0, "disk_mb": 0.0}
+    assert cost.at(3) == no_sooner  # no worker ends before the longest
     assert cost.at(1)["wall_s"] == 9.0
+
+
+def test_an_estimate_is_of_the_machine_it_runs_on(monkeypatch):
+    quick = estimate(squares(4, pause_s=10.0), workers=2)
+    monkeypatch.setattr("cpic_planner.jobs.job.pace", lambda: 3.0 * pace())
+    slow = estimate(squares(4, pause_s=10.0), workers=2)
+    for name in ("wall_s", "cpu_s"):
+        assert slow[name] == pytest.approx(3.0 * quick[name])
+    assert (slow["memory_mb"], slow["disk_mb"]) == (quick["memory_mb"], quick["disk_mb"])
 
 
 def test_the_record_is_plain_and_names_what_results_rest_on():

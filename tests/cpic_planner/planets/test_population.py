@@ -9,8 +9,8 @@ from scipy.integrate import quad
 
 from cpic_core import load_yaml
 from cpic_planner.planets import Planets, PopulationConfig, draw_population, load_population
-from cpic_planner.planets.population_config import PACKAGE, QUANTITIES, population_names
-from simulator.config import preset_path
+from cpic_planner.planets.population_config import PACKAGE, QUANTITIES
+from simulator.config import preset_names, preset_path
 
 ARRAYS = (*QUANTITIES, "kind", "east_au", "north_au", "distance_au", "phase_deg")
 DRAWN = QUANTITIES[:2]
@@ -20,7 +20,7 @@ def same(one: Planets, other: Planets, names=ARRAYS, n=None):
     return all(np.array_equal(getattr(one, name)[:n], getattr(other, name)[:n]) for name in names)
 
 
-@pytest.mark.parametrize("name", population_names())
+@pytest.mark.parametrize("name", preset_names("population", package=PACKAGE))
 def test_presets_are_complete_and_sourced(name):
     config = load_population(name)
     assert config.name == name
@@ -124,7 +124,7 @@ def test_solar_system_planets_stay_together():
     np.testing.assert_allclose(planets.distance_au, planets.semi_major_axis_au, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", population_names())
+@pytest.mark.parametrize("name", preset_names("population", package=PACKAGE))
 def test_draws_keep_to_their_laws(name):
     config = load_population(name)
     planets = draw_population(config, 20000, 7)
@@ -149,7 +149,7 @@ def test_draws_keep_to_their_laws(name):
 
 
 def test_first_planets_of_a_larger_draw_are_those_of_a_smaller_one():
-    for name in population_names():
+    for name in preset_names("population", package=PACKAGE):
         config = load_population(name)
         assert same(draw_population(config, 100, 3), draw_population(config, 2500, 3), n=100)
 

@@ -36,7 +36,7 @@ def altered(*items):
 def test_nothing_altered_is_the_nominal_instrument():
     for source in (None, {}, [], SimulatorOverrides()):
         none = SimulatorOverrides.of(source)
-        assert none.is_none
+        assert none.entries == ()
         assert not none.alters_optics
         assert none.instrument(NOMINAL) is NOMINAL
         assert none.companions("on") == "on"

@@ -2,11 +2,13 @@
 
 import inspect
 import json
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
 import cpic_planner
+from catalogs import band_from_file, open_catalogue
 from cpic_core import InputError
 from cpic_planner.api.keywords import takes
 from cpic_planner.cli.asking import command_of
@@ -193,6 +195,45 @@ def test_refusals_name_what_the_reader_wrote(refused):
     for where, key in ((PlanQuestion, "--roll-deg"), (RankQuestion, "--roll-deg")):
         with pytest.raises(InputError, match=f"^{key} = 300"), called_as(option_names(where)):
             where.of({"strategy": {"roll_deg": 300}})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "stars.txt",
+        "stars.parquet",
+        "time_s.txt",
+        "bands",
+        "band.csv",
+        "catalog",
+        "catalog.dat",
+        "instrument.csv",
+        "date.txt",
+    ],
+)
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [("", "an empty file"), ("name\nHD 1\n", "one column"), ("name,v_mag,d,sp\nHD 1,x,10,G2V\n", "column v_mag = x")],
+)
+def test_files_are_named_as_they_are_called_and_not_as_an_option(tmp_path, name, content, said):
+    (tmp_path / name).write_text(content)
+    with (
+        pytest.raises(InputError, match=rf"^{name}( |:).*{said}"),
+        called_by_option(RankQuestion),
+    ):
+        open_catalogue(tmp_path / name)
+    absent = tmp_path / "absent" / name
+    with pytest.raises(InputError, match=f"^--catalog = {absent}"), called_by_option(RankQuestion):
+        open_catalogue(absent)
+
+
+@pytest.mark.parametrize("name", ["band.txt", "time_s.dat", "snr"])
+def test_curves_are_named_as_they_are_called_and_not_as_an_option(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text("# nm\n500 0.5\n400 0.5\n")
+    for path in (name, tmp_path / name):
+        with pytest.raises(InputError, match=f"^{path}: wavelength = "), called_by_option(EtcQuestion):
+            band_from_file(path, "X", t_opt=0.5, qe=0.5)
 
 
 def test_old_options_are_read_and_name_the_new_one(capsys):

@@ -19,7 +19,10 @@ from cpic_planner.results import (
     RankResult,
     SearchRecord,
 )
+from cpic_planner.validation import Calibration
 from simulator.knobs import FIDELITIES
+
+CALIBRATION, OPTIMISTIC = Calibration(1.03, 0.04, None, 6), Calibration(1.43, 0.06, None, 4)
 
 BANDS = ("F520", "F662", "F720", "F850")
 
@@ -179,8 +182,8 @@ def plan_of(rank: RankResult) -> PlanResult:
         n_ranked=len(rank.targets),
         counts=rank.counts,
         realisations=8,
-        calibration={"ratio": 0.97, "error": 0.04, "n_bands": 6},
-        calibration_text="the ETC agrees with the images: predicted / recovered SNR 1.03 +- 0.04 over 6 measurements",
+        calibration=vars(CALIBRATION),
+        calibration_text=CALIBRATION.text,
         not_modelled=[
             "pointing jitter: not modelled",
             "cosmic rays: not modelled; frames are kept short enough that few are lost",
@@ -229,8 +232,8 @@ def confirmation_of(plan: PlanResult, hostile: str) -> ConfirmResult:
         reference_library="same_star_planet_free",
         rdi_modes=1,
         simulator_overrides={"bands.*.t_opt": "x0.7", "companions": "on"},
-        calibration={"ratio": 0.7, "error": 0.03, "n_bands": 4},
-        calibration_text="the ETC is optimistic by 1.43 +- 0.06 (predicted / recovered SNR) over 4 measurements",
+        calibration=vars(OPTIMISTIC),
+        calibration_text=OPTIMISTIC.text,
         not_modelled=["cosmic rays: switched off"],
         bands=[*first, second],
         searches=searches,

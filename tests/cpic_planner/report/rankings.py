@@ -13,6 +13,7 @@ from cpic_planner.results import (
     ReferencePlanetRecord,
     SensitivityResult,
     SensitivityRow,
+    SensitivityStar,
 )
 
 # name, HIP, V, type, distance (pc), RA, Dec (deg), companion (arcsec), flags; the one without a name is the hostile one
@@ -161,6 +162,7 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
             n_compared=11,
             kendall_tau=0.9,
             kept=14,
+            kept_first=7,
             largest_fall=names[3],
             largest_fall_ranks=6,
             best=names[1],
@@ -173,6 +175,7 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
             n_compared=13,
             kendall_tau=0.95,
             kept=19,
+            kept_first=9,
             largest_fall=hostile,
             largest_fall_ranks=2,
             best=names[0],
@@ -185,6 +188,7 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
             n_compared=0,
             kendall_tau=None,
             kept=20,
+            kept_first=10,
             largest_fall="",
             largest_fall_ranks=0,
             best=names[0],
@@ -197,10 +201,12 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
         n_ranked=1077,
         n_ok=7,
         rows=rows,
-        deciding_tau=0.45,
-        deciding_share=0.3,
-        decides=["drift_x2"],
-        statement="Wavefront drift decides the order of the first 20.",
+        first=10,
+        stars=[
+            SensitivityStar(name=row.name, rank=row.rank, rank_lowest=max(row.rank - 1, 1), rank_highest=row.rank + 6)
+            for row in rank.targets
+        ],
+        statement="Of the first 10 stars, 7 (wavefront drift twice as large) to 10 stay among the first 10.",
     )
 
 

@@ -34,12 +34,13 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     table = Table.read(text, format="ascii.ecsv")
     assert table.colnames == list(RankedTarget.model_fields)
     units = {name: table[name].unit for name in table.colnames if table[name].unit}
-    assert len(units) == 22
+    assert len(units) == 23
     assert (units["visit_time_s"], units["required_time_s"], units["span_days"]) == (u.s, u.s, u.day)
     assert units["rv_amplitude_m_s"].to_string() == "m / s"
     assert units["v_mag"] == u.mag
     assert units["ref_planet_distance_au"] == u.AU
     assert units["completeness_per_hour"] == 1 / u.h
+    assert units["score"] == 1 / u.h
     assert units["luminosity_lsun"] == u.L_sun
     for column in columns_of(RankedTarget):
         assert table[column.name].description == (column.description or None)

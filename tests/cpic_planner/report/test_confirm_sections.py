@@ -1,8 +1,13 @@
-import pytest
+import io
 
+import pytest
+from rich.console import Console
+
+from cpic_planner.report import print_confirm
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.image_figures import snr_figure
+from cpic_planner.report.image_figures import measure_table, snr_figure
+from cpic_planner.report.summary import outcome_text
 from cpic_planner.report.write import page_html
 
 HOSTILE = "<script>alert('x')</script>"
@@ -27,7 +32,8 @@ def test_anchors_and_captions(reader):
 
 def test_page_one_names_what_is_altered_and_how_the_etc_stands(words):
     altered = "Images altered: throughput ×0.7, companions on. Predictions are nominal."
-    sentence = "The ETC is optimistic by 1.43 ± 0.06 (predicted / recovered SNR) over 4 measurements."
+    ratio = "Predicted over recovered SNR 1.43 ± 0.06 over 4 measurements"
+    sentence = f"{ratio}: the ETC is optimistic by 43 %, beyond two standard errors."
     assert words.index(altered) < words.index("2 planets in F520, F662") < words.index(sentence)
     assert words.index(sentence) < words.index("Planets <script>")
     assert "c is found in F520 (8 of 8)." in words
@@ -48,7 +54,7 @@ def test_search_positions_and_albedos(words):
 
 
 def test_a_scene_without_planets_has_its_search_alone(confirmation, read):
-    update = {"bands": [], "positions": [], "albedos": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}}
+    update = {"bands": [], "positions": [], "albedos": [], "calibration": {"etc_ratio": None, "n_bands": 0}}
     text = " ".join(
         " ".join(
             read(page_html(confirm_document(ConfirmReport(confirmation.model_copy(update=update), {}, {})))).text
@@ -67,3 +73,50 @@ def test_rolls_are_not_searched(confirmation, read):
     assert "searched blind and measured" not in text
     assert "the star subtracted, measured at the known place" in text
     assert "a realisation is a detection if the planet is significant at its known place" in text
+
+
+@pytest.mark.parametrize(
+    ("found", "outcome"),
+    [
+        ((True, True), "a scene: confirmed by simulated images in all 2 bands"),
+        ((False, True), "a scene: confirmed by simulated images in 1 of 2 bands"),
+        ((False, False), "a scene: not confirmed by simulated images in any of 2 bands"),
+        ((None, None), "a scene: not measured in simulated images"),
+        ((None, True), "a scene: confirmed by simulated images in 1 of 2 bands"),
+        ((None, False), "a scene: not confirmed by simulated images in any of 2 bands"),
+        ((True,), "a scene: confirmed by simulated images in F520"),
+        ((False,), "a scene: not confirmed by simulated images in F520"),
+    ],
+)
+def test_the_title_follows_the_outcome_in_the_window_and_on_the_page(confirmation, found, outcome):
+    """Nothing is called confirmed that images do not show: window, heading and console say the same."""
+    one = next(band for band in confirmation.bands if band.recovered_snr is not None)
+    blank = one.model_copy(update={"recovered_snr": None, "detected": None, "n_detected": None})
+    bands = [
+        (blank if seen is None else one.model_copy(update={"detected": seen})).model_copy(update={"band": name})
+        for seen, name in zip(found, ("F520", "F662"), strict=False)
+    ]
+    result = confirmation.model_copy(update={"scene": "a scene", "bands": bands, "searches": []})
+    page = page_html(confirm_document(ConfirmReport(result, {}, {})))
+    assert f"<h1>{outcome}</h1>" in page
+    assert f"<title>CPI-C: {outcome}, configuration" in page
+    stream = io.StringIO()
+    print_confirm(result, Console(file=stream, width=160))
+    assert stream.getvalue().startswith(f"{outcome}, 8 realisations a band")
+
+
+def test_several_planets_count_their_measurements(confirmation):
+    one = next(band for band in confirmation.bands if band.recovered_snr is not None)
+    bands = [one.model_copy(update={"planet": planet, "detected": planet == "b"}) for planet in "bc"]
+    assert outcome_text(bands) == "confirmed by simulated images in 1 of 2 measurements"
+
+
+def test_two_statistics_in_one_table_are_told_apart(confirmation, read):
+    """Found blind 7 of 8 and significant at the known place in none of 8: the table says why, and which decides."""
+    one = next(band for band in confirmation.bands if band.recovered_snr is not None)
+    seen = one.model_copy(update={"n_detected": 7, "n_significant": 0, "search_threshold": 5.4, "threshold": 9.0})
+    table = measure_table("a", [seen], "a by band.")
+    assert "Two statistics with two thresholds" in str(table.caption)
+    assert "The blind search decides" in str(table.caption)
+    looked = seen.model_copy(update={"search_threshold": None, "search_snr": None})  # two rolls: one statistic
+    assert "Two statistics" not in str(measure_table("a", [looked], "a by band.").caption)

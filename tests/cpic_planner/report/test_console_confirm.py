@@ -30,7 +30,7 @@ def test_bands_candidates_positions_albedos_and_the_etc(confirmation):
         "0.4512 ± 0.0011 0.4500 314.70 ± 0.22 315.00 F520, F662",
         "F662, frame by frame with every effect: SNR 31.3 (30.7 predicted), contrast off by 1.3 of its errors, found",
         "Images altered: throughput ×0.7, companions on. Predictions are nominal.",
-        "The ETC is optimistic by 1.43 ± 0.06",
+        "Predicted over recovered SNR 1.43 ± 0.06",
     ):
         assert words in text, words
 

@@ -36,8 +36,8 @@ def images(**changed):
         "predicted_snr": 6.83,
         "snr": 7.34,
         "snr_error": 0.37,
-        "snr_ratio": 1.07,
-        "snr_ratio_error": 0.05,
+        "etc_ratio": 0.93,
+        "etc_ratio_error": 0.05,
         "predicted_significance": 7.8,
         "significance": 8.5,
         "agrees": True,
@@ -76,7 +76,8 @@ def test_closed_forms_alone_say_nothing(etc_answers):
 def test_checks_are_one_row_an_answer(etc_answers, width):
     text = shown(with_records(etc_answers, "standard", record(images=images())), width)
     assert max(len(line) for line in text.splitlines()) <= width
-    for word in ("Checked in images (standard: sums of frames)", "6.83", "7.34 ± 0.37", "1.07 ± 0.05", "agrees"):
+    title = "Checked in images (standard: sums of frames)"
+    for word in (title, "6.83", "7.34 ± 0.37", "pred/rec", "0.93 ± 0.05", "agrees"):
         assert word in text
     if width == 160:
         for word in ("1.050 ± 0.060", "1.0013", "13", "2 of 13"):

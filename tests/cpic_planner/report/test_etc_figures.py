@@ -132,12 +132,11 @@ def test_names_and_folders_of_figures(refused, rank, tmp_path):
 
 def test_bars_of_the_ranking(rank):
     left, right = rank_figure(rank, 5).axes
-    assert [bar.get_width() for bar in left.patches] == pytest.approx(
-        [100 * row.completeness for row in rank.targets[:5]]
-    )
+    assert [bar.get_width() for bar in left.patches] == pytest.approx([row.score for row in rank.targets[:5]])
+    assert left.get_xlabel() == "completeness per hour (1/h)"
     names = [label.get_text() for label in left.get_yticklabels()]
     assert names[0] == "1  α Cen B"
-    points = {x for line in right.lines[:-1] for x in np.atleast_1d(line.get_xdata())}
+    points = {x for line in right.lines for x in np.atleast_1d(line.get_xdata())}
     assert {row.detection_margin for row in rank.targets[:5]} <= points
 
 
@@ -145,7 +144,7 @@ def test_bars_of_the_ranking(rank):
 def test_as_many_stars_are_drawn_as_asked_for_and_their_names_can_be_read(rank, asked, drawn):
     many = rank.model_copy(update={"targets": rank.targets * 6})
     figure = rank_figure(many, asked)
-    assert figure.get_suptitle().startswith(f"first {drawn} of {len(many.targets)} stars")
+    assert figure.get_suptitle().startswith(f"First {drawn} of {len(many.targets)} stars")
     boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
     assert len(boxes) == drawn
     assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))
@@ -181,3 +180,24 @@ def test_all_words_lie_in_the_figure_and_legends_on_no_axes(more):
             if legend is not None:
                 own = legend.get_window_extent(renderer)
                 assert not any(own.overlaps(box) for box in boxes)
+
+
+@pytest.mark.parametrize("more", [{}, {"bands": ["F520"]}, {"separation_arcsec": [0.4, 0.5, 0.6]}])
+def test_labels_are_no_longer_than_their_axes_and_words_are_told_once(more):
+    """A label of an axis stays beside it, titles above do not touch it, and bands have one legend."""
+    from cpic_planner.api import answered
+    from cpic_planner.queries import EtcQuestion
+    from cpic_planner.report import style
+
+    figure = answered(EtcQuestion.of({"target": "tau Cet", "time_s": 36e3} | more)).figure()
+    with style():
+        figure.canvas.draw()
+        titles = [axes.title.get_window_extent() for axes in figure.axes if axes.get_title()]
+        for axes in figure.axes:
+            for label, long in ((axes.yaxis.label, "height"), (axes.xaxis.label, "width")):
+                box = label.get_window_extent()
+                assert getattr(box, long) <= getattr(axes.get_window_extent(), long), label.get_text()
+                assert not any(box.overlaps(title) for title in titles)
+    words = [text.get_text() for axes in figure.axes[:2] for text in axes.get_legend().get_texts()]
+    assert len(words) == len(set(words))
+    assert "best visit" not in figure.axes[0].get_title()

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cpic_planner.report import new_figure, place_labels, style
+from cpic_planner.report import image_figures, new_figure, place_labels, style
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import band_style, literal, save
 from cpic_planner.report.figures import detections_figure, differences_figure, plan_figures, time_figure, yields_figure
@@ -208,7 +208,7 @@ def drawn_words(picture):
 def test_recovered_snr_has_the_error_of_its_mean_and_the_mean_ratio_its_band(plan):
     words = drawn_words(snr_figure(plan))
     assert "recovered = predicted" in words
-    assert any("0.97 ± 0.04" in word for word in words)
+    assert {"predicted over recovered", "1.03 ± 0.04"} <= set(words)
     assert snr_figure(plan).caption.startswith(
         "Each symbol is one planet in one band: the mean of up to 8 realisations"
     )
@@ -353,3 +353,34 @@ def test_rows_stay_readable(compared, drawn, draw):
     assert labels == [name for name in ["s0", *MANY[11:]] if name != "s0" or draw is not differences_figure]
     assert figure.get_size_inches()[1] < 12.0
     assert "the 39 of all 50 that find most" in picture.caption
+
+
+@pytest.mark.parametrize("spread", [1.0, 20.0])
+def test_the_points_decide_the_frame_and_no_error_bar_does(plan, spread, monkeypatch):
+    """One long bar does not push all points into a corner: the axes end near the points."""
+    made = []
+    monkeypatch.setattr(image_figures, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
+    bands = [
+        band.model_copy(
+            update={"predicted_snr": 3.0 * factor, "recovered_snr": 2.9 * factor, "recovered_snr_error": error}
+        )
+        for band, factor, error in zip(plan.targets[0].bands, (1, 1.5, 4, spread), (2.85, 0.1, 0.1, 0.1), strict=True)
+    ]
+    target = plan.targets[0].model_copy(update={"bands": bands})
+    snr_figure(plan.model_copy(update={"targets": [target]}))
+    (axes,) = made[0].axes
+    for (low, high), least, most in (
+        (axes.get_xlim(), 3.0, 3.0 * max(4.0, spread)),
+        (axes.get_ylim(), 2.9, 2.9 * max(4.0, spread)),
+    ):
+        assert low in (0.0, pytest.approx(least / 1.4))
+        assert most < high <= 1.4 * most * (1 + 1e-9)
+
+
+def test_the_dashed_line_is_the_inverse_of_what_its_label_says(plan, monkeypatch):
+    """The label says predicted over recovered; the figure has recovered against predicted."""
+    made = []
+    monkeypatch.setattr(image_figures, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
+    snr_figure(plan)
+    (line,) = (line for line in made[0].axes[0].lines if "predicted over recovered" in str(line.get_label()))
+    assert line.get_ydata()[1:] / line.get_xdata()[1:] == pytest.approx(1.0 / plan.calibration["etc_ratio"])

@@ -3,11 +3,14 @@
 import csv
 import io
 
+import astropy.units as u
 import pytest
+from astropy.table import Table
 from rich.console import Console
 
 from cpic_planner.report import Sheet, form_text, print_etc, print_rank
 from cpic_planner.report.files import latex_text
+from cpic_planner.version import __version__
 
 
 @pytest.fixture
@@ -17,45 +20,58 @@ def taken(rank):
     return sheet.taken
 
 
-def test_csv_holds_fields_with_four_digits(rank, taken):
-    rows = list(csv.DictReader(io.StringIO(form_text("csv", *taken))))
+def test_csv_holds_fields_in_full(rank, taken):
+    rows = list(csv.DictReader(io.StringIO(form_text("csv", rank, taken))))
     assert [row["name"] for row in rows] == [target.name for target in rank.targets]
     for row, target in zip(rows, rank.targets, strict=True):
-        assert float(row["v_mag"]) == pytest.approx(target.v_mag, rel=1e-3)
-        for name in ("snr", "separation_arcsec", "contrast"):
+        for name in ("v_mag", "snr", "separation_arcsec", "contrast", "score"):
             value = getattr(target, name)
-            if value is None:
-                assert row[name] == ""
-                continue
-            assert float(row[name]) == pytest.approx(value, rel=6e-4)
-            digits = row[name].split("e")[0].replace(".", "").replace("-", "").strip("0")
-            assert len(digits) <= 4
+            assert row[name] == ("" if value is None else repr(value))
         assert row["status"] == target.status
 
 
-def test_ecsv_reads_back_with_units(taken):
-    from astropy.table import Table
-
-    text = form_text("ecsv", *taken)
-    table = Table.read(text, format="ascii.ecsv")
+def test_ecsv_reads_back_with_units(rank, taken):
+    table = Table.read(form_text("ecsv", rank, taken), format="ascii.ecsv")
     assert str(table["separation_arcsec"].unit) == "arcsec"
     assert len(table) == len(taken[2])
     assert table["n_frames"].dtype.kind == "i"
+    assert table["score"].unit == 1 / u.h
     assert table.meta["title"].startswith("Ranking")
 
 
-def test_latex_is_a_plain_tabular(taken):
-    text = form_text("latex", *taken)
+def test_latex_is_a_table_that_fits_a_page(rank, taken):
+    text = form_text("latex", rank, taken)
     lines = text.splitlines()
-    assert lines[0].startswith("% Ranking")
-    assert lines[1].startswith(r"\begin{tabular}{")
-    assert lines[-1] == r"\end{tabular}"
-    columns = len(lines[1].split("{")[2].rstrip("}"))
+    assert lines[0] == r"\begin{table}"
+    assert lines[2].startswith(r"\caption{Ranking: ")
+    assert f"Date: {rank.date_utc[:10]}" in lines[2] or not rank.date_utc
+    assert f"cpic-planner {__version__}.}}" in lines[2]
+    assert lines[3] == r"\label{tab:rank}"
+    assert lines[4].startswith(r"\begin{tabular}{")
+    assert lines[-2:] == [r"\end{tabular}", r"\end{table}"]
+    columns = len(lines[4].split("{")[2].rstrip("}"))
+    assert 5 < columns < len(taken[1])
     body = [line for line in lines if line.endswith(r"\\")]
     assert len(body) == 1 + len(taken[2])
     assert {line.replace(r"\&", "").count(" & ") + 1 for line in body} == {columns}
-    assert text.isascii() or "\n".join(lines[1:]).isascii()
+    assert "\n".join(lines[4:]).isascii()
     assert not any(mark in text for mark in "✓○□▲→")
+    assert len(Table.read("\n".join(lines[4:-1]), format="ascii.latex")) == len(taken[2])
+
+
+def test_caption_and_label_are_those_that_are_given(rank, taken):
+    text = form_text("latex", rank, taken, caption="50 % of α & β", label="tab:mine", columns=("v_mag", "name"))
+    lines = text.splitlines()
+    assert lines[2] == r"\caption{50 \% of $\alpha$ \& $\beta$}"
+    assert lines[3] == r"\label{tab:mine}"
+    assert lines[6:8] == [r"V mag & star \\", r"\hline"]
+
+
+def test_markdown_has_as_many_cells_in_every_line(rank, taken):
+    lines = form_text("markdown", rank, taken).splitlines()
+    table = [line for line in lines if line.startswith("|")]
+    assert len(table) == 2 + len(taken[2])
+    assert {line.count("|") for line in table} == {len(taken[1]) + 1}
 
 
 @pytest.mark.parametrize(
@@ -73,13 +89,6 @@ def test_latex_is_a_plain_tabular(taken):
 )
 def test_signs_in_latex(text, written):
     assert latex_text(text) == written
-
-
-def test_markdown_has_as_many_cells_in_every_line(taken):
-    lines = form_text("markdown", *taken).splitlines()
-    table = [line for line in lines if line.startswith("|")]
-    assert len(table) == 2 + len(taken[2])
-    assert {line.count("|") for line in table} == {len(taken[1]) + 1}
 
 
 def test_a_sheet_takes_the_first_table_alone(etc_answers):

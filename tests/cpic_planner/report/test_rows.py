@@ -29,6 +29,7 @@ from cpic_planner.results import (
     names_of,
     planned,
     surveyed,
+    taken_of,
     values_of,
 )
 from cpic_planner.results.base import VOCABULARY
@@ -63,7 +64,7 @@ def test_one_line_of_a_class_is_a_column_everywhere(rows):
     lines = list(csv.DictReader(io.StringIO(csv_text(names_of(Wider), map(values_of, rows)))))
     assert [line["airmass_deg"] for line in lines] == ["12.34", "", ""]
 
-    table = Table.read(ecsv_text(Wider, rows, {}), format="ascii.ecsv")
+    table = Table.read(ecsv_text(taken_of(Wider), rows, {}), format="ascii.ecsv")
     assert table["airmass_deg"].unit == u.deg
     assert table["airmass_deg"].description == "a new number"
     assert table["airmass_deg"].mask.tolist() == [False, True, True]
@@ -71,7 +72,7 @@ def test_one_line_of_a_class_is_a_column_everywhere(rows):
     field = arrow_schema(columns_of(Wider)).field("airmass_deg")
     assert (str(field.type), field.metadata[b"unit"]) == ("double", b"deg")
 
-    frame = data_frame(Wider, rows)
+    frame = data_frame(taken_of(Wider), rows)
     assert frame["airmass_deg"].isna().tolist() == [False, True, True]
     assert frame["n_frames"].dtype == "int64"
     assert frame["flags"].tolist() == ["|".join(row.flags) for row in rows]
@@ -86,7 +87,7 @@ def test_cells_of_a_row_that_is_not_there_are_dashes(rows):
     cells = row_cells(RankedTarget, "name v_mag", of=lambda pair: pair[1])
     assert [cell.text((1, None)) for cell in cells] == ["–", "–"]
     without = rows[0].model_copy(update={"n_frames": None})
-    assert data_frame(Wider, [rows[0], without])["n_frames"].dtype == "Int64"
+    assert data_frame(taken_of(Wider), [rows[0], without])["n_frames"].dtype == "Int64"
 
 
 def every_row():

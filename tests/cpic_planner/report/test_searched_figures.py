@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cpic_planner import contrast_curve, roc_curve
+from cpic_planner.report.drawing import new_figure, power_ticks
 from cpic_planner.report.searched_figures import curve_figure, curve_pictures, roc_figure, roc_pictures
 from cpic_planner.report.searched_sections import completeness_csv
 from cpic_planner.report.searched_words import curve_sentences, roc_sentences
@@ -126,3 +127,60 @@ def test_the_file_of_the_map_has_every_cell(plain):
     cell = next(row for row in rows if float(row["contrast"]) == one.contrast[-1])
     assert float(cell["chance"]) == one.chance[0][-1]
     assert float(cell["azimuth_share"]) == one.azimuth_share[0]
+
+
+def test_every_line_of_the_legend_is_seen_and_the_figure_fits_a_page(plain):
+    """Where planets are found blind as faint as at a known place, the dashes stand on a pale line and not below it."""
+    figure = curve_figure(plain)
+    curves = figure.axes[0]
+    handles = {text.get_text(): handle for text, handle in _legend(curves)}
+    blind, known = handles["half found blind"], handles["half found at a known place"]
+    assert blind.get_linewidth() > 2 * known.get_linewidth()
+    assert blind.get_alpha() < 0.6
+    lines = curves.get_lines()
+    for band in {row.band for row in plain.points}:
+        rows = [row for row in plain.points if row.band == band]
+        wide, dashed = (
+            next(i for i, line in enumerate(lines) if _draws(line, rows, name, width))
+            for name, width in (
+                ("contrast_limit_blind", blind.get_linewidth()),
+                ("contrast_limit_known_place", known.get_linewidth()),
+            )
+        )
+        assert wide < dashed  # what comes later is drawn on top
+    width, height = figure.get_size_inches()
+    assert height / width < 1.15  # 7 inches of text take at most 8.1 inches of a page of 9
+    for panel in figure.axes[1:]:
+        if panel.get_title():
+            assert panel.get_title() in {one.band for one in plain.bands}
+            assert "half found on the diagonal" in [text.get_text() for text, _ in _legend(panel)]
+
+
+def _legend(axes):
+    legend = axes.get_legend()
+    return list(zip(legend.get_texts(), legend.legend_handles, strict=True))
+
+
+def _draws(line, rows, name, width):
+    values = [getattr(row, name) for row in rows]
+    return line.get_linewidth() == width and np.allclose(np.asarray(line.get_ydata(), float), values, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("ends", "written"),
+    [
+        ((9e-10, 2e-8), ["10^{-9}", "10^{-8}"]),
+        ((3e-10, 4e-6), ["10^{-9}", "10^{-8}", "10^{-7}", "10^{-6}"]),
+        ((3e-9, 8e-9), [rf"{n} \times 10^{{-9}}" for n in range(3, 9)]),
+        ((3e-9, 4e-8), [r"5 \times 10^{-9}", "10^{-8}", r"2 \times 10^{-8}"]),
+    ],
+)
+def test_powers_of_ten_are_written_plainly(ends, written):
+    """Multiples of them stand only where there are fewer than two powers."""
+    figure = new_figure(3.0)
+    axes = figure.add_subplot()
+    axes.set(yscale="log", ylim=ends)
+    power_ticks(axes.yaxis)
+    figure.draw_without_rendering()
+    places = zip(axes.yaxis.get_majorticklocs(), axes.yaxis.get_majorticklabels(), strict=True)
+    assert [label.get_text() for at, label in places if ends[0] <= at <= ends[1]] == [f"${text}$" for text in written]

@@ -158,3 +158,22 @@ def test_files_are_the_same_every_time(calendar, tmp_path):
     first, again = (write_figure(visibility_figure(calendar), tmp_path / f"{name}.png").read_bytes() for name in "ab")
     assert again == first
     assert len(first) > 5000
+
+
+@pytest.mark.parametrize("name", ["eps Eri", "51 Eri", "ups And", "HD 192310"])
+def test_edges_that_are_named_are_in_the_picture(answers, name):
+    """Both edges of every dark hole lie on the axis, and one shade stands for all holes."""
+    result = answers(name)
+    (axes,) = known_figure(result).axes
+    low, high = axes.get_ylim()
+    for hole in result.holes:
+        assert low < hole.inner_arcsec < hole.outer_arcsec < high
+    spans = [patch for patch in axes.patches if patch.get_width() == 1.0]
+    assert len(spans) == 1
+
+
+@pytest.mark.parametrize(("name", "bands"), [("eps Eri", 1), ("51 Eri", 0)])
+def test_an_unknown_phase_has_lines_and_no_band(answers, name, bands):
+    (axes,) = known_figure(answers(name)).axes
+    assert len(axes.collections) == bands
+    assert any("16 % are below" in line.get_label() for line in axes.lines)

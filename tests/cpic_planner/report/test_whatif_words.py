@@ -169,7 +169,7 @@ def test_rules_in_words():
     assert facts["Visit"] == "the best of F520, F662, as long as it pays, at most 10.0 h of wall time"
     assert facts["Revisits"] == facts["Follow-up"] == facts["Changes to the instrument"] == "none"
     assert f"{own['population']['planets_per_star']:g} planets per star" in facts["Population of unknown planets"]
-    assert "SNR is 1.02 ± 0.01." in facts["Detection"]
+    assert "predicted over recovered SNR is 0.980 ± 0.010." in facts["Detection"]  # 1 / 1.02
     assert (
         "threshold is 0.70 (± 5.0%) in Gaussian noise ten resolution elements from the star, 1.90 where all"
         in (facts["Detection"])

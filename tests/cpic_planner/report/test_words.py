@@ -72,8 +72,10 @@ def test_unknown_codes_are_spelled_out():
     ("value", "score", "text"),
     [
         (0.0, "completeness", "0"),
-        (0.07251, "completeness", "0.0725"),
-        (2.5e-4, "completeness_per_hour", "2.5e-04"),
+        (0.07251, "completeness", "7.25"),
+        (2.5e-4, "completeness_per_hour", "0.0250"),
+        (2.5e-6, "completeness_per_hour", "2.5e-04"),
+        (2.5e-4, "detection_time", "2.5e-04"),
         (8.7512, "contrast_limit", "8.75"),
         (0.0, "contrast_limit", "0.00"),
         (15.62, "detection_margin", "15.6"),

@@ -13,14 +13,6 @@ from cpic_planner.survey import bounds
 from cpic_planner.survey.allocation import Effort, make_schedule
 from cpic_planner.survey.schedule import Problem
 
-PROVES = (
-    "cpic_planner.survey.allocation",
-    "cpic_planner.survey.bounds",
-    "cpic_planner.survey.greedy",
-    "cpic_planner.survey.plans",
-    "cpic_planner.survey.schedule",
-)
-
 LIMITS = st.fixed_dictionaries(
     {
         "budget_h": st.floats(2.0, 20.0),

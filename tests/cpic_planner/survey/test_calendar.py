@@ -10,7 +10,7 @@ from astropy.coordinates import SkyCoord, get_sun
 from astropy.time import Time
 
 from cpic_planner.etc import build_model
-from cpic_planner.survey.calendar import Calendar, make_calendar, sun_position_angle_deg
+from cpic_planner.survey.calendar import Calendar, Sight, make_calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits
 from cpic_planner.survey.strategy_file import UniverseConfig
@@ -130,6 +130,26 @@ def test_visits_that_are_not_possible(model):
     assert np.isinf(plain(0.4, 2000.0, allowed_h=cost * 0.999).cost_h(model, 0, setting)[0])
     assert np.isfinite(plain(0.4, 2000.0, allowed_h=cost * 1.001).cost_h(model, 0, setting)[0])
     assert plain(0.4, 2000.0, settle_h=1.5).cost_h(model, 0, setting)[0] == pytest.approx(cost + 1.5)
+
+
+def test_a_sight_is_the_mean_over_the_days_that_are_allowed(stars, model):
+    """Telescope time of a plan by hand: orbits of the mean day that is allowed, whole frames, two slews a visit."""
+    pointing = load_visibility()
+    when = {"start_utc": "2028-01-01T00:00:00", "n_days": 365, "step_days": 5.0}
+    seen = visibility(stars.ra_deg, stars.dec_deg, pointing, INSTRUMENT.mission.orbit, **when)
+    readout_s, settle_s = model.camera("F520").readout_s, 60.0 / pointing.slew_deg_s + pointing.settle_s
+    settle_s += pointing.thermal_settle_orbits * seen.period_s
+    for i in range(len(stars)):
+        days = [k for k in range(73) if seen.allowed[i, k] and seen.visible_fraction[i, k] > 0]
+        window_s = np.mean(seen.window_s[i, days])
+        fits = window_s // (60.0 + readout_s)
+        orbit_s = window_s / np.mean(seen.visible_fraction[i, days])
+        expected_s = 36000.0 / (fits * (60.0 + readout_s)) * orbit_s + 2 * 7 * settle_s
+        found = Sight.of(seen, i, pointing)
+        assert found.telescope_h(36000.0, 60.0 + readout_s, 14) == pytest.approx(expected_s / 3600.0, rel=1e-9)
+        assert found.allowed_h == pytest.approx(24.0 * 5.0 * len(days))
+        assert np.isinf(found.telescope_h(36000.0, 1.001 * window_s, 14))
+        assert np.isinf(found.telescope_h(1e9, 60.0 + readout_s, 14))
 
 
 def test_settling_is_a_mean_slew_and_an_orbit(stars):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-PROVES = ("cpic_planner.jobs", "cpic_planner.survey.store")
 HERE = Path(__file__).resolve().parent
 
 

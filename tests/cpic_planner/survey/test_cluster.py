@@ -21,7 +21,6 @@ from cpic_planner.survey import run_whatif
 from cpic_planner.survey.store import ResultStore
 
 pytestmark = pytest.mark.long
-PROVES = ("cpic_planner.jobs", "cpic_planner.survey.store")
 HERE = Path(__file__).resolve().parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")])
 EVERY_PART = list(range(40))

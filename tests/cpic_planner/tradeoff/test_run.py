@@ -51,6 +51,19 @@ def test_a_row_that_does_not_apply_has_a_reason(small_case):
     assert row.wall_s is None
 
 
+def test_ways_that_void_every_aperture_are_rows_of_their_own(small_case, monkeypatch):
+    """Their frames can be drawn, and show nothing: no error that ends the rows of the other ways."""
+    monkeypatch.setitem(FIDELITIES, "reference", Knobs(wavelength_nodes=1, pixel_nodes=1))  # for speed
+    case = dataclasses.replace(small_case, em_gain=1000.0, exposure_s=1e4)
+    rows = [measure_point(case, points(case, "hole_quick")[0], GLANCE, "here", 0.0)]
+    rows += measure_shared(case, points(case, "epochs_1", "no_flat"), GLANCE, "here")
+    assert [row.point for row in rows] == ["hole_quick", "epochs_1", "no_flat"]
+    for row in rows:
+        assert (row.status, row.reason) == ("invalid", "not_applicable")
+        assert "every aperture of the hole" in row.message
+        assert row.flux_e is None
+
+
 class Told(list):
     """What progress was told."""
 

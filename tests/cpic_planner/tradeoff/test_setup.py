@@ -18,10 +18,11 @@ def test_every_kind_of_scene_is_there():
 
 
 def test_programmes_pair_visits_and_modes():
-    made = {(case.visits, case.reference_visits, case.n_modes) for case in SCENES.values() if case.is_programme}
+    programmes = [case for case in SCENES.values() if case.is_programme]
+    made = {(case.visits, case.how.references_of(case.visits), case.how.n_modes) for case in programmes}
     assert {(1, 1, 0), (4, 4, 0), (16, 16, 0)} < made
     assert {(4, 16, 4), (4, 16, 12), (16, 16, 4), (16, 16, 12)} < made
-    assert SCENES["rolls_4"].library == "roll"
+    assert SCENES["rolls_4"].how.library == "roll"
 
 
 @pytest.mark.parametrize("name", CONTRASTS)

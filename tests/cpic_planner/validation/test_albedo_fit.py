@@ -1,11 +1,12 @@
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.validation import AlbedoFit, AlbedoModel, Contrast, fit_albedo
+from cpic_planner.validation import AlbedoFit, AlbedoModel, Contrast, FittedAlbedo, albedo_records, fit_albedo
 from cpic_planner.validation.albedo_model import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
@@ -218,3 +219,28 @@ def test_probabilities_are_checked(refused, model: AlbedoModel) -> None:
     refused("probability", fit.interval, "log10_mh", 0.0)
     with pytest.raises(InputError, match="name"):
         fit.interval("mh")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("relative", [0.02, 0.2, 1.0])
+@pytest.mark.parametrize("truth", [(0.0, -2.0), (2.0, TOP), (1.0, 0.0), (2.0, -1.0)])
+def test_what_is_stated_beside_an_interval_lies_in_it(
+    model: AlbedoModel, truth: tuple[float, float], relative: float
+) -> None:
+    """The record has medians beside intervals; the best fit of both parameters together can lie outside of one."""
+    rng = np.random.default_rng(round(10 * relative))
+    outside = 0
+    for _ in range(4):
+        expected = model.contrast(*truth)
+        errors = np.full(4, relative * expected.mean())
+        fit = fit_albedo(contrasts(expected + errors * rng.normal(size=4), errors), model)
+        light = SimpleNamespace(name="b")
+        (record,) = albedo_records([FittedAlbedo(light, model, fit)])
+        for name, best in zip(("log10_mh", "log10_fsed"), record.best_fit, strict=True):
+            value, interval = getattr(record, name), getattr(record, f"{name}_interval")
+            assert interval[0] < value < interval[1]
+            below = fit.interval(name, 1e-9)  # the narrowest central interval closes on the median
+            assert value == pytest.approx(np.mean(below), abs=1e-6)
+            assert best == getattr(fit, name)
+            outside += not interval[0] <= best <= interval[1]
+    if relative == 1.0:
+        assert outside > 0  # the case that was told wrongly

@@ -1,6 +1,5 @@
 """Named libraries: what the reference frames show, and the scale of those of another star."""
 
-import functools
 import math
 
 import numpy as np
@@ -10,7 +9,6 @@ from cpic_planner.etc import build_model, planet_offsets
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import LibraryPlan, library_plan, roll_photometry, roll_subtract, scale_library
-from cpic_planner.validation.libraries import halo_scale
 from simulator import load_instrument, load_scene, observe
 from simulator.target import sky_to_detector
 
@@ -182,18 +180,6 @@ def frames_of(halo: np.ndarray, n: int, seed: int, pedestal: float = 0.0) -> np.
     return np.random.default_rng(seed).poisson(halo + pedestal, (n, *halo.shape)).astype(float)
 
 
-@functools.cache
-def halo() -> np.ndarray:
-    """Speckles on a falling halo, 0.3 electrons a frame on average."""
-    y, x = np.indices((60, 60)) - 30
-    rng = np.random.default_rng(4)
-    frequency = np.hypot(np.fft.fftfreq(60)[:, None], np.fft.fftfreq(60))
-    waves = rng.normal(size=(60, 60)) + 1j * rng.normal(size=(60, 60))
-    waves = np.fft.ifft2(np.fft.fft2(waves) * np.exp(-2.0 * (np.pi * 1.5 * frequency) ** 2))
-    light = np.abs(waves) ** 2 / (1.0 + np.hypot(x, y) / 10.0) ** 2
-    return 0.3 * light / light.mean()
-
-
 def test_scaled_frames_have_the_noise_that_the_etc_takes(refused) -> None:
     """Star light of variance 1 / rho, everything else 1 / rho^2, for a reference star of rho times the light."""
     rho, star, dark = 4.0, 50.0, 20.0
@@ -205,44 +191,3 @@ def test_scaled_frames_have_the_noise_that_the_etc_takes(refused) -> None:
     for wrong in (0.0, -1.0, math.nan):
         refused("scale", scale_library, frames, wrong)
     refused("reference_e", scale_library, frames[0, 0], 1.0)
-
-
-def test_the_scale_of_the_halo_is_unbiased_and_its_error_right() -> None:
-    """Faint frames, where least squares on the noisy reference comes out far too small."""
-    truth, found, naive, flat = 0.4, [], [], np.ones((60, 60), bool)
-    for seed in range(200):
-        science, reference = frames_of(truth * halo(), 8, 2 * seed, 0.2), frames_of(halo(), 8, 2 * seed + 1, 0.1)
-        measured = halo_scale(science, reference, region=flat)
-        found.append((measured.value, measured.error))
-        s, r = (images.mean(axis=0) - images.mean() for images in (science, reference))
-        naive.append(np.sum(s * r) / np.sum(r * r))
-    values, errors = np.array(found).T
-    spread = values.std() / math.sqrt(len(values))
-    assert abs(values.mean() - truth) < 4 * spread
-    assert spread < 0.005 * truth
-    assert np.mean(naive) < 0.9 * truth
-    assert np.std((values - truth) / errors) == pytest.approx(1.0, abs=0.2)
-
-
-def test_what_a_planet_does_to_the_scale() -> None:
-    """It adds ``f sum(p A) / sum(A B)``; leaving out its pixels takes that away."""
-    light, planet = 1000.0 * halo(), np.zeros((60, 60))
-    planet[40, 42] = 1.0
-    science, reference = (light + 3e5 * planet)[None], np.repeat(light[None], 2, axis=0)
-    centred = light - light.mean()
-    expected = 1.0 + 3e5 * np.sum((planet - planet.mean()) * centred) / np.sum(centred**2)
-    assert abs(expected - 1.0) > 1e-3
-    assert halo_scale(science, reference).value == pytest.approx(expected, rel=1e-9)
-    assert halo_scale(science, reference, region=planet == 0).value == pytest.approx(1.0, rel=1e-12)
-
-
-def test_refusals_of_the_halo(refused) -> None:
-    light = frames_of(100.0 * halo(), 3, 1)
-    refused("two frames", halo_scale, light, light[:1])
-    refused("two frames", halo_scale, light, light[:, 1:])
-    flat = np.ones((3, 60, 60))
-    noise = np.random.default_rng(2).normal(size=(2, 4, 60, 60))
-    for pair in ((flat, flat), (noise[0], noise[1]), (light, np.zeros_like(light))):
-        refused("no halo above the noise", halo_scale, *pair)
-    light[1, 2, 3] = np.inf
-    refused(r"science_e\[frame=1, y=2, x=3\]", halo_scale, light, flat)

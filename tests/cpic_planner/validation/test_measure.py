@@ -134,13 +134,13 @@ def test_what_limits_take_away_is_not_measured():
 
 def test_what_stands_in_the_way_of_a_planet_is_named():
     visits, (planet, _) = prepared()
-    assert obstacle(planet, visits.geometry) is None
+    assert obstacle(planet, visits.geometry, visits.strategy) is None
     crowded = replace(planet, background=np.zeros_like(planet.background))
-    assert obstacle(crowded, visits.geometry)[0].value == "too_few_resolution_elements"
+    assert obstacle(crowded, visits.geometry, visits.strategy)[0].value == "too_few_resolution_elements"
     corner = visits.geometry.zone.outer_arcsec
     behind = replace(planet, places_arcsec=((0.0, 0.4),), apertures=(np.roll(planet.apertures[0], 30, axis=1),))
     beyond = replace(behind, places_arcsec=((corner, corner),))
-    reasons = [obstacle(one, visits.geometry)[0].value for one in (behind, beyond)]
+    reasons = [obstacle(one, visits.geometry, visits.strategy)[0].value for one in (behind, beyond)]
     assert reasons == ["inside_inner_edge", "outside_outer_edge"]
 
 

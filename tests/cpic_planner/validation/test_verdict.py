@@ -151,10 +151,10 @@ def test_numbers_are_those_of_one_observation():
 @pytest.mark.parametrize(
     ("factor", "word"),
     [
-        (1.0, "ETC agrees, "),
-        (0.7, "ETC optimistic by 1.4"),
-        (1.5, "ETC pessimistic by 0.6"),
-        (0.05, "too faint to measure"),
+        (1.0, "ETC agrees (predicted over recovered SNR "),
+        (0.7, "ETC optimistic by 4"),
+        (1.5, "ETC pessimistic by 3"),
+        (0.05, "ETC optimistic (predicted over recovered SNR above "),
     ],
 )
 def test_the_etc_is_named_where_it_is_off(factor, word):
@@ -196,14 +196,18 @@ def test_a_target_in_words():
     assert text.startswith("confirmed in F520; ETC")
     assert 1.0 < factor < 1.5
     assert error > 0
-    assert target_verdict([bad])[0].startswith("seen at its known place, not confirmed blind; ETC optimistic by 1.4")
+    assert target_verdict([bad])[0].startswith("seen at its known place, not confirmed blind; ETC optimistic by 4")
     unseen = bad.model_copy(update={"n_significant": 3})
-    assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 1.4")
+    assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 4")
     assert target_verdict([refused]) == ("not observed: adc_range", None, None)
     cut = answer(realisations(2), story=FrameStatistics(5, 0, 0.0, 0))
     assert target_verdict([cut])[0].startswith("saturated")
-    faint = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
-    assert target_verdict([faint]) == ("not confirmed; too faint to measure the ETC by", None, None)
+    missed = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
+    text, *ratio = target_verdict([missed])
+    assert text.startswith("not confirmed; ETC optimistic (predicted over recovered SNR above ")
+    assert ratio == [None, None]
+    faint = missed.model_copy(update={"predicted_snr": 0.5, "recovered_snr": 0.4, "recovered_snr_error": 0.2})
+    assert target_verdict([faint, faint, faint]) == ("not confirmed; too faint to measure the ETC by", None, None)
 
 
 def test_how_the_images_were_made_stands_beside_the_answer():

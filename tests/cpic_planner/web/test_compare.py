@@ -2,6 +2,7 @@ import hashlib
 import json
 import re
 from shlex import split
+from types import SimpleNamespace
 
 import pytest
 
@@ -89,3 +90,30 @@ def test_the_data_of_a_page_are_what_the_commands_print(ask, send, capsys):
     assert hashlib.sha256(NOISY).hexdigest() in sent.headers["cpic-files"]
     assert [row["key"] for row in sent.json["differences"]["values"]] == ["detector.read_noise_e"]
     assert send("/compare", [], fields=[("other", "x"), ("format", "json")]).json["parameter"] == "other"
+
+
+@pytest.mark.parametrize(
+    ("question", "given"),
+    [
+        ("time_s=36000", False),  # each instrument has its own best place
+        ("time_s=36000&separation_arcsec=0.5", True),
+        ("snr=5", False),
+        ("snr=5&separation_arcsec=0.5&contrast=1e-8", True),
+        ("contrast_limit=true&detect=true&time_s=36000&separation_arcsec=0.5", True),
+    ],
+)
+def test_a_ratio_compares_the_same_planet_only(ask, question, given):
+    """Two planets at two separations have no ratio, and the page says so in sight, below the table."""
+    page = ask(f"/compare?target=tau+Cet&bands=F720&{question}&instrument=as_published")
+    assert page.status == 200
+    first, other = (
+        ask(f"/etc?target=tau+Cet&bands=F720&{question}{more}&format=json").json["answers"][0]
+        for more in ("&instrument=as_published", "")
+    )
+    assert (first["separation_arcsec"] == other["separation_arcsec"]) is given
+    shown = page.text.partition("What the headings mean")[0]
+    assert ("other planet" in words(SimpleNamespace(text=shown))) is not given
+    unfolded = re.sub(r"<details.*?</details>", "", page.text, flags=re.DOTALL)
+    assert ("No ratio is given where it says other planet" in words(SimpleNamespace(text=unfolded))) is not given
+    if given:
+        assert f"{other['value'] / first['value']:.3g}" in words(page)

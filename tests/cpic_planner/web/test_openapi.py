@@ -1,19 +1,31 @@
 """The OpenAPI document is one, describes what is answered, and its schemas hold what is answered."""
 
+import json
 from urllib.parse import urlencode
 
 import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import OpenAPIV31SpecValidator
 
+from cpic_planner.version import __version__
 from cpic_planner.web import application
 from cpic_planner.web.asking import ETC, IMAGES, RANK, parameter
 from cpic_planner.web.job_queue import JobQueue
+from cpic_planner.web.openapi import SHIPPED
+from tools.openapi import described
 
 
 @pytest.fixture(scope="module")
 def document(browser):
     return browser.get("/openapi.json").json
+
+
+def test_the_shipped_one_is_that_of_the_models():
+    assert json.loads(SHIPPED.read_text(encoding="utf-8")) == described(), "run python -m tools.schemas"
+
+
+def test_it_has_the_version_of_the_package(document):
+    assert document["info"]["version"] == __version__
 
 
 @pytest.mark.long

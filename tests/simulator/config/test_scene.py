@@ -30,7 +30,7 @@ from simulator.config import (
     right_ascension_deg,
     true_distance_au,
 )
-from simulator.config.simulation import star_field
+from tools.star_field import star_field
 
 STAR = {"name": "star", "v_mag": 1.35, "teff_k": 5230}
 
@@ -181,7 +181,9 @@ def test_numbers_of_numpy_and_quantities_of_astropy():
     found = load_scene(scene(planet=body)).planets[0]
     assert found.separation_arcsec == pytest.approx(0.65, rel=1e-14)
     assert (found.distance_au, found.phase_deg) == (pytest.approx(0.8775, rel=1e-12), pytest.approx(90.0, rel=1e-14))
-    with pytest.raises(InputError, match=r"scene.planets.0.separation_arcsec = 1.0 AU: .*a number in arcsec, or a quantity"):
+    with pytest.raises(
+        InputError, match=r"scene.planets.0.separation_arcsec = 1.0 AU: .*a number in arcsec, or a quantity"
+    ):
         load_scene(scene(planet=PLANET | {"separation_arcsec": 1.0 * u.AU}))
 
 

@@ -28,12 +28,11 @@ ROWS = (-524.0, 500.0)
 
 def light_of(model, band, star, x, y, rolls=()):
     """Light of the companion of one star around planets, shown by the difference at some rolls."""
+    (near,) = star.scene.stars
     place, *difference = (
         tuple(
-            part[:, None]
-            for part in sky_to_detector(
-                star.companion_separation_arcsec, star.companion_pa_deg, roll_deg=roll, parity=-1
-            )
+            np.full((len(star), 1), part)
+            for part in sky_to_detector(near.separation_arcsec, near.pa_deg, roll_deg=roll, parity=-1)
         )
         for roll in (0.0, *rolls)
     )

@@ -14,7 +14,6 @@ from simulator.observing.scene_light import Visit, visit_stamps
 from simulator.signal import programme_law
 from simulator.signal.speckles import LOW_ORDER_LINEAR, LOW_ORDER_SQUARE, programme_parts
 
-PROVES = ("simulator.imaging.drift", "simulator.observing.scene_light", "simulator.signal.speckles")
 PLACES = {"F520": (0.4, 0.6, 0.85), "F850": (0.52, 0.6, 0.8)}
 WINDOW_S = 0.46 * 5553.6
 NO_TIMINGS = (Timing(),)

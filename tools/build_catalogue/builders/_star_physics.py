@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from catalogs import luminosity_from_v
+from catalogs.spectral_types import luminosity_class
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     GRAVITY_SOURCE,
@@ -20,7 +21,6 @@ from catalogs.stellar_physics import (
     gravity,
     infrared_temperature,
     is_giant,
-    luminosity_class,
     mass_of,
     nearest_subtype,
     radius_from_luminosity,

@@ -15,14 +15,13 @@ from cpic_planner.survey.visibility.config import (
     VisibilityConfig,
     load_visibility,
     roll_half_range_deg,
-    visibility_names,
 )
 from simulator import load_instrument
-from simulator.config import preset_path
+from simulator.config import preset_names, preset_path
 from simulator.products import CircularOrbit
 
 
-@pytest.mark.parametrize("name", visibility_names())
+@pytest.mark.parametrize("name", preset_names("visibility", package="cpic_planner"))
 def test_presets_are_complete_and_sourced(name):
     config = load_visibility(name)
     assert config.name == name

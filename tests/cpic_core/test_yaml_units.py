@@ -1,0 +1,104 @@
+"""Numbers with units in YAML files are read as on the command line, wherever a key ends in its unit."""
+
+import json
+
+import pytest
+
+from cpic_core import InputError, converted, unit_of
+from cpic_core.yaml_files import load_yaml
+from cpic_planner.queries import EtcQuestion, Written, read_value
+from cpic_planner.survey.strategy_file import load_strategies
+from simulator import load_instrument, load_scene
+
+WRITTEN = [
+    ("time_s", "10h", 36000.0),
+    ("time_s", "1.5 h", 5400.0),
+    ("visit_time_s", "45min", 2700.0),
+    ("visit_gap_h", "30 min", 0.5),
+    ("duration_days", "48h", 2.0),
+    ("separation_arcsec", "500mas", 0.5),
+    ("visit_nm", "100pm", 0.1),
+    ("walk_nm_per_sqrt_hour", "50 pm/sqrt(h)", 0.05),
+    ("distance_pc", "3.5pc", 3.5),
+    ("diameter_m", "200 cm", 2.0),
+    ("center_nm", "0.606um", 606.0),
+    ("phase_deg", "90 deg", 90.0),
+    ("read_noise_e", "5e-", 5.0),
+]
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text, name="own.yaml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(("key", "text", "value"), WRITTEN)
+@pytest.mark.parametrize("shape", ["{0}: {1}", "{0}: '{1}'", "a: {{{0}: '{1}'}}", "{0}: ['{1}', 7]"])
+def test_a_number_with_a_unit_is_that_of_the_command_line(file, shape, key, text, value):
+    tree = load_yaml(file(f"kind: question\n{shape.format(key, text)}\n"))
+    node = tree.get("a", tree)[key]
+    found = node[0] if isinstance(node, list) else node
+    assert found == value
+    assert read_value(key, text, unit_of(key)) == Written("set", found, read_value(key, text, unit_of(key)).text)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"), [("time_s", "10kg"), ("name", "10h"), ("time_s", "x2"), ("ra_deg", "12h"), ("sp_type", "2 s")]
+)
+def test_what_does_not_convert_stays_as_it_is_written(file, key, text):
+    assert load_yaml(file(f"{key}: '{text}'\n"))[key] == text
+    assert not unit_of(key) or converted(text, unit_of(key)) is None
+
+
+def test_a_value_with_its_source_may_have_a_unit(file):
+    tree = load_yaml(file("time_s: {value: 2h, source: me, confidence: A}\n"))
+    assert tree["time_s"] == {"value": 7200.0, "source": "me", "confidence": "A"}
+
+
+@pytest.mark.parametrize("time", ["10h", "600 min", "36000", "36000 s", "{value: 10h, source: me, confidence: A}"])
+def test_strategies(file, time):
+    config = load_strategies(file(f"kind: strategies\nstrategies:\n- {{name: a, visit: {{time_s: {time}}}}}\n"))
+    assert config.strategies[0].visit.time_s == (36000.0,)
+
+
+def test_questions_scenes_and_instruments(file):
+    tree = EtcQuestion.load(file("kind: question\ntarget: tau Cet\ntime_s: 2h\nseparation_arcsec: [500mas, 0.6]\n"))
+    question = EtcQuestion.of(tree)
+    assert (question.time_s, question.separation_arcsec) == (7200.0, (0.5, 0.6))
+    star = "cstar: {name: s, v_mag: 4 mag, spectral_type: K1V, distance_pc: 5 pc}"
+    body = "{radius_rjup: 1, phase_deg: 90, separation_arcsec: 400mas, pa_deg: 1deg, albedo: 0.5}"
+    scene = load_scene(file(f"kind: scene\nname: s\n{star}\nplanet: {body}\n"))
+    assert scene.cstar.v_mag == 4.0
+    assert scene.planets[0].separation_arcsec == 0.4
+    made = load_instrument(file("kind: instrument\nname: mine\ndrift: {visit_nm: 20pm}\n"))
+    assert made.drift.visit_nm == 0.02
+
+
+def test_the_answer_is_that_of_plain_numbers(file, capsys):
+    from cpic_planner.cli.main import main
+
+    answers = []
+    for time in ("2h", "7200"):
+        path = file(f"kind: question\ntarget: tau Cet\nbands: F520\nseparation_arcsec: 0.5\ntime_s: {time}\n")
+        assert main(["etc", "--question", str(path), "--json"]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("time: 10h", ["visit.time = 10h", "did you mean time_s: 10h?"]),
+        ("time_s: 10kg", ["visit.time_s = 10kg", "with a unit: s, min, h, d"]),
+        ("exposure: 30 s", ["visit.exposure = 30 s", "did you mean exposure_s: 30 s?"]),
+    ],
+)
+def test_what_is_refused_says_what_to_write(file, line, words):
+    with pytest.raises(InputError) as caught:
+        load_strategies(file(f"kind: strategies\nstrategies:\n- {{name: a, visit: {{{line}}}}}\n"))
+    assert [word for word in words if word not in str(caught.value)] == []
