@@ -15,7 +15,7 @@ from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
 from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
 from catalogs.stars import StarTable, load_stars, with_updates
-from cpic_core import InputError
+from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
 
@@ -250,6 +250,8 @@ def catalogue_of_star(
     from catalogs.spectral_types import stellar_parameters
     from catalogs.user_table import ASSUMED_PC, named_star
 
+    v_mag = in_unit("v_mag", v_mag, "mag")
+    teff_k, distance_pc = in_unit("teff_k", teff_k, "K"), in_unit("distance_pc", distance_pc, "pc")
     if teff_k is None:
         try:
             stellar_parameters(sp_type or "")

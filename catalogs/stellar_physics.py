@@ -23,7 +23,7 @@ import numpy as np
 
 from catalogs.coordinates import ecliptic
 from catalogs.spectral_types import luminosity_class, parse_spectral_type
-from cpic_core import InputError, NDArray
+from cpic_core import InputError, NDArray, in_unit
 
 DWARF_LOG_G = 4.5
 GIANT_LOG_G = 2.5
@@ -254,7 +254,8 @@ def luminosity_from_v(
         [Fe/H] and log10 of the surface gravity (cm/s2), dex, for the bolometric correction.
     """
     modulus = 5.0 * np.log10(_positive("distance_pc", distance_pc, "pc") / 10.0)
-    m_bol = v_mag - modulus + bolometric_correction(teff_k, metallicity, log_g)
+    correction = bolometric_correction(_positive("teff_k", teff_k, "K"), metallicity, log_g)
+    m_bol = in_unit("v_mag", v_mag, "mag") - modulus + correction
     return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
 
 
@@ -287,7 +288,10 @@ def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
     teff_k : float
         Effective temperature, K.
     """
-    return float(np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun")) * (_TEFF_SUN_K / teff_k) ** 2)
+    return float(
+        np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun"))
+        * (_TEFF_SUN_K / _positive("teff_k", teff_k, "K")) ** 2
+    )
 
 
 def mass_from_luminosity(luminosity_lsun: float) -> float:
@@ -329,9 +333,9 @@ def gravity(mass_msun: float, radius_rsun: float) -> float:
 
 def _positive(name: str, value: float, unit: str) -> float:
     """Refuse numbers of 0 and below; nan, a number that is missing, passes."""
-    if value <= 0.0:
-        raise InputError(name, value, unit=unit, allowed="above 0")
-    return value
+    if (plain := in_unit(name, value, unit)) <= 0.0:
+        raise InputError(name, plain, unit=unit, allowed="above 0")
+    return float(plain)
 
 
 def place_columns(

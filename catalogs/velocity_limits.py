@@ -17,7 +17,7 @@ import numpy as np
 
 from catalogs.known_planet_table import star_key
 from catalogs.stars import load_stars
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import ArrayLike, FloatArray, real_array
 
 _DATA = Path(__file__).resolve().parent / "data"
 LIMITS_FILE = _DATA / "velocity_limits.csv"
@@ -52,7 +52,11 @@ def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mas
     ``K = 28.4329 m/s (m sin i / M_Jup) / sqrt((M / M_Sun) (a / au))``: Lovis & Fischer 2010, in Exoplanets, equation
     14, with the period by Kepler's third law and the planet's mass neglected beside the star's.
     """
-    msini, axis, mass = (np.asarray(value, float) for value in (msini_mjup, semi_major_axis_au, star_mass_msun))
+    msini, axis = (
+        real_array("msini_mjup", msini_mjup, "M_Jup"),
+        real_array("semi_major_axis_au", semi_major_axis_au, "au"),
+    )
+    mass = real_array("star_mass_msun", star_mass_msun, "M_Sun")
     return np.asarray(_AMPLITUDE_M_S * msini / np.sqrt(mass * axis))
 
 

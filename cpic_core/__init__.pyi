@@ -54,6 +54,7 @@ from cpic_core.quantities import (
     converted as converted,
     element_name as element_name,
     in_unit as in_unit,
+    is_quantity as is_quantity,
     number_and_unit as number_and_unit,
     real_array as real_array,
     unit_of as unit_of,

@@ -42,7 +42,7 @@ def visible(text: str, keep: str = "") -> str:
 
 def _said(value: object) -> str:
     try:
-        return repr(value)
+        return str(value) if hasattr(value, "to_value") else repr(value)  # a quantity has its unit with it
     except ValueError:  # whole numbers of more digits than Python converts to text
         return f"a {type(value).__name__} of too many digits"
 
@@ -83,7 +83,7 @@ class InputError(ValueError):
         self.allowed = allowed
         self.hint = hint
         text = f"{shortened(key)} = {shortened(value if isinstance(value, str) else _said(value))}"
-        if unit:
+        if unit and not hasattr(value, "to_value"):
             text += f" {unit}"
         text += ": not accepted"
         if allowed:

@@ -16,7 +16,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
-_ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
+_ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum", "ADU": "adu", "px": "pixel", "e-": "electron"}
+_ASTROPY_UNITS |= {"e-/ADU": "electron/adu", "e-/s": "electron/s", "e-/um": "electron/um", "1/s/cm2": "s-1 cm-2"}
+_ASTROPY_UNITS |= {"M_Jup": "jupiterMass", "M_Sun": "solMass"}
 
 
 def in_unit(name: str, value: Any, unit: str) -> Any:
@@ -41,8 +43,13 @@ def in_unit(name: str, value: Any, unit: str) -> Any:
     try:
         return value.to_value(_ASTROPY_UNITS.get(unit, unit))
     except (TypeError, ValueError):  # astropy's unit errors are both
-        allowed = f"a quantity that converts to {unit or 'a number'}"
-        raise InputError(name, str(value), unit=unit, allowed=allowed) from None
+        allowed = f"a number in {unit}, or a quantity that converts to it" if unit else "a number without a unit"
+        raise InputError(name, str(value), allowed=allowed) from None
+
+
+def is_quantity(value: Any) -> bool:
+    """Tell whether a value carries a unit of `astropy.units`."""
+    return hasattr(value, "to_value") and hasattr(value, "unit")
 
 
 def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
@@ -188,7 +195,7 @@ def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str 
     InputError
         If they are none.
     """
-    allowed = f"x and y, each at most {limit:g}{why and f', {why}'}"
+    allowed, value = f"x and y, each at most {limit:g}{why and f', {why}'}", in_unit(name, value, unit)
     try:
         values = real_array(name, value, unit)
     except InputError:
@@ -218,6 +225,7 @@ def checked_array(
         Naming the first element that is not a finite number in range.
     """
     allowed = allowed or (f"{low:g} to {high:g}" if np.isfinite(high) else f"finite and at least {low:g}")
+    value = in_unit(key, value, unit)
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "iuf":

@@ -14,9 +14,20 @@ from pydantic.fields import FieldInfo
 from catalogs import Catalogue, catalogue_of_star
 from cpic_core import InputError, numeric_context
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, observed_utc, spelled
+from cpic_planner.queries import (
+    Question,
+    Strategy,
+    asked_of,
+    default_instrument,
+    kind_of,
+    observed_utc,
+    option_names,
+    options_of,
+    spelled,
+    tree_of,
+)
 from cpic_planner.targets import Targets, as_catalogue, find_target
-from simulator.config import FrozenModel, limits_of, unit_of
+from simulator.config import FrozenModel, limits_of, nearest, unit_of
 
 
 def model_of(question: Any) -> EtcModel:
@@ -96,7 +107,8 @@ def takes(
         @functools.wraps(function)
         @numeric_context()
         def wrapped(*args: Any, **keywords: Any) -> R:
-            given = dict(signature.bind(*args, **model.named(keywords)).arguments)
+            named = _by_field(model, function.__name__, signature, keywords)
+            given = dict(signature.bind(*args, **named).arguments)
             own = {name: given.pop(name) for name in of_strategy if given.get(name) is not None}
             if own:
                 base = given.get("strategy") or {}
@@ -113,6 +125,40 @@ def takes(
         return wrapped
 
     return made
+
+
+_SHOWN = frozenset("limit format form brief json as_json plot out explain verbose quiet dry_run strict".split())
+"""Options that decide what a command shows, not what it answers."""
+
+
+def _by_field(
+    model: type[Question], function: str, signature: inspect.Signature, keywords: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return keywords with the names of options (``band``, ``planet_radius_rjup``) by the fields that these set.
+
+    Raises
+    ------
+    TypeError
+        For a keyword that the function does not have, naming the nearest ones.
+    """
+    named = model.named(keywords)
+    others = {name: named.pop(name) for name in tuple(named) if name not in signature.parameters}
+    if not others:
+        return named
+    options = {option.flag.removeprefix("--").replace("-", "_"): option for option in options_of(model)}
+    options = {word: option for word, option in options.items() if option.path[0] in signature.parameters}
+    for name in others:
+        if name not in options:
+            shown = "it decides what the command line shows; the result has everything" if name in _SHOWN else ""
+            hint = (
+                shown or nearest(name, (*signature.parameters, *options)) or f"known: {', '.join(signature.parameters)}"
+            )
+            raise TypeError(f"{function}() has no keyword {name!r} ({hint})")
+        field = options[name].path[0]
+        if field in named and not (len(options[name].path) > 1 and isinstance(named[field], Mapping)):
+            raise InputError(name, f"given with {field}", allowed="one of the two")
+    values = {option.name: others.get(word) for word, option in options.items()}
+    return tree_of(tuple(options.values()), values, named, option_names(model))
 
 
 def _parameter(

@@ -16,7 +16,7 @@ from pydantic import ConfigDict
 
 from cpic_core import InputError, files_read, load_mapping
 from cpic_planner.queries.fields import Option, asked_of, group_of, options_of
-from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, validate
+from simulator.config import FrozenModel, Instrument, content_hash, deep_merge, nearest, plain_numbers, validate
 from simulator.config.scene import paths_beside
 
 
@@ -227,7 +227,8 @@ class Question(FrozenModel):
         InputError
             For the first fault, naming the field, its value, unit and range.
         """
-        return validate(cls, cls._read(cls.named({key: value for key, value in tree.items() if value is not None})))
+        named = cls.named({key: value for key, value in tree.items() if value is not None})
+        return validate(cls, cls._read(plain_numbers(named)))
 
     @classmethod
     def named(cls, tree: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from simulator.config.base import (
     inside as inside,
     limits_of as limits_of,
     nearest as nearest,
+    plain_numbers as plain_numbers,
     to_unit as to_unit,
     validate as validate,
 )

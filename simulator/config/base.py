@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast,
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from cpic_core import InputError, in_unit, number_and_unit, unit_of, units_like
+from cpic_core import InputError, in_unit, is_quantity, number_and_unit, unit_of, units_like
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -28,6 +28,8 @@ class _Refusing(ModelMetaclass):
     """Let models that Python makes refuse their values as those that are read from files."""
 
     def __call__(cls, *args: Any, **values: Any) -> Any:  # noqa: N805 - of a class
+        if any(map(is_quantity, values.values())):
+            values = plain_numbers(values)
         try:
             return super().__call__(*args, **values)
         except ValidationError as error:
@@ -385,6 +387,28 @@ def other_names(**names: str) -> dict[str, str]:
 def _plain(value: Any) -> Any:
     """Return scalars and arrays of numpy as Python's own."""
     return value.tolist() if hasattr(value, "dtype") and hasattr(value, "tolist") else value
+
+
+def plain_numbers(value: Any, key: str = "") -> Any:
+    """Return values as people write them in Python with plain numbers in place of quantities, in the units of the keys.
+
+    Parameters
+    ----------
+    value : object
+        Values by key, or one of them; sequences and mappings may hold further ones.
+    key : str
+        Name that a refusal gives.
+
+    Raises
+    ------
+    InputError
+        Naming the key and its unit, for a quantity that does not convert to that.
+    """
+    if is_quantity(value):
+        return to_unit(key, value)
+    if type(value) is dict:
+        return {name: plain_numbers(item, f"{key}.{name}" if key else str(name)) for name, item in value.items()}
+    return type(value)(plain_numbers(item, key) for item in value) if type(value) in (list, tuple) else value
 
 
 def to_unit(key: str, value: Any) -> Any:
