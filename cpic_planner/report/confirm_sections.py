@@ -51,12 +51,6 @@ class ConfirmReport:
         return by_planet
 
     @property
-    def heading(self) -> str:
-        """The scene, and whether images confirm its planets."""
-        bands = self.result.bands
-        return f"{self.result.scene}: {outcome_text(bands)}" if bands else self.result.scene
-
-    @property
     def calibration(self) -> str:
         """How the prediction holds; empty without planets."""
         return calibration_sentence(self.result) if self.result.bands else ""
@@ -70,6 +64,7 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     """Return the report of a confirmed scene."""
     result = report.result
     searched = LIBRARIES[result.reference_library].searched
+    heading = f"{result.scene}: {outcome_text(result.bands)}" if result.bands else result.scene
     summary = [doc.Paragraph(" ".join(confirm_sentences(result)), "lead")]
     if altered := overrides_sentence(result):
         summary.insert(0, doc.Paragraph(doc.strong(altered), "altered"))
@@ -78,8 +73,8 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     return doc.document_of(
         CONFIRM_SECTIONS,
         report,
-        title=f"CPI-C: {report.heading}, configuration {result.config_hash}",
-        heading=report.heading,
+        title=f"CPI-C: {heading}, configuration {result.config_hash}",
+        heading=heading,
         about=f"A scene for CPI-C: simulated as images, the star subtracted, {searched}, beside what the "
         "exposure-time calculator predicts.",
         summary=summary,

@@ -30,17 +30,9 @@ class _Row:
         base, own = self.base, self.answer
         if base is None or not base.value or own.value is None:
             return MISSING
-        return significant(own.value / base.value, 3) if self.alike else _UNLIKE
-
-    @property
-    def alike(self) -> bool:
-        """Whether the answer is about the planet that the first one is about, where there is one."""
-        base, own = self.base, self.answer
-        if base is None:
-            return True
-        pairs = [(own.separation_arcsec, base.separation_arcsec)]
-        pairs += [(own.contrast, base.contrast)] * (own.question != "contrast_limit")  # there it is the answer
-        return all(a == b or (a and b and math.isclose(a, b, rel_tol=_ALIKE)) for a, b in pairs)
+        same = ["separation_arcsec"] + ["contrast"] * (own.question != "contrast_limit")  # there it is the answer
+        alike = all(math.isclose(getattr(own, name), getattr(base, name), rel_tol=_ALIKE) for name in same)
+        return significant(own.value / base.value, 3) if alike else _UNLIKE
 
 
 _ALIKE = 1e-3
@@ -66,7 +58,6 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
             own = answers.get(band, [])
             padded = [*bases, *[None] * (len(own) - len(bases))]
             rows += [_Row(name, row, base) for row, base in zip(own, padded, strict=False)]
-    limits = LIMITED_BY
     cells = row_cells(
         EtcAnswer,
         "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
@@ -74,16 +65,13 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
         instrument=Cells("instrument", lambda row: row.instrument, right=False),
         value=replace(ANSWER, text=lambda row: ANSWER.text(row.answer)),
         ratio=Cells("ratio", lambda row: row.ratio, legend="answer over that of the first instrument in the same band"),
-        limit=Cells("limit", lambda row: limits[row.answer.limited_by or "none"][0], right=False),
+        limit=Cells("limit", lambda row: LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
     )
     title = f"{full_name(results[0][1].target, results[0][1].hip)} with each instrument"
     print_table(console, title, cells, rows, explained=True, legend=True)
     if any(row.ratio == _UNLIKE for row in rows):
-        print_plain(
-            console,
-            f"No ratio is given where it says {_UNLIKE}: each instrument has its best place for the planet there, and "
-            "planets of other separations or contrasts are not comparable. A stated separation gives both the same.",
-        )
+        why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
+        print_plain(console, f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")
 
 
 def _by_band(result: EtcResult) -> dict[str, list[EtcAnswer]]:

@@ -199,17 +199,13 @@ RING: Look = {"facecolors": "none", "edgecolors": "#111111", "linewidths": 1.2, 
 
 def by_verdict(rows: Iterable[RankedTarget]) -> dict[str, list[RankedTarget]]:
     """Return rows by the keys of `VERDICT_STYLE`: their verdicts, and for what is out of reach its status."""
-    groups: dict[str, list[RankedTarget]] = {verdict: [] for verdict in VERDICT_STYLE}
-    for row in rows:
-        groups[verdict_of(row)].append(row)
-    return {verdict: group for verdict, group in groups.items() if group}
+    told = [(verdict_of(row), row) for row in rows]
+    return {name: group for name in VERDICT_STYLE if (group := [row for verdict, row in told if verdict == name])}
 
 
 def verdict_of(row: RankedTarget) -> str:
     """Return the verdict of a row, and for what is out of reach its status; older results have the status alone."""
-    if row.status != "ok":
-        return row.status
-    return row.verdict or "detected"
+    return row.verdict or "detected" if row.status == "ok" else row.status
 
 
 def verdict_look(verdict: str, *, faint: float) -> Look:

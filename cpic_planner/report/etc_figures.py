@@ -15,29 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Status, write_named
-from cpic_planner.etc import (
-    CameraCases,
-    EtcModel,
-    FixedFrames,
-    Objective,
-    Programme,
-    band_cases,
-    best_in_visit,
-    contrast_limits,
-    planets_of,
-)
+from cpic_planner import etc
 from cpic_planner.ranking import separation_grid
-from cpic_planner.report.drawing import (
-    BAND_STYLE,
-    IMAGE_DPI,
-    WIDTH_INCHES,
-    Look,
-    band_style,
-    literal,
-    new_figure,
-    plain_ticks,
-    style,
-)
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, band_style, literal, new_figure, style
 from cpic_planner.report.numbers import duration_text, level_text, pretty_name
 from cpic_planner.report.words import term_text
 from cpic_planner.results import EtcAnswer, EtcResult
@@ -91,7 +72,7 @@ class EtcCurves:
 
 
 def etc_curves(
-    model: EtcModel,
+    model: etc.EtcModel,
     star: Targets,
     answers: Sequence[EtcAnswer],
     *,
@@ -106,7 +87,7 @@ def etc_curves(
 
     Parameters
     ----------
-    model : EtcModel
+    model : etc.EtcModel
     star : Targets
         One star.
     answers : sequence of EtcAnswer
@@ -121,14 +102,14 @@ def etc_curves(
     """
     fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
     detects = any(answer.question != "signal_to_noise" for answer in answers)
-    objective: Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
+    objective: etc.Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
     several = len(answers) > len({answer.band for answer in answers})
     drawn = [answer for answer in answers if answer.band == best_band or not several]
-    times = _against_time(model, star, drawn, time_s, objective, FixedFrames(**fixed), several)
+    times = _against_time(model, star, drawn, time_s, objective, etc.FixedFrames(**fixed), several)
     bands = dict.fromkeys(answer.band for answer in answers)
     ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
     grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
-    found = contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
+    found = etc.contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
     planets = {
         band: tuple((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
         for band in bands
@@ -138,12 +119,12 @@ def etc_curves(
 
 
 def _against_time(
-    model: EtcModel,
+    model: etc.EtcModel,
     star: Targets,
     answers: Sequence[EtcAnswer],
     time_s: float,
-    objective: Objective,
-    fixed: FixedFrames,
+    objective: etc.Objective,
+    fixed: etc.FixedFrames,
     several: bool,
 ) -> tuple[TimeCurve, ...]:
     """Return the lines of SNR against time; none of planets that are outside the field or send no light."""
@@ -155,18 +136,18 @@ def _against_time(
     centre = np.array([one.time_s or time_s for one in shown])
     visits = np.array([one.visits or model.strategy.visits or 1 for one in shown])
     grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES, axis=-1)
-    planets = (planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown)
-    every = [band_cases(model, star, one.band, them, fixed) for one, them in zip(shown, planets, strict=True)]
+    planets = (etc.planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown)
+    every = [etc.band_cases(model, star, one.band, them, fixed) for one, them in zip(shown, planets, strict=True)]
     lines = np.full((2, *grid.shape), np.nan)
     for camera in dict.fromkeys(cases.camera for cases in every):
         mine = np.flatnonzero([cases.camera == camera for cases in every])
         many, visit_time_s = visits[mine, None, None], (grid / visits[:, None])[mine, None]
-        alike = CameraCases.of([every[i] for i in mine])
-        cases = alike.in_programme(Programme.of(model.strategy, many, visit_time_s))
-        choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
+        alike = etc.CameraCases.of([every[i] for i in mine])
+        cases = alike.in_programme(etc.Programme.of(model.strategy, many, visit_time_s))
+        choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         if model.strategy.n_modes:  # what they change follows the frames slowly
             cases = alike.in_programme(alike.programme_of(many, visit_time_s, choice))
-            choice = best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
+            choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         noise, framed = cases.noise(choice), choice.n_frames >= 1
         lines[:, mine] = np.where(framed, (noise.snr, noise.significance), np.nan)[:, :, 0]
     curves = []
@@ -241,7 +222,7 @@ def write_figure(figure: Figure, path: Path) -> Path:
     ending = check_figure_name(path)
     buffer = io.BytesIO()
     with style():
-        figure.savefig(buffer, format=ending, dpi=IMAGE_DPI, metadata=_UNDATED[ending])
+        figure.savefig(buffer, format=ending, dpi=drawing.IMAGE_DPI, metadata=_UNDATED[ending])
     try:
         return write_named(path, buffer.getvalue(), key="--plot")
     except OSError as error:
@@ -310,21 +291,16 @@ def _few_ticks(*axes: Axis) -> None:
         axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
 
 
-def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return the colours and markers by band; by line where each is of another planet."""
-    if all(curve.label in looks for curve in curves):
-        return [looks[curve.label] for curve in curves]
-    return [BAND_STYLE[(len(looks) + i) % len(BAND_STYLE)] for i in range(len(curves))]
-
-
 def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
     """Draw SNR against time; return the rows of the legend, as the other two do."""
     from matplotlib.lines import Line2D
 
     axes.grid(visible=True)
     axes.set(xscale="log", yscale="log", xlabel="wall time allowed (h)", ylabel="SNR, significance")
-    handles, lows, highs, drawn = [], [], [], _line_looks(curves.times, looks)
-    for curve, (colour, marker) in zip(curves.times, drawn, strict=True):
+    handles, lows, highs = [], [], []
+    for number, curve in enumerate(curves.times, len(looks)):
+        # Where each line is of another planet, their colours follow those of the bands.
+        colour, marker = looks.get(curve.label, BAND_STYLE[number % len(BAND_STYLE)])
         hours = curve.time_s / 3600.0
         axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
         look: Look = {"lw": 1.3, "ls": (0, (4, 2)), "label": f"_{curve.label}, significance"}
@@ -345,14 +321,10 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
                 lows.append(good.max())
     if highs:
         axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
-    lines: dict[str, tuple[float, Any]] = {
-        "SNR": (1.7, "-"),
-        "significance": (1.3, (0, (4, 2))),
-        "threshold": (1.0, ":"),
-    }
-    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, (lw, ls) in lines.items()]
-    plain_ticks(axes.yaxis, 1.0, 3.0)
-    plain_ticks(axes.xaxis, 1.0)
+    lines: list[tuple[str, float, Any]] = [("SNR", 1.7, "-"), ("significance", 1.3, (0, (4, 2))), ("threshold", 1, ":")]
+    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, lw, ls in lines]
+    drawing.plain_ticks(axes.yaxis, 1.0, 3.0)
+    drawing.plain_ticks(axes.xaxis, 1.0)
     _few_ticks(axes.xaxis, axes.yaxis)
     axes.set_title("The answer's visits, shorter or longer", **_TITLE)
     if not curves.times:

@@ -7,30 +7,14 @@ from operator import itemgetter
 
 import numpy as np
 
-from cpic_planner.report import document as doc, drawing
+from cpic_planner import results
+from cpic_planner.report import document as doc, drawing, numbers, words
 from cpic_planner.report.cells import Cells
 from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
-from cpic_planner.report.numbers import (
-    MISSING,
-    contrast_text,
-    count_text,
-    decimals,
-    duration_text,
-    percent_text,
-    significant,
-)
+from cpic_planner.report.numbers import MISSING, contrast_text, decimals
 from cpic_planner.report.panel_figure import PANEL_NOTE, shown_in_both_lights
 from cpic_planner.report.summary import ModelledGroup, ModelledRow, dial_text, error_text, modelled_groups, size_order
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, orbits_text, plus_minus, reason_text, status_text
-from cpic_planner.results import (
-    AuditRecord,
-    BandConfirmation,
-    ConfirmedTarget,
-    ConfirmResult,
-    ImagedResult,
-    ModellingRecord,
-    PlanResult,
-)
 from cpic_planner.validation import PREDICTION_ERROR
 from simulator.config import Instrument, Scene
 from simulator.target import LitPlanet, spectrum_generator
@@ -44,32 +28,27 @@ _CONTRAST_SPAN = 5.0
 _POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
-def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
+def snr_figure(result: results.PlanResult | results.ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
-    items = measurements_of(result)
-    looks = band_style([item.band for item in items])
-    pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in looks}
-    for item in items:
-        if item.predicted_snr is not None and item.recovered_snr is not None:
-            pairs[item.band].append((item.predicted_snr, item.recovered_snr, item.recovered_snr_error or 0.0))
-    everything = [pair for group in pairs.values() for pair in group]
+    every = measurements_of(result)
+    items = [item for item in every if item.predicted_snr is not None and item.recovered_snr is not None]
+    names = ("predicted_snr", "recovered_snr", "recovered_snr_error")
+    x, y, errors = (np.array([getattr(item, name) or 0.0 for item in items]) for name in names)
     with style():
         figure = new_figure(4.9)
         axes = figure.add_subplot()
         axes.grid(visible=True)
         axes.set(xlabel="predicted SNR (analytic model)", ylabel="recovered SNR (simulated images)")
-        x, y = (np.array([pair[i] for pair in everything] or [10.0]) for i in (0, 1))
         # The points decide the frame, not their error bars: one long bar would push all points into a corner.
-        ends = np.array([[x.min(), x.max()], [y.min(), y.max()]])
-        if everything and x.max() > _LOG_SPAN * x.min() and y.min() > 0:
+        top = x.max(initial=1.0)
+        ends = np.array([[0.0, top], [y.min(initial=0.0), y.max(initial=0.2 * top)]]) * 1.2
+        if items and top > _LOG_SPAN * x.min() and y.min() > 0:
             axes.set(xscale="log", yscale="log")
-            ends *= (1.0 / _ROOM, _ROOM)
+            ends = np.array([[x.min() / _ROOM, x.max() * _ROOM], [y.min() / _ROOM, y.max() * _ROOM]])
             for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
                 drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
-        else:
-            ends = np.array([np.minimum(ends[:, 0], 0.0) * 1.3, ends[:, 1] * 1.2]).T
-        axes.set(xlim=ends[0], ylim=ends[1])
-        line = np.geomspace(*ends[0], 200) if axes.get_xscale() == "log" else np.linspace(*ends[0], 200)
+        line = ends[0]
+        axes.set(xlim=line, ylim=ends[1])
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
         ratio, error = result.calibration.get("etc_ratio"), result.calibration.get("etc_ratio_error")
         if ratio is not None and error is not None:
@@ -77,19 +56,17 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
             axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
             label = f"predicted over recovered\n{ratio:.2f} ± {error:.2f}"
             axes.plot(line, line / ratio, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
-        for band in looks:
-            if not pairs[band]:
-                continue
-            predicted, recovered, errors = np.array(pairs[band]).T
-            colour, marker = looks[band]
-            look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
-            axes.errorbar(predicted, recovered, yerr=errors, label=f"{band} ({len(predicted)})", **look)
-        if not everything:
+        for band, (colour, marker) in band_style([item.band for item in every]).items():
+            own = np.array([item.band == band for item in items], bool)
+            if own.any():
+                look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
+                axes.errorbar(x[own], y[own], yerr=errors[own], label=f"{band} ({own.sum()})", **look)
+        if not items:
             axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
         figure.legend(loc="outside right upper", alignment="left")
         return save(
             figure,
-            alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
+            alt=f"Recovered against predicted SNR of {len(items)} measurements, with the line of equality.",
             caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
             "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
             "is the mean of predicted over recovered SNR, the band around it its error, which holds the accuracy of a "
@@ -97,14 +74,14 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
         )
 
 
-def measurements_of(result: PlanResult | ConfirmResult) -> list[BandConfirmation]:
+def measurements_of(result: results.PlanResult | results.ConfirmResult) -> list[results.BandConfirmation]:
     """Return every band of every target or planet, measured or not."""
-    if isinstance(result, ConfirmResult):
+    if isinstance(result, results.ConfirmResult):
         return list(result.bands)
     return [band for target in result.targets for band in target.bands]
 
 
-def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandConfirmation]) -> Picture | None:
+def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[results.BandConfirmation]) -> Picture | None:
     """Draw what was measured of every planet on its contrast as a function of wavelength.
 
     Parameters
@@ -170,13 +147,13 @@ MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and pa
 """Which files have the measurements and the story of a run."""
 
 
-def instrument_fact(result: ImagedResult) -> doc.Inline:
+def instrument_fact(result: results.ImagedResult) -> doc.Inline:
     """Return which instrument images and predictions are of, and how the images are made."""
     more = f", {dial_text(result)}. Every default value has its source and confidence in the instrument preset."
     return [doc.code(result.instrument), more]
 
 
-def outcome(band: BandConfirmation) -> doc.Mark:
+def outcome(band: results.BandConfirmation) -> doc.Mark:
     """Return the badge of what became of a planet in the images of a band."""
     if band.status != "ok":
         return doc.badge(band.status, status_text(band.status))
@@ -187,17 +164,17 @@ def _of(count: int | None, n: int | None) -> str:
     return MISSING if count is None else f"{count} of {n}"
 
 
-def _predicted_error(band: BandConfirmation) -> str:
+def _predicted_error(band: results.BandConfirmation) -> str:
     return error_text(band.modelled.predicted_error) if band.modelled else MISSING
 
 
-def _contrast_error(band: BandConfirmation) -> doc.Inline:
+def _contrast_error(band: results.BandConfirmation) -> doc.Inline:
     if band.contrast_error is None:
         return MISSING
     return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
 
 
-def _position(band: BandConfirmation) -> doc.Inline:
+def _position(band: results.BandConfirmation) -> doc.Inline:
     if band.found_separation_arcsec is None:
         return MISSING
     return doc.lines(
@@ -206,20 +183,20 @@ def _position(band: BandConfirmation) -> doc.Inline:
     )
 
 
-def _star_flux(band: BandConfirmation) -> str:
-    error = "" if band.star_flux_error is None else f" ({percent_text(band.star_flux_error)})"
+def _star_flux(band: results.BandConfirmation) -> str:
+    error = "" if band.star_flux_error is None else f" ({numbers.percent_text(band.star_flux_error)})"
     return STAR_FLUX.get(band.star_flux, band.star_flux) + error if band.star_flux else MISSING
 
 
-def _verdict(band: BandConfirmation) -> str:
+def _verdict(band: results.BandConfirmation) -> str:
     why = band.message or reason_text(band.reason)
     return plus_minus(band.verdict) + (f": {why}" if why else "")
 
 
-def _quantities() -> list[doc.Column[BandConfirmation]]:
+def _quantities() -> list[doc.Column[results.BandConfirmation]]:
     """Return the rows of the table of measurements, one a quantity."""
     return doc.row_columns(
-        BandConfirmation,
+        results.BandConfirmation,
         "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
         "predicted_snr recovered_snr etc_ratio predicted_significance recovered_significance threshold n_detected "
         "search_snr search_threshold n_significant false_detections found true_contrast recovered_contrast "
@@ -227,7 +204,7 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         "saturated_in_hole saturated_outside verdict",
         outcome=Cells("", outcome, label="outcome"),
         realisations=lambda band: doc.lines(
-            count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
+            numbers.count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
         ),
         predicted_error=Cells("", _predicted_error, label="predicted error of the images", unit="beside the reference"),
         n_detected=lambda band: _of(band.n_detected, band.realisations),
@@ -239,15 +216,9 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
     )
 
 
-_TWO_STATISTICS = (
-    "Two statistics with two thresholds are counted, so that a planet can pass one and fail the other. The blind "
-    "search compares the SNR of a matched filter with noise that the whole dark hole and the scatter of the visits "
-    "tell. Significance at the known place is that of one aperture, whose threshold is larger where few resolution "
-    "elements at its separation tell the noise. The blind search decides whether a planet is detected."
-)
-
-
-def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, chosen: str | None = None) -> doc.Table:
+def measure_table(
+    name: str, bands: Sequence[results.BandConfirmation], caption: str, chosen: str | None = None
+) -> doc.Table:
     """Return what was predicted and measured, a row a quantity and a column a band.
 
     Parameters
@@ -261,24 +232,24 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
         Band whose column is shaded.
     """
 
-    def column(band: BandConfirmation) -> doc.Column[doc.Column[BandConfirmation]]:
+    def column(band: results.BandConfirmation) -> doc.Column[doc.Column[results.BandConfirmation]]:
         picked = band.band == chosen
         heading: doc.Inline = [band.band, " ", doc.small("(chosen)")] if picked else band.band
         return doc.Column(heading, lambda quantity: quantity.value(band), look="pick" if picked else "")
 
-    def named(quantity: doc.Column[BandConfirmation]) -> doc.Inline:
+    def named(quantity: doc.Column[results.BandConfirmation]) -> doc.Inline:
         return [quantity.heading, " ", doc.small(f"({quantity.unit})")] if quantity.unit else quantity.heading
 
-    first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
+    first: doc.Column[doc.Column[results.BandConfirmation]] = doc.Column("Quantity", named, look="row left")
     text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
     if any(band.search_threshold is not None for band in bands):
-        text = f"{text} {_TWO_STATISTICS}"
+        text = f"{text} {words.two_statistics()}"
     return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 
-def _audit_columns() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
+def _audit_columns() -> list[doc.Column[tuple[results.BandConfirmation, results.AuditRecord]]]:
     return doc.row_columns(
-        AuditRecord,
+        results.AuditRecord,
         "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
         "false_detections hits rejected_fraction saturated_in_hole saturated_outside",
         of=itemgetter(1),
@@ -288,7 +259,7 @@ def _audit_columns() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
     )
 
 
-def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.Block]:
+def audit_blocks(name: str, bands: Iterable[results.BandConfirmation]) -> Iterator[doc.Block]:
     """Yield the table of the realisations that were run frame by frame, if there are any."""
     audited = [(band, band.audit) for band in bands if band.audit is not None]
     if audited:
@@ -349,7 +320,7 @@ def _effect_rows(groups: Sequence[ModelledGroup]) -> list[_EffectRow]:
     return sorted(rows, key=lambda item: -size_order(item.row.effect))
 
 
-def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
+def modelled_blocks(named: Sequence[tuple[str, results.ModellingRecord]]) -> Iterator[doc.Block]:
     """Yield how images were made, each distinct way in a paragraph, and a folded table of all effects."""
     groups = modelled_groups(named)
     if not groups:
@@ -379,7 +350,7 @@ def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
     )
 
 
-def visits_facts(target: ConfirmedTarget) -> dict[str, str]:
+def visits_facts(target: results.ConfirmedTarget) -> dict[str, str]:
     """Return the visits of a confirmed target, in words by heading: those of the ranking, or of a schedule."""
     if target.roll_deg is not None:
         own = ", ".join(f"{band.visits} in {band.band}" for band in target.bands if band.visits is not None)
@@ -387,7 +358,7 @@ def visits_facts(target: ConfirmedTarget) -> dict[str, str]:
     star = target.ranked
     if star.visits is None or star.visit_time_s is None:
         return {}
-    span = "" if star.span_days is None else f" over {significant(star.span_days, 2)} days"
+    span = "" if star.span_days is None else f" over {numbers.significant(star.span_days, 2)} days"
     paid = orbits_text([star])
-    visits = f"{star.visits} of {duration_text(star.visit_time_s)}{span}, reduced together"
+    visits = f"{star.visits} of {numbers.duration_text(star.visit_time_s)}{span}, reduced together"
     return {"Visits": f"{visits}; {paid}" if paid else visits}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,7 @@ _LIMITS: tuple[tuple[str, str, Look], ...] = (
 _HIGH, _LOW = 3.9, 2.9
 """Heights of the curves and of a row of smaller panels, inches."""
 _GREY = "#444444"
+_POINT: Look = {"ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
 _CONTOURS = (0.1, 0.3, 0.5, 0.7, 0.9)
 _FEWEST = 0.3
 """False alarms counted and expected below which nothing is shown."""
@@ -176,8 +177,7 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
         if seen:
             x, y = _line(seen, "measured_limit")
             errors = np.array([row.measured_limit_error or 0.0 for row in seen])
-            look = {"marker": marker, "ms": 5, "ls": "none", "mec": "white", "mew": 0.5, "lw": 1.0, "zorder": 5}
-            axes.errorbar(x, y, errors, color=colour, **look)
+            axes.errorbar(x, y, errors, color=colour, marker=marker, zorder=5, **_POINT)
             shown += y.tolist()
     handles += [Line2D([], [], color=_GREY, label=label, **look) for _, label, look in _LIMITS]
     if any(row.measured_limit is not None for row in result.points):
@@ -199,8 +199,7 @@ def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[
 
 
 def _line(rows: Sequence[CurveRow], name: str) -> tuple[np.ndarray, np.ndarray]:
-    x = np.array([row.separation_arcsec for row in rows], float)
-    return x, np.array([getattr(row, name) for row in rows], float)
+    return _column(rows, "separation_arcsec"), _column(rows, name)
 
 
 def _map_panel(result: CurveResult, one: CompletenessMap) -> Panel:
@@ -240,12 +239,7 @@ def _draw_recovered(axes: Axes, rows: Sequence[RecoveredRow]) -> None:
     axes.plot([0, 1], [0, 1], color=_GREY, lw=1.0, ls=":")
     for band, (colour, marker) in looks.items():
         mine = [row for row in rows if row.band == band]
-        x, y, low, high = (
-            np.array([getattr(row, name) for row in mine])
-            for name in ("predicted", "recovered", "recovered_low", "recovered_high")
-        )
-        look: Look = {"color": colour, "marker": marker, "ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
-        axes.errorbar(x, y, [np.maximum(y - low, 0.0), np.maximum(high - y, 0.0)], label=band, **look)
+        _draw_shares(axes, mine, "predicted", color=colour, marker=marker, label=band)
     axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="fraction predicted", ylabel="fraction recovered")
     axes.set_title(f"injected planets, {max(row.n_injected for row in rows)} a point", fontsize=10)
     axes.legend(loc="upper left")
@@ -270,32 +264,26 @@ def _draw_roc(axes: Axes, result: RocResult) -> None:
             axes.scatter(x[mark], y[mark], s=70, facecolors="none", edgecolors=colour, linewidths=1.4, zorder=6)
         if rows[0].n_planets:
             counted = True
-            x, y, low, high = (
-                _column(rows, name) for name in ("false_alarms", "recovered", "recovered_low", "recovered_high")
-            )
-            look: Look = {
-                "color": colour,
-                "marker": marker,
-                "ms": 5,
-                "ls": "none",
-                "lw": 1.0,
-                "mec": "white",
-                "mew": 0.5,
-            }
-            axes.errorbar(x, y, [np.maximum(y - low, 0.0), np.maximum(high - y, 0.0)], **look)
+            _draw_shares(axes, rows, "false_alarms", color=colour, marker=marker)
     handles += [
         Line2D([], [], color=_GREY, ls=ls, lw=lw, label=label)
         for label, ls, lw in (("blind", "-", 2.0), ("at a known place", (0, (4, 2)), 1.5))
     ]
-    look = {"color": _GREY, "ls": "none", "marker": "o"}
+    look: Look = {"color": _GREY, "ls": "none", "marker": "o"}
     handles.append(Line2D([], [], mfc="none", ms=8, label=f"level of {result.sigma:g}σ", **look))
     if counted:
         handles.append(Line2D([], [], ms=5, label="blind, in images", **look))
     axes.legend(handles=handles, loc="upper left")
 
 
-def _column(rows: Sequence[RocRow], name: str) -> np.ndarray:
+def _column(rows: Sequence[CurveRow | RecoveredRow | RocRow], name: str) -> np.ndarray:
     return np.array([getattr(row, name) for row in rows], float)
+
+
+def _draw_shares(axes: Axes, rows: Sequence[RecoveredRow | RocRow], name: str, **look: Any) -> None:
+    """Draw recovered fractions with their intervals against another column."""
+    x, y, low, high = (_column(rows, one) for one in (name, "recovered", "recovered_low", "recovered_high"))
+    axes.errorbar(x, y, [np.maximum(y - low, 0.0), np.maximum(high - y, 0.0)], **_POINT, **look)
 
 
 def _draw_alarms(axes: Axes, result: RocResult) -> None:
@@ -310,9 +298,8 @@ def _draw_alarms(axes: Axes, result: RocResult) -> None:
         if not shown.any():
             continue
         errors = np.sqrt(counts[shown])
-        look: Look = {"color": colour, "marker": marker, "ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
         down = np.minimum(errors, 0.7 * counts[shown])
-        axes.errorbar(expected[shown], counts[shown], [down, errors], label=band, **look)
+        axes.errorbar(expected[shown], counts[shown], [down, errors], label=band, color=colour, marker=marker, **_POINT)
         ends += [*expected[shown], *counts[shown]]
     line = [min(ends) / 2.0, max(ends) * 2.0]
     axes.plot(line, line, color=_GREY, lw=1.0, ls=":")

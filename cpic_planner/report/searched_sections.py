@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from cpic_core import Registry
 from cpic_planner.jobs import RunFolder
@@ -40,24 +41,16 @@ _PROGRAMME = (
 
 
 @dataclass(frozen=True)
-class CurveReport:
-    """A contrast curve and its pictures, by the keys of `cpic_planner.report.searched_figures.curve_pictures`."""
+class SearchedReport:
+    """Searches and their pictures, by the keys of `searched_figures.curve_pictures` or `roc_pictures`."""
 
-    result: CurveResult
+    result: Any
     pictures: Mapping[str, Picture]
 
 
-@dataclass(frozen=True)
-class RocReport:
-    """An operating characteristic and its pictures, by the keys of `searched_figures.roc_pictures`."""
-
-    result: RocResult
-    pictures: Mapping[str, Picture]
-
-
-CURVE_SECTIONS: Registry[doc.Section[CurveReport]] = Registry("section")
+CURVE_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of contrast curves, in their order."""
-ROC_SECTIONS: Registry[doc.Section[RocReport]] = Registry("section")
+ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of operating characteristics, in their order."""
 
 
@@ -73,7 +66,7 @@ def write_curve(folder: RunFolder, result: CurveResult) -> None:
     folder.write("completeness.csv", completeness_csv(result))
     folder.write("recovered.csv", _csv(RecoveredRow, result.recovered))
     about = "Contrast curves for CPI-C: how faint a planet one programme of the star shows, by separation and band."
-    page = CurveReport(result, curve_pictures(result))
+    page = SearchedReport(result, curve_pictures(result))
     folder.write("report.html", _page(CURVE_SECTIONS, page, result, "contrast curve", about, curve_sentences(result)))
 
 
@@ -87,7 +80,7 @@ def write_roc(folder: RunFolder, result: RocResult) -> None:
     """
     folder.write("roc.csv", _csv(RocRow, result.levels))
     about = "Operating characteristic for CPI-C: how likely a search finds a planet, against its false alarms."
-    page = RocReport(result, roc_pictures(result))
+    page = SearchedReport(result, roc_pictures(result))
     folder.write("report.html", _page(ROC_SECTIONS, page, result, "detection statistics", about, roc_sentences(result)))
 
 
@@ -128,7 +121,7 @@ def _page(
 
 
 @doc.section_of(CURVE_SECTIONS, "curves", "Contrast curves")
-def _curves(page: CurveReport) -> Iterator[doc.Block]:
+def _curves(page: SearchedReport) -> Iterator[doc.Block]:
     yield doc.Figure(page.pictures["curves"], key="curves")
     layout = (
         "band:row,left separation_arcsec contrast_limit_blind contrast_limit_known_place contrast_limit_threshold "
@@ -140,13 +133,13 @@ def _curves(page: CurveReport) -> Iterator[doc.Block]:
 
 
 @doc.section_of(CURVE_SECTIONS, "completeness", "Completeness")
-def _completeness(page: CurveReport) -> Iterator[doc.Block]:
+def _completeness(page: SearchedReport) -> Iterator[doc.Block]:
     if "maps" in page.pictures:
         yield doc.Figure(page.pictures["maps"], key="maps")
 
 
 @doc.section_of(CURVE_SECTIONS, "injected", "Injected planets")
-def _injected(page: CurveReport) -> Iterator[doc.Block]:
+def _injected(page: SearchedReport) -> Iterator[doc.Block]:
     if "recovered" not in page.pictures:
         return
     yield doc.Figure(page.pictures["recovered"], key="recovered")
@@ -159,7 +152,7 @@ def _injected(page: CurveReport) -> Iterator[doc.Block]:
 
 
 @doc.section_of(ROC_SECTIONS, "detections", "Detections and false alarms")
-def _detections(page: RocReport) -> Iterator[doc.Block]:
+def _detections(page: SearchedReport) -> Iterator[doc.Block]:
     for key, picture in page.pictures.items():
         yield doc.Figure(picture, key=key)
     layout = (
@@ -170,8 +163,12 @@ def _detections(page: RocReport) -> Iterator[doc.Block]:
     yield doc.table("Levels", caption, doc.row_columns(RocRow, layout), page.result.levels)
 
 
-def _programmes(kind: type[SearchedProgramme], result: CurveResult | RocResult) -> Iterator[doc.Block]:
+@doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
+@doc.section_of(ROC_SECTIONS, "programmes", "Programmes and assumptions")
+def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
     """Yield the programme of each band, and what was taken for granted."""
+    result = page.result
+    kind = RocProgramme if isinstance(result, RocResult) else SearchedProgramme
     caption = "The programme that every number of a band is about."
     yield doc.table("Programmes", caption, doc.row_columns(kind, _PROGRAMME), result.bands)
     for one in result.bands:
@@ -192,28 +189,11 @@ def _programmes(kind: type[SearchedProgramme], result: CurveResult | RocResult) 
     )
 
 
-@doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
-def _curve_programmes(page: CurveReport) -> Iterator[doc.Block]:
-    yield from _programmes(SearchedProgramme, page.result)
-
-
-@doc.section_of(ROC_SECTIONS, "programmes", "Programmes and assumptions")
-def _roc_programmes(page: RocReport) -> Iterator[doc.Block]:
-    yield from _programmes(RocProgramme, page.result)
-
-
-def _ending(note: str, result: CurveResult | RocResult) -> Iterator[doc.Block]:
-    yield from doc.reproduced_blocks(result, doc.marked(note))
+@doc.section_of(CURVE_SECTIONS, "reproduce", "Reproducing this")
+@doc.section_of(ROC_SECTIONS, "reproduce", "Reproducing this")
+def _reproduced(page: SearchedReport) -> Iterator[doc.Block]:
+    tables = "`curve.csv`, `completeness.csv`, `recovered.csv`" if page.result.kind == "curve" else "`roc.csv`"
+    note = f"Numbers in full: `{page.result.kind}.json`; tables: {tables}."
+    yield from doc.reproduced_blocks(page.result, doc.marked(note))
     yield doc.Items(method_credits())
     yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])
-
-
-@doc.section_of(CURVE_SECTIONS, "reproduce", "Reproducing this")
-def _reproduced_curve(page: CurveReport) -> Iterator[doc.Block]:
-    note = "Numbers in full: `curve.json`; tables: `curve.csv`, `completeness.csv`, `recovered.csv`."
-    yield from _ending(note, page.result)
-
-
-@doc.section_of(ROC_SECTIONS, "reproduce", "Reproducing this")
-def _reproduced_roc(page: RocReport) -> Iterator[doc.Block]:
-    yield from _ending("Numbers in full: `roc.json`; the table: `roc.csv`.", page.result)

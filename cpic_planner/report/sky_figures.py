@@ -20,7 +20,6 @@ from cpic_planner.report.words import LIMITED_BY, SEARCHES, reason_text, verdict
 from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -57,6 +56,8 @@ def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
 
 def _scores(axes: Axes, rows: list[RankedTarget], score: Score) -> None:
     """Draw what orders the stars, in the colour of the band that it is for; an error where completeness has one."""
+    from matplotlib.patches import Patch
+
     of_completeness = score.name.startswith("completeness")
     bands = [row.completeness_band if of_completeness else row.band for row in rows]
     looks = drawing.band_style(sorted(set(bands)))
@@ -69,13 +70,7 @@ def _scores(axes: Axes, rows: list[RankedTarget], score: Score) -> None:
     _name_stars(axes, rows)
     axes.grid(visible=True, axis="x")
     axes.set_xlabel(f"{score.title}{unit and f' ({unit})'}")
-    axes.legend(handles=[_patch(looks[band][0], band) for band in looks], **_LEGEND)
-
-
-def _patch(colour: str, label: str) -> Artist:
-    from matplotlib.patches import Patch
-
-    return Patch(color=colour, label=label)
+    axes.legend(handles=[Patch(color=looks[band][0], label=band) for band in looks], **_LEGEND)
 
 
 def _name_stars(axes: Axes, rows: list[RankedTarget]) -> None:

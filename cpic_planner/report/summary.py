@@ -105,13 +105,11 @@ def velocities_sentence(rank: results.RankResult, first: int) -> str:
 
 def calibration_sentence(result: results.ImagedResult) -> str:
     """Return predicted over recovered SNR and what it says; a bias is named only beyond two standard errors."""
-    if not any(result.calibration.get(name) for name in ("n_bands", "n_faint")):
-        return "No band was measured, so prediction and measurement could not be compared."
     return sentence(result.calibration_text)
 
 
 def outcome_text(bands: Sequence[results.BandConfirmation]) -> str:
-    """Return whether simulated images confirm planets: in every band, in some, in none, or nothing was measured.
+    """Return whether simulated images confirm planets: in how many bands, or that nothing was measured.
 
     Parameters
     ----------
@@ -122,11 +120,8 @@ def outcome_text(bands: Sequence[results.BandConfirmation]) -> str:
         return "not measured in simulated images"
     found, tried = sum(bool(band.detected) for band in bands), len(bands)
     of = counted(tried, "band" if len({band.planet for band in bands}) == 1 else "measurement")
-    if tried == 1:
-        return f"{'confirmed' if found else 'not confirmed'} by simulated images in {bands[0].band}"
-    if not found:
-        return f"not confirmed by simulated images in any of {of}"
-    return f"confirmed by simulated images in {'all' if found == tried else f'{found} of'} {of}"
+    where = bands[0].band if tried == 1 else f"{found or 'any'} of {of}"
+    return f"{'' if found else 'not '}confirmed by simulated images in {where}"
 
 
 def overrides_sentence(result: results.ImagedResult) -> str:

@@ -347,6 +347,11 @@ def method_credits() -> list[str]:
     return list(_prose()["credits"])
 
 
+def two_statistics() -> str:
+    """Return why a planet can be found blind and not be significant at its known place, and which of them decides."""
+    return str(_prose()["two_statistics"])
+
+
 def counted(count: float, noun: str) -> str:
     """Return a number with its noun: 1 visit, 2 visits."""
     return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"

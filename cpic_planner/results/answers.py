@@ -62,16 +62,8 @@ class ImageCheck(Row):
 
     draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
     realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
-    light_ratio: float = column(
-        "planet's light in its aperture, in images without noise, over that of the closed form",
-        short="light",
-        format=".4f",
-    )
-    flux_ratio: float = column(
-        "mean measured flux of the planet over its true flux, after the reduction",
-        short="flux / true",
-        format=".3f ± .3f",
-    )
+    light_ratio: float = column("planet's light in images without noise over closed form", short="light", format=".4f")
+    flux_ratio: float = column("mean measured over true flux of the planet", short="flux / true", format=".3f ± .3f")
     flux_ratio_error: float = Field(description="1 sigma")
     predicted_snr: float = column(
         "closed form, of what the images hold: sums have no hits of particles", short="SNR", format=".3g"

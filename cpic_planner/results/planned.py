@@ -208,9 +208,8 @@ class ImagedResult(RunResult):
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
     calibration: dict[str, float | int | None] = Field(
-        description="etc_ratio: mean of predicted over recovered SNR over bands that tell, and etc_ratio_error, 1 "
-        "sigma; null where no band tells; etc_ratio_least: where planets are missed, the ratio that is exceeded; "
-        "n_bands: bands that tell; n_faint: bands left out because they are too faint to measure the ETC by"
+        description="etc_ratio, etc_ratio_error: mean of predicted over recovered SNR over the n_bands that tell; null "
+        "where none does; etc_ratio_least: exceeded where planets are missed; n_faint: bands too faint to tell"
     )
     calibration_text: str = Field(
         default="", description="the same in words: whether the ETC is optimistic or pessimistic, and by how much"
@@ -346,10 +345,8 @@ class AlbedoRecord(Row):
     status: Literal["constrained", "not_constrained", "degenerate"]
     log10_mh: float = Field(description="median of the posterior, clouds integrated over")
     log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
-    best_fit: list[float] = Field(
-        default_factory=list,
-        description="log10_mh and log10_fsed of the least chi2, for which chi2 is stated: of both together, so that "
-        "one of them may lie outside its interval; empty in older results",
+    best_fit: list[float] | None = optional(
+        "log10_mh and log10_fsed of the least chi2 of both together: one of them may lie outside its interval"
     )
     mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]

@@ -90,19 +90,21 @@ class Calibration:
     def text(self) -> str:
         """In words: the ratio first, then what it says."""
         if not self.n_bands:
-            return _TOO_FAINT if self.n_faint else "nothing was measured"
+            return _TOO_FAINT if self.n_faint else _NOTHING
         counted = f"{self.n_bands} measurement{'s' * (self.n_bands != 1)}"
         counted += f" ({self.n_faint} more too faint to count)" * bool(self.n_faint)
         if not self.number:
             return f"{counted} scatter too much to measure the ETC by"
-        ratio = f"predicted over recovered SNR {self.number} over {counted}"
         if self.etc_ratio is None:
-            return f"{ratio}: the planets are missed, and the ETC is optimistic"
-        if self.standing == "ETC agrees":
-            return f"{ratio}: the ETC agrees with the images within two standard errors"
-        return f"{ratio}: {self.standing.replace('ETC', 'the ETC is')}, beyond two standard errors"
+            said = "the planets are missed, and the ETC is optimistic"
+        elif self.standing == "ETC agrees":
+            said = "the ETC agrees with the images within two standard errors"
+        else:
+            said = f"{self.standing.replace('ETC', 'the ETC is')}, beyond two standard errors"
+        return f"predicted over recovered SNR {self.number} over {counted}: {said}"
 
 
+_NOTHING = "no band was measured, so prediction and measurement could not be compared"
 _TOO_FAINT = "the planets are too faint in these images to measure the ETC by"
 _FINE = 0.03
 """Largest error of a ratio that is written with a third decimal."""
@@ -172,42 +174,32 @@ def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
     mean is taken of recovered SNRs in units of the predicted ones, whose errors are normal.
     """
     used = [b for b in bands if b.predicted_snr and b.recovered_snr is not None and b.recovered_snr_error is not None]
-    predicted = np.array([b.predicted_snr for b in used], float)
-    ratios = np.array([b.recovered_snr for b in used], float) / predicted
-    own = np.array([b.recovered_snr_error for b in used], float) / predicted
-    told = np.array([tells(ratio, error) for ratio, error in zip(ratios, own, strict=True)], bool)
+    names = "predicted_snr", "recovered_snr", "recovered_snr_error"
+    return calibration_of(*([getattr(band, name) for band in used] for name in names))
+
+
+def calibration_of(predicted: ArrayLike, recovered: ArrayLike, error: ArrayLike) -> Calibration:
+    """Return the same from SNRs and the errors of the recovered ones.
+
+    Parameters
+    ----------
+    predicted, recovered, error : array_like
+        Of one band or many.
+    """
+    scale, ratios, own = (np.array(values, float, ndmin=1) for values in (predicted, recovered, error))
+    ratios, own = ratios / scale, own / scale
+    told = np.hypot(own, PREDICTION_ERROR * ratios) <= MOST_ERROR * np.maximum(ratios, 1.0)
     ratios, own, n_faint = ratios[told], own[told], int(np.sum(~told))
     if not ratios.size:
         return Calibration(n_faint=n_faint)
     ratio = float(np.average(ratios, weights=own**-2))
     weight = 1.0 / (own**2 + (PREDICTION_ERROR * ratio) ** 2)
     ratio = float(np.sum(weight * ratios) / weight.sum())
-    error = 1.0 / math.sqrt(weight.sum())
+    spread = 1.0 / math.sqrt(weight.sum())
     if len(ratios) >= 3:
         chi2 = float(np.sum(weight * (ratios - ratio) ** 2) / (len(ratios) - 1))
-        error *= math.sqrt(max(chi2, 1.0))
-    return Calibration.of(ratio, error, n_bands=len(ratios), n_faint=n_faint)
-
-
-def tells(recovered: float, error: float) -> bool:
-    """Return whether a recovered SNR with its own error, in units of the predicted one, tells about the ETC."""
-    return math.hypot(error, PREDICTION_ERROR * recovered) <= MOST_ERROR * max(recovered, 1.0)
-
-
-def calibration_of(predicted: float, recovered: float, error: float) -> Calibration:
-    """Return predicted over recovered SNR of one band; the error of the prediction itself counts.
-
-    Parameters
-    ----------
-    predicted, recovered : float
-        SNR.
-    error : float
-        That of the recovered SNR, 1 sigma.
-    """
-    share, own = (value / predicted for value in (recovered, error))
-    if not tells(share, own):
-        return Calibration(n_faint=1)
-    return Calibration.of(share, math.hypot(own, PREDICTION_ERROR * share))
+        spread *= math.sqrt(max(chi2, 1.0))
+    return Calibration.of(ratio, spread, n_bands=len(ratios), n_faint=n_faint)
 
 
 def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[PositionRecord]:

@@ -64,11 +64,12 @@ def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
     assert images.draw == "sums"
     assert images.light_ratio == pytest.approx(1.0, abs=0.005)
     assert abs(images.flux_ratio - 1.0) <= 4.0 * images.flux_ratio_error
-    assert abs(images.snr_ratio - 1.0) <= record.closed_form_error["snr"] + 3.0 * images.snr_ratio_error
-    assert images.snr_ratio_error < 0.15
-    assert images.agrees == (
-        abs(images.snr_ratio - 1.0) <= record.closed_form_error["snr"] + 2.0 * images.snr_ratio_error
-    )
+    share, error = images.snr / images.predicted_snr, images.snr_error / images.predicted_snr
+    assert images.etc_ratio == pytest.approx(images.predicted_snr / images.snr)
+    assert images.etc_ratio_error / images.etc_ratio == pytest.approx(images.snr_error / images.snr)
+    assert abs(share - 1.0) <= record.closed_form_error["snr"] + 3.0 * error
+    assert error < 0.15
+    assert images.agrees == (abs(share - 1.0) <= record.closed_form_error["snr"] + 2.0 * error)
     # Sums hold no particles: what they are compared with is the answer but for those.
     assert images.predicted_snr == pytest.approx(found.snr, rel=0.02)
     assert found.value == answers[0].value
@@ -81,7 +82,7 @@ def test_a_wrong_closed_form_is_found_out(answer, tau_ceti):
     images = found.fidelity.images
     assert images.light_ratio == pytest.approx(3.0, rel=0.01)
     assert images.flux_ratio == pytest.approx(3.0, abs=5.0 * images.flux_ratio_error)
-    assert images.snr_ratio > 2.0
+    assert images.etc_ratio < 0.5  # pessimistic: images have more than twice the SNR
     assert not images.agrees
 
 
@@ -109,10 +110,10 @@ def test_the_number_of_realisations_follows_the_accuracy(answer, tau_ceti, monke
     monkeypatch.setattr(etc_images, "AIM", aim)
     images = check(model_of("F520"), tau_ceti, [answer])[0].fidelity.images
     assert images.realisations > 2
-    assert 0.8 * aim < images.snr_ratio_error < 2.0 * aim
+    assert 0.8 * aim < images.snr_error / images.predicted_snr < 2.0 * aim
     few = check(model_of("F520"), tau_ceti, [answer], realisations=2)[0].fidelity.images
     assert few.realisations == 2
-    assert few.snr_ratio_error > images.snr_ratio_error
+    assert few.snr_error / few.predicted_snr > images.snr_error / images.predicted_snr
 
 
 def test_a_tolerance_takes_the_cheapest_that_meets_it(answer, tau_ceti):

@@ -78,7 +78,7 @@ def test_rolls_are_not_searched(confirmation, read):
 @pytest.mark.parametrize(
     ("found", "outcome"),
     [
-        ((True, True), "a scene: confirmed by simulated images in all 2 bands"),
+        ((True, True), "a scene: confirmed by simulated images in 2 of 2 bands"),
         ((False, True), "a scene: confirmed by simulated images in 1 of 2 bands"),
         ((False, False), "a scene: not confirmed by simulated images in any of 2 bands"),
         ((None, None), "a scene: not measured in simulated images"),

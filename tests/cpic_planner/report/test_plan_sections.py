@@ -19,6 +19,7 @@ from cpic_planner.report.words import dec_text, ra_text
 from cpic_planner.report.write import page_html, plan_html
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages, SeenRow
 from cpic_planner.targets import find_target
+from cpic_planner.validation import calibrate
 from simulator.config import albedo_spec, load_instrument
 
 HOSTILE = "<script>alert('x')</script>"
@@ -387,7 +388,7 @@ def test_target_without_a_confirmed_band(plan, rank, read):
 
 
 def test_no_comparison_without_measurements(plan):
-    nothing = plan.model_copy(update={"calibration": {"etc_ratio": None, "n_bands": 0}})
+    nothing = plan.model_copy(update={"calibration_text": calibrate([]).text})
     assert "No band was measured" in calibration_sentence(nothing)
 
 
