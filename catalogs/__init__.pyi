@@ -1,8 +1,10 @@
 from catalogs.bands import (
+    LENGTHS_NM as LENGTHS_NM,
     Band as Band,
     band_from_file as band_from_file,
     band_provenance as band_provenance,
     load_bands as load_bands,
+    two_columns as two_columns,
 )
 from catalogs.binaries import (
     POSITION_ERROR_ARCSEC as POSITION_ERROR_ARCSEC,

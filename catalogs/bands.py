@@ -17,10 +17,12 @@ CAMERAS = ("VIS", "NIR")
 
 _FILE = Path(__file__).resolve().parent / "data" / "bands.yaml"
 _MAX_BYTES = 4_000_000
-_UNITS_NM = {"nm": 1.0, "nanometer": 1.0, "nanometre": 1.0, "angstrom": 0.1, "aa": 0.1}
-_UNITS_NM |= dict.fromkeys(
-    ("um", "\N{MICRO SIGN}m", "\N{GREEK SMALL LETTER MU}m", "micron", "micrometer", "micrometre"), 1e3
-)
+LENGTHS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "microns": 1e3, "angstrom": 0.1, "angstroms": 0.1} | {
+    prefix + metres: scale
+    for prefix, scale in (("nano", 1.0), ("micro", 1e3))
+    for metres in ("meter", "meters", "metre", "metres")
+}
+"""Nanometres in the units of wavelength that files name, in small letters."""
 _ALLOWED = "nm, um, Angstrom"
 _OTHER_UNITS = frozenset(("m", "cm", "mm", "pm", "hz", "ghz", "thz", "ev"))
 _STRUCTURED = (b"SIMPLE  =", b"<?xml", b"<VOTABLE", b"# %ECSV")
@@ -148,14 +150,17 @@ def band_from_file(
         increase, or transmissions are negative, above 1 or all zero.
     """
     data = read_file(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES)
-    read = _structured if data.lstrip().startswith(_STRUCTURED) else _two_columns
+    read = _structured if data.lstrip().startswith(_STRUCTURED) else two_columns
     wavelength_nm, transmission, said = read(data, str(path))
-    wavelength_nm *= _unit_scale(unit or said, str(path))
-    if wavelength_nm[0] <= 0.0 or np.any(np.diff(wavelength_nm) <= 0.0):
+    wavelength_nm = wavelength_nm * _unit_scale(unit or said, str(path))
+    if any("%" in line for line in said.splitlines() if not line.startswith("#")):
+        transmission = transmission / 100.0
+    if not (wavelength_nm[0] > 0.0 and np.all(np.diff(wavelength_nm) > 0.0)):
         raise InputError(f"{path}: wavelength", "not increasing", allowed="positive, strictly increasing wavelengths")
-    if transmission.min() < 0.0 or transmission.max() > 1.0 or transmission.max() == 0.0:
-        worst = transmission.min() if transmission.min() < 0.0 else transmission.max()
-        raise InputError(f"{path}: transmission", float(worst), allowed="0 to 1, not all zero")
+    good = (transmission >= 0.0) & (transmission <= 1.0)
+    if not good.all() or not transmission.any():
+        worst = 0.0 if good.all() else float(transmission[~good][0])
+        raise InputError(f"{path}: transmission", worst, allowed="0 to 1, not all zero")
     open_at = np.flatnonzero(transmission)
     part = slice(max(open_at[0] - 1, 0), open_at[-1] + 2)
     wavelength_nm, transmission = wavelength_nm[part].copy(), transmission[part].copy()
@@ -194,13 +199,14 @@ def _in_range(key: str, value: float, unit: str, low: float, high: float) -> Non
 
 def _unit_scale(said: str, path: str) -> float:
     """Return the nanometres of the unit that a text names."""
-    words = re.findall(r"[^\W\d_]+", said.lower().replace("angstroms", "angstrom").replace("microns", "micron"))
-    scales = {_UNITS_NM[word] for word in words if word in _UNITS_NM}
+    words = re.findall(
+        r"[^\W\d_]+", said.lower().replace("\N{GREEK SMALL LETTER MU}", "u").replace("\N{MICRO SIGN}", "u")
+    )
+    scales = {LENGTHS_NM[word] for word in words if word in LENGTHS_NM}
     if len(scales) != 1:
-        other = next((word for word in words if word in _OTHER_UNITS), "")
-        value = "more than one" if scales else other or "not stated"
-        hint = "name it in the heading or in a comment" if value == "not stated" else ""
-        raise InputError(f"{path}: unit", value, allowed=_ALLOWED, hint=hint)
+        other = next((word for word in words if word in _OTHER_UNITS), "not stated")
+        hint = "name it in the heading or in a comment"
+        raise InputError(f"{path}: unit", "more than one" if scales else other, allowed=_ALLOWED, hint=hint)
     return scales.pop()
 
 
@@ -223,34 +229,47 @@ def _structured(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, str]:
         factor = units.Unit(columns[0].unit).to(units.nm)
     except ValueError:
         factor = math.nan
-    name = next((word for word, scale in _UNITS_NM.items() if math.isclose(scale, factor)), columns[0].unit)
+    name = next((word for word, scale in LENGTHS_NM.items() if math.isclose(scale, factor)), columns[0].unit)
     return wavelength, transmission, name
 
 
-def _two_columns(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, str]:
-    """Return the columns of a text, and its comments and heading."""
+def two_columns(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return the two columns of numbers of a text, and its comments (with their ``#``) and headings, one a line.
+
+    Parameters
+    ----------
+    data : bytes
+        UTF-8 text; columns apart by blanks, commas, semicolons or tabs.
+    where : str
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is no text, or has other lines below the first numbers.
+    """
     try:
         lines = data.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise InputError(where, "binary or not UTF-8", allowed="text, ECSV, VOTable or FITS") from None
-    said = [line for line in lines if line.lstrip().startswith("#")]
-    rows, percent = [], False
+        raise InputError(where, "binary or not UTF-8", allowed="UTF-8 text, ECSV, VOTable or FITS") from None
+    said: list[str] = []
+    rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
-        fields = line.split("#")[0].replace(",", " ").split()
-        if not fields:
+        text, mark, comment = line.partition("#")
+        if not text.strip():
+            said.append(mark + comment)
             continue
         try:
-            row = [float(field) for field in fields]
+            row = [float(field) for field in re.split(r"[\s,;]+", text.strip(" \t,;"))]
         except ValueError:
             row = []
-        if not row and not rows and not percent and line not in said:
-            said.append(line)
-            percent = "%" in line
-            continue
-        if len(row) != 2 or not np.all(np.isfinite(row)):
-            raise InputError(f"{where} line {number}", "something else", allowed="two finite numbers")
+            if not rows:
+                said.append(text)
+                continue
+        if len(row) != 2:
+            raise InputError(f"{where} line {number}", "something else", allowed="two numbers")
         rows.append(row)
     if len(rows) < 2:
-        raise InputError(where, f"{len(rows)} rows", allowed="at least two rows")
+        raise InputError(where, f"{len(rows)} rows of numbers", allowed="at least two rows of two numbers")
     table = np.array(rows)
-    return table[:, 0].copy(), table[:, 1] / (100.0 if percent else 1.0), "\n".join(said)
+    return table[:, 0], table[:, 1], "\n".join(said)

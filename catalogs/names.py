@@ -60,9 +60,7 @@ def snapshot_aliases() -> dict[str, tuple[str, int]]:
     return {key: (name, int(kind)) for key, name, kind in _lines("aliases.csv")}
 
 
-_WAY_OUT = (
-    "cpic etc answers for it with --v-mag, --sp-type or --teff-k, and --distance-pc; rankings, with a table of yours"
-)
+_WAY_OUT = "cpic etc answers with --v-mag, --sp-type or --teff-k, and --distance-pc; rankings, with a table of yours"
 
 
 @functools.cache

@@ -55,14 +55,10 @@ def user_table(raw: RawTable) -> UserTable:
     """
     given = read_rows(raw, QUANTITIES, _ONE_OF, about="name")
     for pair in PAIRS:
-        if len(found := [name for name in pair if name in given.headings]) == 1:
-            column, absent = given.headings[found[0]], next(name for name in pair if name not in found)
-            raise InputError(
-                f"{raw.name} column {column}",
-                f"without {absent}",
-                allowed="both or neither",
-                hint=(f"name the other one {absent}"),
-            )
+        found, absent = sorted(pair, key=lambda name: name not in given.headings)
+        if found in given.headings and absent not in given.headings:
+            column, hint = given.headings[found], f"name the other one {absent}"
+            raise InputError(f"{raw.name} column {column}", f"without {absent}", allowed="both or neither", hint=hint)
     rows = []
     for where, row in given:
         given.refuse_missing(where, row, _ONE_OF)

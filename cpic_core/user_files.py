@@ -56,7 +56,8 @@ def only_sent_files(sent: Mapping[str, bytes]) -> Iterator[None]:
 @contextlib.contextmanager
 def files_read() -> Iterator[set[str]]:
     """Collect the names of the files that are opened, with and without folders: a refusal may begin with one."""
-    token = _READ.set(names := set())
+    names: set[str] = set()
+    token = _READ.set(names)
     try:
         yield names
     finally:

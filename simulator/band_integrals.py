@@ -13,12 +13,6 @@ import numpy as np
 from catalogs import Band, load_johnson_v, load_reference_spectrum
 from cpic_core import ArrayLike, InputError
 
-LENGTHS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "microns": 1e3, "angstrom": 0.1, "angstroms": 0.1} | {
-    prefix + metres: scale
-    for prefix, scale in (("nano", 1.0), ("micro", 1e3))
-    for metres in ("meter", "meters", "metre", "metres")
-}
-"""Nanometres in the units of wavelength that files name, in small letters."""
 _ANGSTROM_PER_NM = 10.0
 _GAUSS = 1.0 / np.sqrt(3.0)
 

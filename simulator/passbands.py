@@ -300,11 +300,11 @@ def _band(name: str, config: BandConfig) -> Band:
         If the curve of a file has another centre or width than the entry, by which optics are worked out, or reaches
         beyond the spectra.
     """
-    numbers = {"t_opt": config.t_opt, "qe": config.qe, "camera": config.camera}
-    band = Band(name, center_nm=config.center_nm, width_nm=config.width_nm, **numbers)
+    band = Band(name, config.camera, config.center_nm, config.width_nm, config.t_opt, config.qe)
     if config.transmission_file is None:
         return band
-    read, file = catalogs.band_from_file(config.transmission_file, name, **numbers), Path(config.transmission_file).name
+    file = Path(config.transmission_file).name
+    read = catalogs.band_from_file(config.transmission_file, name, t_opt=band.t_opt, qe=band.qe, camera=band.camera)
     first, last = catalogs.load_stellar_grid().wavelength_nm[[0, -1]]
     if not first <= read.support_nm[0] < read.support_nm[1] <= last:
         span = "{:g} to {:g}".format(*read.support_nm)

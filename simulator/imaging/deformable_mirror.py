@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs import LENGTHS_NM
 from cpic_core import FloatArray, InputError, NDArray, check_whole, numeric_context
-from simulator.band_integrals import LENGTHS_NM
 from simulator.config.map_files import read_maps, real_map
 
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs import Albedo, TableBytes, parse_table
+from catalogs import LENGTHS_NM, Albedo, TableBytes, parse_table
 from cpic_core import NPZ_ERRORS, InputError, at_home, open_npz, read_file
-from simulator.band_integrals import LENGTHS_NM
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
 _MAX_BYTES = 200_000_000

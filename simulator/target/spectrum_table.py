@@ -1,16 +1,14 @@
 """Spectra from two-column files: text with units in its header, ECSV, VOTable, FITS."""
 
-import io
 import re
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catalogs import HC_ERG_ANGSTROM, Spectrum, TableBytes, astropy_table
-from cpic_core import InputError, bounded_fits, read_file
-from simulator.band_integrals import LENGTHS_NM, check_table
+from catalogs import HC_ERG_ANGSTROM, LENGTHS_NM, Spectrum, TableBytes, astropy_table, two_columns
+from cpic_core import InputError, read_file
+from simulator.band_integrals import check_table
 
 _MAX_BYTES = 200_000_000
 # nm per unit.
@@ -46,12 +44,9 @@ def read_spectrum(path: str | Path) -> Spectrum:
     place = Path(path)
     data = read_file(place, key="spectrum file", allowed="a readable file", max_bytes=_MAX_BYTES)
     start = data[:512].lstrip()
-    if start.startswith(b"SIMPLE  ="):
-        columns = _from_fits(place, data)
-    elif start.startswith((b"<?xml", b"<VOTABLE", b"# %ECSV")):
-        columns = _from_table(place, data, "ecsv" if start.startswith(b"#") else "votable")
-    else:
-        columns = _from_text(place, data)
+    kinds = {b"SIMPLE  =": "fits", b"# %ECSV": "ecsv", b"<?xml": "votable", b"<VOTABLE": "votable"}
+    kind = next((kind for mark, kind in kinds.items() if start.startswith(mark)), "")
+    columns = _from_table(place, data, kind) if kind else _from_text(place, data)
     wavelength, wavelength_unit, flux, flux_unit = columns
     wavelength_nm = wavelength * _wavelength_scale(place, wavelength_unit)
     return photon_flux(place.name, wavelength_nm, flux, flux_unit)
@@ -91,33 +86,9 @@ def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: st
 
 
 def _from_text(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, str]:
-    try:
-        lines = data.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise InputError("spectrum file", str(path), allowed="UTF-8 text, ECSV, VOTable or FITS") from None
-    header: list[str] = []
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines, start=1):
-        text, _, comment = line.partition("#")
-        fields = re.split(r"[\s,;]+", text.strip(" \t,;"))
-        if not text.strip():
-            header.append(comment)
-            continue
-        try:
-            row = [float(field) for field in fields]
-        except ValueError:
-            row = []
-            if not rows:
-                header.append(text)
-                continue
-        if len(row) != 2:
-            raise InputError(f"{path.name} line {number}", "something else", allowed="two numbers")
-        rows.append(row)
-    if len(rows) < 2:
-        raise InputError(path.name, f"{len(rows)} rows of numbers", allowed="at least two rows of two numbers")
-    words = re.findall(r"[a-z]+", " ".join(header).lower())
-    table = np.array(rows)
-    return table[:, 0], _only(path, "wavelength", words, LENGTHS_NM), table[:, 1], _only(path, "flux", words, _FLUXES)
+    wavelength, flux, said = two_columns(data, path.name)
+    words = re.findall(r"[a-z]+", said.lower())
+    return wavelength, _only(path, "wavelength", words, LENGTHS_NM), flux, _only(path, "flux", words, _FLUXES)
 
 
 def _only(path: Path, what: str, words: list[str], known: Any) -> str:
@@ -132,8 +103,9 @@ def _only(path: Path, what: str, words: list[str], known: Any) -> str:
 def _from_table(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, str, np.ndarray, str]:
     try:
         table, _ = astropy_table(TableBytes(path.name, data, ""), kind)
-        columns = [table[name] for name in table.colnames[:2]]
-        values = [np.array(np.ma.filled(np.ma.asarray(column), np.nan), dtype=np.float64) for column in columns]
+        names = [name for name in ("WAVELENGTH", "FLUX") if kind == "fits" and name in table.colnames]
+        columns = [table[name] for name in (names if len(names) == 2 else table.colnames[:2])]
+        values = [np.array(np.ma.filled(np.ma.asarray(column, float), np.nan), dtype=np.float64) for column in columns]
         units = ["" if column.unit is None else str(column.unit) for column in columns]
     except InputError:
         raise
@@ -141,24 +113,6 @@ def _from_table(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, str, np
         raise _unreadable(path, error) from None
     if len(values) != 2:
         raise InputError(path.name, f"{len(values)} columns", allowed="wavelength and flux")
-    return values[0], units[0], values[1], units[1]
-
-
-def _from_fits(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, str]:
-    try:
-        with warnings.catch_warnings():
-            # STScI tables carry unit and display cards that FITS does not know; they do not touch the data.
-            warnings.simplefilter("ignore")
-            from astropy.io import fits
-
-            with fits.open(bounded_fits(io.BytesIO(data))) as hdus:
-                columns = hdus[1].columns
-                names = [name for name in ("WAVELENGTH", "FLUX") if name in columns.names]
-                names = names if len(names) == 2 else columns.names[:2]
-                values = [np.array(hdus[1].data[name], dtype=np.float64) for name in names]
-                units = [columns[name].unit or "" for name in names]
-    except Exception as error:
-        raise _unreadable(path, error) from None
     return values[0], units[0], values[1], units[1]
 
 

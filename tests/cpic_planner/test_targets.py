@@ -76,10 +76,10 @@ def test_sample_in_words(mine):
 
 
 def test_remarks_on_a_file_reach_the_log_once(mine, caplog):
-    mine.write_text(TABLE.replace("name,plx,V", "name,plx,V").replace(",ra,", ",right,"))
+    mine.write_text(TABLE.replace("name,plx,V", "name,plx,V").replace(",ra,dec,", ",right,up,"))
     with caplog.at_level(logging.WARNING):
         load_targets(mine)
-    assert [record.getMessage() for record in caplog.records] == ["mine.csv: columns not used: right"]
+    assert [record.getMessage() for record in caplog.records] == ["mine.csv: columns not used: right, up"]
 
 
 def test_a_catalogue_is_read_once_for_many_names(mine, monkeypatch):

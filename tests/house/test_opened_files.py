@@ -41,7 +41,6 @@ ALLOWED = {
     "simulator/products/naming.py": "temporary files of our own",
     "simulator/products/reading.py": "opens what user_files gave it",
     "simulator/config/map_files.py": "opens what user_files gave it",
-    "simulator/target/spectrum_table.py": "parses bytes that were read",
     "simulator/target/stellar_libraries.py": "opens what user_files gave it",
     "simulator/target/albedo_grid_file.py": "SQLite opens by name, after user_files looked at the file",
     "cpic_planner/jobs/written_files.py": "adds lines to the list of a run",
