@@ -373,7 +373,7 @@ def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     check_writable(path, key=option)
 
 
-FORM_OF_ENDING = {".json": "json", ".csv": "csv", ".ecsv": "ecsv", ".tex": "latex", ".md": "markdown"}
+FORM_OF_ENDING = {".csv": "csv", ".ecsv": "ecsv", ".json": "json", ".tex": "latex", ".md": "markdown"}
 """Forms in which a table of the terminal is written to a file, by the ending of its name."""
 
 
