@@ -110,13 +110,13 @@ class Output:
             print_json(result)
             return
         if self.columns == _ASKED_FOR:
-            sys.stdout.write(report.offered_text(self._sheet(tables, "csv").taken))
+            sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
         elif self.form != "table":
             sys.stdout.write(self.text(self.form, result, tables))
         elif self.plain:
             tables(console())
         else:
-            self._sheet(tables, self.form)
+            tables(cast("Console", report.Sheet(console(), "table", self.columns)))
 
     def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
         """Return the first table that ``tables`` print in a form, with the columns that are asked for.
@@ -126,15 +126,16 @@ class Output:
         InputError
             If there is no table.
         """
-        about = {"columns": self.columns, "caption": self.caption, "label": self.label}
-        return report.form_text(form, result, self._sheet(tables, form).taken, **about)
+        taken, columns = self._taken(tables, form), self.columns
+        return report.form_text(form, result, taken, columns=columns, caption=self.caption, label=self.label)
 
-    def _sheet(self, tables: Callable[[Console], None], form: str) -> report.Sheet:
-        sheet = report.Sheet(console(), form, self.columns if form == "table" else ())
+    @staticmethod
+    def _taken(tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], Sequence[Any]]:
+        sheet = report.Sheet(console(), form)
         tables(cast("Console", sheet))
-        if sheet.taken is None and form != "table":
-            raise InputError("--format", self.form, allowed="table or json: this answer has no table")
-        return sheet
+        if sheet.taken is None:
+            raise InputError("--format", form, allowed="table or json: this answer has no table")
+        return sheet.taken
 
 
 @dataclass(frozen=True)
