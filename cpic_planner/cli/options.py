@@ -116,7 +116,7 @@ class Output:
         elif self.plain:
             tables(console())
         else:
-            tables(cast("Console", report.Sheet(console(), "table", self.columns)))
+            self._taken(tables, self.form)
 
     def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
         """Return the first table that ``tables`` print in a form, with the columns that are asked for.
@@ -129,13 +129,13 @@ class Output:
         taken, columns = self._taken(tables, form), self.columns
         return report.form_text(form, result, taken, columns=columns, caption=self.caption, label=self.label)
 
-    @staticmethod
-    def _taken(tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], Sequence[Any]]:
-        sheet = report.Sheet(console(), form)
+    def _taken(self, tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], list[Any]]:
+        sheet = report.Sheet(console(), form, self.columns if form == "table" else ())
         tables(cast("Console", sheet))
-        if sheet.taken is None:
-            raise InputError("--format", form, allowed="table or json: this answer has no table")
-        return sheet.taken
+        if sheet.taken is None and (self.columns or form != "table"):
+            option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.columns))
+            raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
+        return sheet.taken or ("", (), [])
 
 
 @dataclass(frozen=True)

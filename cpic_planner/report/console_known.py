@@ -206,7 +206,8 @@ def print_visibility(result: VisibilityResult, console: Console, *, full: bool =
     result : VisibilityResult
     console : Console
     """
-    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form not in ("table", "page"))
+    asked = isinstance(console, Sheet) and (bool(console.columns) or console.form not in ("table", "page"))
+    several = len(result.targets) > 1 or asked
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {day_text(result.start_utc)}"
