@@ -24,8 +24,7 @@ from pydantic import BaseModel
 from cpic_core import Advance, InputError, dump_json, fingerprint, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, check_run_folder, open_run_folder
-from cpic_planner.jobs.machine import pace
-from cpic_planner.jobs.record import RECORD, run_record
+from cpic_planner.jobs.record import RECORD, pace, run_record
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -85,7 +84,7 @@ class Cost:
     counts : mapping
         What there is to do, by name.
     times_s : sequence of float
-        Processor time of each task, on the core of `cpic_planner.jobs.machine`.
+        Processor time of each task, on the core of `cpic_planner.jobs.record`.
     start_s : float
         Time that no worker shortens.
     pool_s : float

@@ -29,22 +29,20 @@ from cpic_planner.results.base import (
     unit_of as unit_of,
 )
 from cpic_planner.results.doubted import (
+    ChangeRecord as ChangeRecord,
+    CurvePoint as CurvePoint,
     DoubtCell as DoubtCell,
     DoubtChoice as DoubtChoice,
     DoubtDecision as DoubtDecision,
     DoubtRecord as DoubtRecord,
     DoubtValue as DoubtValue,
+    EstimateRecord as EstimateRecord,
 )
 from cpic_planner.results.ensemble import (
     EnsembleBar as EnsembleBar,
     EnsembleRecord as EnsembleRecord,
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
-)
-from cpic_planner.results.estimates import (
-    ChangeRecord as ChangeRecord,
-    CurvePoint as CurvePoint,
-    EstimateRecord as EstimateRecord,
 )
 from cpic_planner.results.known import (
     KnownBand as KnownBand,
