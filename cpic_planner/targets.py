@@ -186,7 +186,9 @@ def targets_from_table(
     return Targets(
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
-        **{name: text(name) for name in ("sp_type", "hd", "gj")},
+        sp_type=text("sp_type"),
+        hd=text("hd"),
+        gj=text("gj"),
         **numbers,
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=pa,

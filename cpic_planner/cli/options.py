@@ -110,13 +110,13 @@ class Output:
             print_json(result)
             return
         if self.columns == _ASKED_FOR:
-            sys.stdout.write(report.offered_text(self._sheet(tables, "csv").taken))
+            sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
         elif self.form != "table":
             sys.stdout.write(self.text(self.form, result, tables))
         elif self.plain:
             tables(console())
         else:
-            self._sheet(tables, self.form)
+            self._taken(tables, self.form)
 
     def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
         """Return the first table that ``tables`` print in a form, with the columns that are asked for.
@@ -126,15 +126,16 @@ class Output:
         InputError
             If there is no table.
         """
-        about = {"columns": self.columns, "caption": self.caption, "label": self.label}
-        return report.form_text(form, result, self._sheet(tables, form).taken, **about)
+        taken, columns = self._taken(tables, form), self.columns
+        return report.form_text(form, result, taken, columns=columns, caption=self.caption, label=self.label)
 
-    def _sheet(self, tables: Callable[[Console], None], form: str) -> report.Sheet:
+    def _taken(self, tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], list[Any]]:
         sheet = report.Sheet(console(), form, self.columns if form == "table" else ())
         tables(cast("Console", sheet))
-        if sheet.taken is None and form != "table":
-            raise InputError("--format", self.form, allowed="table or json: this answer has no table")
-        return sheet
+        if sheet.taken is None and (self.columns or form != "table"):
+            option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.columns))
+            raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
+        return sheet.taken or ("", (), [])
 
 
 @dataclass(frozen=True)
@@ -382,12 +383,12 @@ def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     check_writable(path, key=option)
 
 
-FORM_OF_ENDING = {".json": "json", ".csv": "csv", ".ecsv": "ecsv", ".tex": "latex", ".md": "markdown"}
+FORM_OF_ENDING = {".csv": "csv", ".ecsv": "ecsv", ".json": "json", ".tex": "latex", ".md": "markdown"}
 """Forms in which a table of the terminal is written to a file, by the ending of its name."""
 
 
 def tell_rows(output: Output, rows: int, every: int) -> None:
-    """Say of how many rows a table for other programs has the first ones."""
+    """Tell of how many rows a table for other programs has the first ones."""
     if output.form not in ("table", "json") and rows < every:
         note(f"the first {rows} of {every} rows: --limit {every} gives all")
 

@@ -14,12 +14,12 @@ import numpy as np
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
 from cpic_planner.confirm.period import seen_stars, with_telescope_time
+from cpic_planner.confirm.plan_cost import expected_cost, plan_cost
 from cpic_planner.confirm.stars import (
     RESULT_VERSION,
     confirmed_target,
     first_roll_deg,
     image_tasks,
-    images_cost,
     plan_tasks,
     programme_task,
     refuse_unimaged,
@@ -31,7 +31,7 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
-from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model
+from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.results import (
@@ -111,10 +111,6 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
 def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets:
     index = int(np.flatnonzero(ready.targets.name == row.name)[0])
     return replace(ready.targets.select([index]), roll_deg=roll_deg)
-
-
-_STAND_IN = 9
-"""Which of the nearest stars stands for the targets of a plan whose cost is asked for."""
 
 
 def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
@@ -199,6 +195,10 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
     prepared = functools.cache(lambda: prepare_plan(config, catalog))
 
+    def prepared_cost() -> Cost:
+        ready = prepared()
+        return plan_cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
+
     @functools.cache
     def firmness() -> SensitivityResult:
         ready = prepared()
@@ -227,28 +227,8 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
         work=work,
         write=write,
         products=("sensitivity.json", "known.json", *PRODUCTS),
-        cost=lambda: _expected(config, catalog) if config.schedule is None else _cost(prepared()),
+        cost=lambda: expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
     )
-
-
-def _cost(ready: _Prepared) -> Cost:
-    return images_cost(ready.tasks, n_targets=len(ready.chosen))
-
-
-def _expected(config: PlanQuestion, catalog: CatalogSource) -> Cost:
-    """Return the cost of as many targets as are asked for, each as costly as one of the nearest: nothing is ranked."""
-    refuse_unimaged(config.instrument, config.bands)
-    model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
-    stars = asked_stars(config, as_catalogue(catalog))
-    # The nearest few rank first; the very nearest are brighter than most of these.
-    order = np.argsort(stars.answered.distance_pc, kind="stable")
-    near = stars.answered.select([int(order[min(_STAND_IN, len(order) - 1)])])
-    alone = PopulationChoice(config.population, 1)
-    ranked = rank_targets(model, near, time_s=time_s, planet=config.planet, population=alone)
-    settings: dict[str, Any] = config.image_settings
-    tasks, _ = plan_tasks(model, [near], ranked.targets, time_s=time_s, planet=config.planet, **settings)
-    n_targets = min(config.top, len(stars.answered))
-    return images_cost(tasks).times(n_targets, n_targets=n_targets)
 
 
 def make_plan(

@@ -243,7 +243,8 @@ def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
 
 def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
     """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
-    costs = [task_cost(task) for task in tasks]
+    known = {id(task): task_cost(task) for task in {id(task): task for task in tasks}.values()}
+    costs = [known[id(task)] for task in tasks]  # a task may stand for others, and is then asked about once
     images = {
         "n_tasks": len(tasks),
         "n_realisations": sum(cost.realisations for cost in costs),

@@ -12,4 +12,4 @@ from cpic_planner.jobs.job import (
     estimate as estimate,
     run as run,
 )
-from cpic_planner.jobs.machine import pace as pace
+from cpic_planner.jobs.record import pace as pace

@@ -14,7 +14,7 @@ that it makes of their bodies. `run` does everything else, the same for every ki
 import functools
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypedDict, TypeVar
@@ -24,8 +24,7 @@ from pydantic import BaseModel
 from cpic_core import Advance, InputError, dump_json, fingerprint, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, check_run_folder, open_run_folder
-from cpic_planner.jobs.machine import pace
-from cpic_planner.jobs.record import RECORD, run_record
+from cpic_planner.jobs.record import RECORD, pace, run_record
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -85,7 +84,7 @@ class Cost:
     counts : mapping
         What there is to do, by name.
     times_s : sequence of float
-        Processor time of each task, on the core of `cpic_planner.jobs.machine`.
+        Processor time of each task, on the core of `cpic_planner.jobs.record`.
     start_s : float
         Time that no worker shortens.
     pool_s : float
@@ -102,12 +101,6 @@ class Cost:
     disk_mb: float
     pool_s: float = 0.0
     worker_mb: float = 0.0
-
-    def times(self, number: int, **counts: float) -> "Cost":
-        """Return the cost of as much work again, ``number`` times in all, with further counts."""
-        times_s, disk_mb = [*self.times_s] * number, self.disk_mb * number
-        every = {name: count * number for name, count in self.counts.items()}
-        return replace(self, counts=every | counts, times_s=times_s, disk_mb=disk_mb)
 
     def at(self, workers: int, pace: float = 1.0) -> dict[str, float]:
         """Return counts, processor and wall time, memory and disk with so many workers, on a machine of such a pace.

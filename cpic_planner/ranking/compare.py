@@ -110,7 +110,8 @@ def load_ranking(path: str | Path, *, key: str = "other") -> Ranking:
             raise InputError(key, file.name, allowed=allowed, hint="it has no rows")
         if ending == ".csv":
             return Ranking(file.name, rows, file.sha256)
-        meta = {name: value for name, value in astropy_table(file, "ecsv")[0].meta.items() if name != "flag_separator"}
+        told = astropy_table(file, "ecsv")[0].meta
+        meta = {name: value for name, value in told.items() if name in RankResult.model_fields}
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))

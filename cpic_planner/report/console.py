@@ -375,8 +375,8 @@ def print_check(result: results.CheckResult, console: Console) -> None:
     result : CheckResult
     console : Console
     """
-    shown = {"hdu": lambda item: "" if item.hdu is None else str(item.hdu)}
-    cells = row_cells(results.FindingRecord, "hdu keyword severity message", **shown)
+    layout, unit = "hdu keyword severity message", lambda item: "" if item.hdu is None else str(item.hdu)
+    cells = row_cells(results.FindingRecord, layout, hdu=unit)
     for path in dict.fromkeys(item.path for item in result.findings):
         print_plain(console, path, wraps=False)
         rows = [item for item in result.findings if item.path == path]

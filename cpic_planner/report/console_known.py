@@ -212,7 +212,8 @@ def print_visibility(result: VisibilityResult, console: Console, *, full: bool =
     result : VisibilityResult
     console : Console
     """
-    several = len(result.targets) > 1 or (isinstance(console, Sheet) and console.form not in ("table", "page"))
+    asked = isinstance(console, Sheet) and (bool(console.columns) or console.form not in ("table", "page"))
+    several = len(result.targets) > 1 or asked
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
         title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {result.start_utc[:10]}"
@@ -259,17 +260,13 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
 
 
 def _visibility_cells(years: bool) -> list[Cells]:
-    days: dict[str, Any] = {
-        name: computed(
-            header,
-            lambda row, name=name: row.blocked_days[name],
-            "{:g}".format,
-            f"days blocked, {BLOCK_WORDS[name]}",
-            name=f"blocked_{name}_days",
-            unit="d",
+    def blocked(name: str, header: str) -> Cells:
+        legend = f"days blocked, {BLOCK_WORDS[name]}"
+        return computed(
+            header, lambda row: row.blocked_days[name], "{:g}".format, legend, name=f"blocked_{name}_days", unit="d"
         )
-        for name, header in _BLOCKED.items()
-    }
+
+    days: dict[str, Any] = {name: blocked(name, header) for name, header in _BLOCKED.items()}
     return row_cells(
         VisibleTarget,
         "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "

@@ -29,11 +29,14 @@ from cpic_planner.results.base import (
     unit_of as unit_of,
 )
 from cpic_planner.results.doubted import (
+    ChangeRecord as ChangeRecord,
+    CurvePoint as CurvePoint,
     DoubtCell as DoubtCell,
     DoubtChoice as DoubtChoice,
     DoubtDecision as DoubtDecision,
     DoubtRecord as DoubtRecord,
     DoubtValue as DoubtValue,
+    EstimateRecord as EstimateRecord,
 )
 from cpic_planner.results.ensemble import (
     EnsembleBar as EnsembleBar,
@@ -41,11 +44,6 @@ from cpic_planner.results.ensemble import (
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
     SensitivityStar as SensitivityStar,
-)
-from cpic_planner.results.estimates import (
-    ChangeRecord as ChangeRecord,
-    CurvePoint as CurvePoint,
-    EstimateRecord as EstimateRecord,
 )
 from cpic_planner.results.known import (
     KnownBand as KnownBand,

@@ -1,11 +1,42 @@
-"""Results of decisions under doubt: planned for one value of a number, played under another."""
+"""Means over synthetic universes with their intervals, and decisions under doubt.
+
+Under doubt a survey is planned for one value of a number, and played under another.
+"""
 
 from typing import Literal
 
 from pydantic import Field
 
 from cpic_planner.results.base import Result, Row, column
-from cpic_planner.results.estimates import ChangeRecord, EstimateRecord
+
+
+class EstimateRecord(Result):
+    """Mean over universes."""
+
+    mean: float
+    error: float = Field(description="standard error of the mean, of the number of universes")
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float = Field(description="upper end of it")
+    survey_low: float = Field(description="5 % of the surveys find fewer")
+    survey_high: float = Field(description="5 % of the surveys find more")
+
+
+class CurvePoint(Result):
+    """One point of a curve with its band."""
+
+    x: float = Field(description="telescope time used in hours, or number of universes")
+    mean: float
+    low: float
+    high: float
+
+
+class ChangeRecord(Result):
+    """Mean of a paired difference over universes."""
+
+    mean: float
+    error: float = Field(description="standard error of the mean, of the number of universes")
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float = Field(description="upper end of it")
 
 
 class DoubtValue(Result):

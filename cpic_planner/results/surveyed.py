@@ -5,8 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.base import Result, Row, RunResult, column, optional
-from cpic_planner.results.doubted import DoubtRecord
-from cpic_planner.results.estimates import ChangeRecord, CurvePoint, EstimateRecord
+from cpic_planner.results.doubted import ChangeRecord, CurvePoint, DoubtRecord, EstimateRecord
 
 
 class OccurrenceRange(Result):

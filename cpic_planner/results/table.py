@@ -124,7 +124,7 @@ def rows_of(kind: type[Result]) -> dict[str, type[Result]]:
     return found
 
 
-def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";") -> str:
+def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";", digits: int = 0) -> str:
     """Return rows as CSV text: a heading of names, one line a row, units in the names.
 
     Parameters
@@ -132,13 +132,16 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     names : sequence of str
         Columns, in order.
     rows : iterable of mapping
-        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`. Numbers
-        are the shortest text that reads back to the same double.
+        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`.
     joined : str
         What stands between the items of a list.
+    digits : int
+        Significant digits of numbers; 0: all, the shortest text that reads back to the same double.
     """
 
     def cell(value: Any) -> Any:
+        if isinstance(value, float) and digits:
+            return f"{value:.{digits}g}"
         plain = "" if value is None else int(value) if isinstance(value, bool) else _plain(value, joined)
         return guarded(plain) if isinstance(plain, str) else plain
 

@@ -76,11 +76,12 @@ class Tabular:
     def _table(self, rows: str) -> tuple[list[Taken], list[Any]]:
         from cpic_planner.results.table import rows_of, taken_of
 
-        held = rows_of(type(self))
+        kind: Any = type(self)
+        held = rows_of(kind)
         if rows and rows not in held:
             raise InputError("rows", rows, allowed=", ".join(held) or "nothing: the result has no rows")
         name = rows or self.main_rows or next(iter(held), "")
-        return (taken_of(held[name]), list(getattr(self, name) or ())) if name else (taken_of(type(self)), [self])
+        return (taken_of(held[name]), list(getattr(self, name) or ())) if name else (taken_of(kind), [self])
 
     def __repr_args__(self) -> Iterator[tuple[str, Any]]:
         """Yield what a short ``repr`` names: the first fields that hold something, and how many rows there are."""

@@ -19,11 +19,11 @@ from simulator.knobs import Dial, Knobs
 from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, choose, forecast
 from simulator.target import detector_to_sky
 
-# Processor times on the core of `cpic_planner.jobs.machine`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
+# Processor times on the core of `cpic_planner.jobs.record`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
 # every tier: within a factor of 1.5 there.
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
 _SUMS_S = 0.02  # of one realisation of both visits, reduced, searched and measured
-_FRAME_S = {"hole": 7.5e-3, "full": 0.085}  # drawn, calibrated, cleaned
+_FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned
 _STAMP_S, _STAMP_S_PER_PRODUCT = 1e-3, 8e-11  # of one propagation of the star
 _HOLE_SHARE = 0.4  # of the stamp, in rows and columns that the hole has
 _BASE_MB, _WHOLE_FRAME_MB, _STACK_BYTES = 450.0, 200.0, 32.0

@@ -40,6 +40,15 @@ def files(folder):
     return [folder / f"old.{ending}" for ending in texts]
 
 
+def test_the_first_stars_of_a_ranking_are_a_ranking_too(tmp_path):
+    """A file of the first ones says how they were ranked, as that of all does."""
+    path = tmp_path / "ten.ecsv"
+    path.write_text(ranking_ecsv(nominal(), 10), encoding="utf-8")
+    read = load_ranking(path)
+    assert read.rows == nominal().targets[:10]
+    assert compare_rankings(read, Ranking.of(nominal())).settings is not None
+
+
 def test_a_ranking_and_itself_move_nothing():
     same = compare_rankings(Ranking.of(nominal()), Ranking.of(nominal()))
     assert {(move.places, move.why) for move in same.targets} == {(0, "unchanged")}
