@@ -183,7 +183,8 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
 
 def programme_sentences(result: results.ConfirmResult) -> list[str]:
     """Return for whom visits and frames of a scene were chosen, and what they leave unused of the time."""
-    rows = {row.band: row for row in (*result.searches, *result.bands) if row.exposure_s is not None}
+    every: list[results.SearchRecord | results.BandConfirmation] = [*result.searches, *result.bands]
+    rows = {row.band: row for row in every if row.exposure_s is not None}
     chosen: dict[str, list[str]] = {}
     for row in rows.values():
         if row.chosen_for:
