@@ -191,7 +191,10 @@ def programme_sentences(result: results.ConfirmResult) -> list[str]:
             each = row.frames_per_visit if isinstance(row, results.BandConfirmation) else row.n_frames
             text = f"{row.band} {counted(row.visits or 1, 'visit')} of {each} × {significant(row.exposure_s)} s"
             chosen.setdefault(row.chosen_for, []).append(text)
-    said = [f"Programme of most SNR of {name}, as cpic etc: {', '.join(each)}." for name, each in chosen.items()]
+    said = [
+        f"Programme of highest SNR for {name}, as cpic etc chooses it: {', '.join(each)}."
+        for name, each in chosen.items()
+    ]
     unused = unused_text(rows.values())
     return [*said, *[f"{unused}."] * bool(unused)]
 
