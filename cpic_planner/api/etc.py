@@ -147,7 +147,7 @@ def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
     cases, every, given = group.cases, group.programmes, model.strategy.visits
     if not question.asks_time:
         times = questions.times_of(question, model, cases.bands[0].band)
-        return group.missed_in(Span.of(model, times["time_s"], times["visit_time_s"]))[0, 0]
+        return group.missed_in(Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
@@ -156,7 +156,7 @@ def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
         time_s = visits * model.time_s(every.solved(visits)[0])
     cost = np.where(group.possible, time_s, np.inf)
     endless = Span(given or MAX_VISITS, time_s=_ENDLESS_S)
-    return (cost if np.isfinite(cost).any() else group.missed_in(endless))[0, 0]
+    return cost if np.isfinite(cost).any() else group.missed_in(endless)
 
 
 def checked(

@@ -6,7 +6,7 @@ import pkgutil
 from collections.abc import Callable, Sequence
 from enum import Enum, StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
 import typer
 from typer.core import TyperCommand
@@ -22,6 +22,9 @@ _FILE_HELP = (
     "YAML file (kind: question) with answers by their keywords, see cpic schema; options on the command line stand "
     "above it."
 )
+
+
+Run = TypeVar("Run", bound=Callable[..., Any])
 
 
 class Once(TyperCommand):
@@ -45,7 +48,9 @@ class Once(TyperCommand):
 class Commands(typer.Typer):
     """A group of commands, each of them `Once`."""
 
-    def command(self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **how: Any) -> Any:
+    def command(
+        self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **how: Any
+    ) -> Callable[[Run], Run]:
         """Add a command."""
         return super().command(name, cls=cls or Once, **how)
 

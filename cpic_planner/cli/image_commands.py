@@ -105,7 +105,7 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     hole is searched blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more
     realisation a band runs frame by frame with every effect of the camera (--no-audit leaves it out).
 
-    Visits and frames are those of most SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
+    Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
     of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
     panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.

@@ -197,14 +197,18 @@ def confirm_sentences(result: results.ConfirmResult) -> list[str]:
 
 def programme_sentences(result: results.ConfirmResult) -> list[str]:
     """Return for whom visits and frames of a scene were chosen, and what they leave unused of the time."""
-    rows = {row.band: row for row in (*result.searches, *result.bands) if row.exposure_s is not None}
+    every: list[results.SearchRecord | results.BandConfirmation] = [*result.searches, *result.bands]
+    rows = {row.band: row for row in every if row.exposure_s is not None}
     chosen: dict[str, list[str]] = {}
     for row in rows.values():
         if row.chosen_for:
             each = row.frames_per_visit if isinstance(row, results.BandConfirmation) else row.n_frames
             text = f"{row.band} {counted(row.visits or 1, 'visit')} of {each} × {significant(row.exposure_s)} s"
             chosen.setdefault(row.chosen_for, []).append(text)
-    said = [f"Programme of most SNR of {name}, as cpic etc: {', '.join(each)}." for name, each in chosen.items()]
+    said = [
+        f"Programme of highest SNR for {name}, as cpic etc chooses it: {', '.join(each)}."
+        for name, each in chosen.items()
+    ]
     unused = unused_text(rows.values())
     return [*said, *[f"{unused}."] * bool(unused)]
 

@@ -35,7 +35,7 @@ def test_one_star(done):
     assert "separation_arcsec_low,separation_arcsec,separation_arcsec_high" in heads.splitlines()[0]
     out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", "-v", *FEW)
     assert "in the dark hole 2030-03-01 to" in out
-    assert "radius_unknown (b): no radius" in out
+    assert "No radius: that of the mass, with scatter (radius_unknown)." in " ".join(out.split())
     assert "Orbit from Thompson et al. 2025 (2025AJ....170..301T)" in " ".join(out.split())
 
 

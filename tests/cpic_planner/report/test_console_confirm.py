@@ -23,9 +23,9 @@ def test_bands_candidates_positions_albedos_and_the_etc(confirmation):
     for words in (
         "24.0 26.0 ± 1.0 0.92 ± 0.06 8/8",
         "□ inside inner edge",
-        "F520 118 × 42.5 36.2 0.451 315.2 20.1 6.10 <script>",
+        "F520 – 118 × 42.5 36.2 0.451 315.2 20.1 6.10 <script>",
         "6.30 6.10 no planet of the scene",
-        "F662 118 × 42.5 36.2 – – – – nothing",
+        "F662 – 118 × 42.5 36.2 – – – – nothing",
         "1 detection that is no planet of the scene, in 16 searches.",
         "0.4512 ± 0.0011 0.4500 314.70 ± 0.22 315.00 F520, F662",
         "F662, frame by frame with every effect: SNR 31.3 (30.7 predicted), contrast off by 1.3 of its errors, found",

@@ -57,8 +57,8 @@ def test_the_summary_of_a_scene_says_visits_planet_and_what_is_left():
     bands = [measured("F520", chosen_for="b", unused_s=HOUR), measured("F662", chosen_for="c", unused_s=0.0)]
     told = programme_sentences(SimpleNamespace(searches=[], bands=bands))
     assert told == [
-        "Programme of most SNR of b, as cpic etc: F520 10 visits of 28 × 52.5 s.",
-        "Programme of most SNR of c, as cpic etc: F662 10 visits of 28 × 52.5 s.",
+        "Programme of highest SNR for b, as cpic etc chooses it: F520 10 visits of 28 × 52.5 s.",
+        "Programme of highest SNR for c, as cpic etc chooses it: F662 10 visits of 28 × 52.5 s.",
         "Left unused: 1.00 h of 10.0 h in F520.",
     ]
     given = [measured("F520")]
