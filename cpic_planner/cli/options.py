@@ -388,7 +388,7 @@ FORM_OF_ENDING = {".csv": "csv", ".ecsv": "ecsv", ".json": "json", ".tex": "late
 
 
 def tell_rows(output: Output, rows: int, every: int) -> None:
-    """Tell of how many rows a table for other programs has the first ones."""
+    """Print on stderr of how many rows a table for other programs has the first ones."""
     if output.form not in ("table", "json") and rows < every:
         note(f"the first {rows} of {every} rows: --limit {every} gives all")
 

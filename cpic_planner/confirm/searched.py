@@ -220,7 +220,7 @@ def search_cost(tasks: Sequence[SearchTask]) -> Cost:
         times.append(cost.work_s + _SEARCH_S * task.count * each)
         memory_mb, searches = max(memory_mb, cost.memory_mb), searches + task.count * each
     counts = {"n_tasks": len(tasks), "n_realisations": sum(task.count for task in tasks), "n_searches": searches}
-    return Cost(counts=counts, times_s=times, start_s=2.0, memory_mb=memory_mb or 200.0, disk_mb=0.5)
+    return Cost(counts=counts, times_s=times, start_s=4.0, memory_mb=memory_mb or 200.0, disk_mb=0.5)
 
 
 @dataclass(frozen=True, eq=False)
