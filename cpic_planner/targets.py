@@ -157,7 +157,8 @@ def targets_from_table(
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     pa = number("companion_pa_deg")
     age_yr = julian_year(utc) - number("companion_epoch_yr")
-    numbers: dict[str, Any] = {name: number(name) for name in _NUMBERS}
+    columns: dict[str, Any] = {name: number(name) for name in _NUMBERS}
+    columns |= {name: text(name) for name in ("sp_type", "hd", "gj")}
     flags, close_companion = [], np.asarray(table.column("close_companion"), bool)
     rows = zip(
         text("name").tolist(),
@@ -186,10 +187,7 @@ def targets_from_table(
     return Targets(
         name=text("name"),
         hip=np.asarray(table.column("hip"), np.int64),
-        sp_type=text("sp_type"),
-        hd=text("hd"),
-        gj=text("gj"),
-        **numbers,
+        **columns,
         companion_separation_arcsec=number("companion_sep_arcsec"),
         companion_pa_deg=pa,
         companion_position_error_arcsec=np.where(located, number(POSITION_ERROR), np.nan),
