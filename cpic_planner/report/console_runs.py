@@ -105,7 +105,9 @@ def _zeros(rank: results.RankResult) -> str:
 
 
 def _score_cells(name: str) -> Cells:
-    return Cells(SCORES[name].label, lambda row: score_number(row.score, name), numbers=(score_taken(name),))
+    score = SCORES[name]
+    look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (score_taken(name),)}
+    return Cells(score.label, lambda row: score_number(row.score, name), **look)
 
 
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
