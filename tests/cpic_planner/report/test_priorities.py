@@ -52,7 +52,8 @@ def printed(rank):
 def test_headings_stand_alone_and_say_what_the_cells_are(printed, width):
     """No heading is a bare low or high, none has a unit that its cells do not have, and no two are the same."""
     stars, bars = (
-        next(line for line in printed(width).splitlines() if line.split()[:2] == first.split()) for first in ("# star", "number values,")
+        next(line for line in printed(width).splitlines() if line.split()[:2] == first.split())
+        for first in ("# star", "number values,")
     )
     for line in (stars, bars):
         headings = [heading for heading in line.split("  ") if heading.strip()]
