@@ -76,9 +76,8 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     if known:
         low, high = track.separation_low_arcsec, track.separation_high_arcsec
         axes.fill_between(days, low, high, color=colour, alpha=0.25, lw=0)
-    unknown = "" if known else ", phase unknown"
     doubted = "" if row.status == "confirmed" else f", {row.status}"
-    label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
+    label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{', phase unknown' * (not known)}")
     axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6 if known else 1.1, label=label)
     for end, edge in (("16", track.separation_low_arcsec), ("84", track.separation_high_arcsec)):
         look: Look = {"alpha": 0.4, "lw": 0.5} if known else {"ls": (0, (2, 2)), "lw": 0.9}
