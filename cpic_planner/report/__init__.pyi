@@ -88,7 +88,7 @@ from cpic_planner.report.searched_sections import (
 )
 from cpic_planner.report.searched_words import print_curve as print_curve, print_roc as print_roc
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
-from cpic_planner.report.summary import calibration_sentence as calibration_sentence
+from cpic_planner.report.summary import calibration_sentence as calibration_sentence, outcome_text as outcome_text
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
 from cpic_planner.report.write import (

@@ -162,13 +162,12 @@ class JobPages:
             return line(str(InputError("format", form[:40], allowed="html or json")), 400)
         if form == "json":
             return _json(JobAnswer.of(standing), 200)
-        title = f"{_star(standing)}: {_TITLE}"
         folder = self._queue.run_folder(standing.id)
         if folder is None:
-            return _page(_progress_page(title, standing, token))
+            return _page(_progress_page(f"{_star(standing)}: {_TITLE}", standing, token))
         body = await run_in_threadpool(_read, folder / _RESULT)
         result = StarImagesResult.model_validate_json(body)
-        return _page(_result_page(title, standing, result))
+        return _page(_result_page(standing, result))
 
     async def _cancelled(self, request: Request, standing: Standing) -> Response:
         """Withdraw an asker."""
@@ -266,7 +265,7 @@ def _progress_page(title: str, standing: Standing, token: str) -> str:
     return pages.told_page(title, _ABOUT, "Job", blocks, **more)
 
 
-def _result_page(title: str, standing: Standing, result: StarImagesResult) -> str:
+def _result_page(standing: Standing, result: StarImagesResult) -> str:
     (target,) = result.targets
     address, name = f"/jobs/{standing.id}", report.pretty_name(target.name)
     images = {}
@@ -278,4 +277,4 @@ def _result_page(title: str, standing: Standing, result: StarImagesResult) -> st
     blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
     blocks += pages.elsewhere("", image_lines(standing.pairs), result.config_hash, result.catalogue)
     sources = [("JSON", f"{address}/{_RESULT}"), ("CSV", f"{address}/{_TABLE}")]
-    return pages.told_page(title, _ABOUT, "Result", blocks, sources=sources)
+    return pages.told_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)

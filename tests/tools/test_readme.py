@@ -61,7 +61,7 @@ def test_changed_words_come_into_the_template(old, new, kept):
 
 def test_another_readme_fails_the_check(tmp_path, monkeypatch, capsys):
     path = tmp_path / "README.md"
-    path.write_text(readme.README.read_text(encoding="utf-8").replace("of the predicted one", "of what was predicted"))
+    path.write_text(readme.README.read_text(encoding="utf-8").replace("Predicted over recovered SNR", "This ratio"))
     monkeypatch.setattr(readme, "README", path)
     assert readme.main(["--check"]) == 1
     assert "make readme" in capsys.readouterr().err

@@ -58,6 +58,7 @@ def test_a_job_runs_to_its_result_which_is_that_of_python(browser, tmp_path):
     assert target.model_dump_json() == result.targets[0].model_dump_json()
     html5lib.HTMLParser(strict=True).parse(page)
     for words in (
+        "<h1>τ Cet: confirmed by simulated images in F520</h1>",
         "Confirmed in F520; ETC",
         f"{address}/panels-F520.svg",
         f"{address}/star_images.json",
