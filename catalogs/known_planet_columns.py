@@ -21,7 +21,7 @@ def _float(name: str, unit: str, believed: tuple[float, float], aliases: str, de
 
 
 def _angle(name: str, aliases: str, description: str) -> Column:
-    return _float(name, "deg", (-360.0, 720.0), aliases, description)
+    return Column(name, description, "float", "deg", aliases, -360.0, 720.0, fills=True)
 
 
 def _date(name: str, aliases: str, description: str) -> Column:

@@ -35,7 +35,7 @@ class Column:
     decimals : int
         Digits that a shipped table has after the point.
     fills : bool
-        Whether a number such as 9999 stands for a missing one; of columns below zero one such as -99.99 always does.
+        Whether a number such as 9999 or -99.99 stands for a missing one.
     """
 
     name: str
@@ -67,15 +67,13 @@ class Column:
         return f"{self.low:g} to {self.high:g} {self.unit}".strip()
 
     def is_fill(self, value: float) -> bool:
-        """Tell whether a number of the file is one that tables write where they have none: nothing but nines."""
-        digits = f"{abs(value):.12g}".replace(".", "")
-        if value == -1.0 and self.unit == "mag":
-            return self.low > -2.0  # no star has a V of exactly that, while differences of magnitudes may
-        if set(digits) != {"9"}:
-            return False
-        if value < 0.0:
-            return len(digits) >= _FEWEST_NINES and (value <= -99.0 or self.unit == "mag")
-        return self.fills and len(digits) > _FEWEST_NINES and value > 999.0
+        """Tell whether a number of the file is one that tables write where they have none: nothing but nines.
+
+        No star has a V of exactly -1 either, while differences of magnitudes may be that; -99.9 km/s may be measured.
+        """
+        if not self.fills or set(f"{abs(value):.12g}".replace(".", "")) != {"9"}:
+            return self.fills and value == -1.0 and self.unit == "mag" and self.low > -2.0
+        return value < -9.9 if self.unit == "mag" else value < -99.9 or value > 999.0
 
 
 def heading(text: str) -> str:
@@ -136,7 +134,6 @@ _YES, _NO = ("1", "1.0", "true", "t", "yes", "y"), ("0", "0.0", "false", "f", "n
 _HOURS = ("h", "hour", "hours", "hourangle")
 _PLURALS = {"days": "d", "degrees": "deg", "years": "yr", "hours": "h"}
 _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
-_FEWEST_NINES = 3
 _SHOWN = 40
 _MANY = 12
 

@@ -146,7 +146,8 @@ def inherited_terms(instrument: Instrument, camera: str, noise: StackNoise) -> N
     """
     found = np.zeros(noise.snr.shape, "<U24")
     section = "detector." if camera == "VIS" else "near_infrared.detector."
-    sources = {term: instrument.provenance.get(section + name) for term, name in _NUMBERS.items()}
+    known = instrument.provenance
+    sources = {term: known.get(section + name) for term, name in _NUMBERS.items()}
     given = [term for term, item in sources.items() if item is None or item.source == "user"]
     if not given:
         return found

@@ -72,3 +72,18 @@ def test_headings_that_differ_by_a_capital_alone(text, name):
 @pytest.mark.parametrize("text", ["OMEGA", "OMEGA [deg]", "OMEGA_ERR", "M", "M [Msun]"])
 def test_headings_whose_capitals_leave_their_meaning_open_are_refused(refused, text):
     refused("more than one meaning", COLUMNS.meant_by, text)
+
+
+@pytest.mark.parametrize(
+    ("name", "filled", "measured"),
+    [
+        ("v_mag", [-1.0, -9.99, -9.999, -99.9], [-1.46, 9.99, 0.0]),
+        ("rv_km_s", [-99.99, -999.0, -999.9, -9999.0, 999.9], [-9.99, -99.0, -99.9, 99.9, 0.0]),
+        ("pm_ra_mas_yr", [-99.99, -9999.0, 9999.0, 99999.0], [-99.9, 999.0, -1.0, 9.0]),
+        ("companion_delta_v_mag", [-9.99], [-9.9, -1.0, 9.99]),
+        ("distance_pc", [9999.0], [9.99, 99.99, 999.0]),
+    ],
+)
+def test_numbers_that_stand_for_missing_ones(name, filled, measured):
+    assert all(map(QUANTITIES[name].is_fill, filled))
+    assert not any(map(QUANTITIES[name].is_fill, measured))
