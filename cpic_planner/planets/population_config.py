@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from catalogs import ECCENTRICITY_MAX
-from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
+from cpic_core import FloatArray, InputError, IntArray, Provenance, by_line, split_sourced
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.mass_radius import least_mass
 from cpic_planner.queries import ReferencePlanet
@@ -210,6 +210,7 @@ def _mixture(population: PopulationConfig) -> tuple[PlanetKind, ...]:
 PopulationSource = PopulationConfig | Mapping[str, Any] | str | Path | None
 
 
+@by_line
 def load_population(source: PopulationSource = None) -> PopulationConfig:
     """Load a population.
 

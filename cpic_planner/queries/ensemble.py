@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import FloatArray, InputError, by_line, stream
 from cpic_planner.planets import Law, read_law
 from cpic_planner.queries.changes import is_optical
 from cpic_planner.queries.written_values import with_unit
@@ -98,6 +98,7 @@ class Ensemble(FrozenModel):
         return next((item for item in keys if fnmatchcase(key, item)), "")
 
 
+@by_line
 def load_ensemble(source: Ensemble | Mapping[str, Any] | str | Path | None = None) -> Ensemble:
     """Load an ensemble.
 

@@ -219,11 +219,11 @@ def test_files_are_named_as_they_are_called_and_not_as_an_option(tmp_path, name,
     (tmp_path / name).write_text(content)
     with (
         pytest.raises(InputError, match=rf"^{name}( |:).*{said}"),
-        called_by_option(RankQuestion),
+        called_as(option_names(RankQuestion)),
     ):
         open_catalogue(tmp_path / name)
     absent = tmp_path / "absent" / name
-    with pytest.raises(InputError, match=f"^--catalog = {absent}"), called_by_option(RankQuestion):
+    with pytest.raises(InputError, match=f"^--catalog = {absent}"), called_as(option_names(RankQuestion)):
         open_catalogue(absent)
 
 
@@ -232,7 +232,7 @@ def test_curves_are_named_as_they_are_called_and_not_as_an_option(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     Path(name).write_text("# nm\n500 0.5\n400 0.5\n")
     for path in (name, tmp_path / name):
-        with pytest.raises(InputError, match=f"^{path}: wavelength = "), called_by_option(EtcQuestion):
+        with pytest.raises(InputError, match=f"^{path}: wavelength = "), called_as(option_names(EtcQuestion)):
             band_from_file(path, "X", t_opt=0.5, qe=0.5)
 
 
