@@ -91,6 +91,8 @@ from cpic_core.user_files import (
 )
 from cpic_core.yaml_files import (
     Provenance as Provenance,
+    by_line as by_line,
+    faults_by_line as faults_by_line,
     load_mapping as load_mapping,
     load_yaml as load_yaml,
     parse_yaml as parse_yaml,

@@ -4,21 +4,25 @@ PyYAML follows YAML 1.1, where ``1e-8`` is a string, ``on`` is a boolean and ``1
 loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.org/spec/1.2.2/#103-core-schema).
 """
 
+import contextlib
 import copy
 import functools
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import yaml
 
 from cpic_core.errors import InputError
 from cpic_core.quantities import checked_array, converted, unit_of
-from cpic_core.user_files import read_text
+from cpic_core.user_files import is_file, read_text
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 MAX_BYTES = 4_000_000
 _MAX_KEPT = 100_000
@@ -216,6 +220,80 @@ def load_mapping(path: str | Path, kind: str, keys: Iterable[str]) -> dict[str, 
         if said in KINDS if "kind" in tree else not known.isdisjoint(_reduced(str(key)) for key in tree):
             return tree
     raise InputError(kind, str(path), allowed=f"a YAML mapping of kind {kind}", hint=f"its first line: kind: {kind}")
+
+
+@contextlib.contextmanager
+def faults_by_line(source: Any, *, whole: bool = True) -> Iterator[None]:
+    """Name file and line in refusals of what a YAML file says.
+
+    Parameters
+    ----------
+    source : object
+        The file; nothing is named where it is none, as a preset or a mapping.
+    whole : bool
+        Whether the file says everything, so that a key that it does not have is its fault too.
+
+    Raises
+    ------
+    InputError
+        Those of the body. Where a key is missing, the line is that of what should have it.
+    """
+    try:
+        yield
+    except InputError as error:
+        name = Path(source).name if isinstance(source, str | Path) and is_file(source) else ""
+        if not name or error.key.startswith((f"{name} ", f"{name}:")) or str(error.value) == str(source):
+            raise
+        line = _line_of(source, error.key)
+        if not line and not whole:
+            raise
+        key, about = f"{name}{f' line {line}' * bool(line)}: {error.key}", (error.unit, error.allowed, error.hint)
+        raise InputError(key, error.value, unit=about[0], allowed=about[1], hint=about[2]) from None
+
+
+def by_line(load: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that loads what its first argument names, with `faults_by_line` of that."""
+
+    @functools.wraps(load)
+    def told(*args: P.args, **keywords: P.kwargs) -> R:
+        with faults_by_line(args[0] if args else keywords.get("source")):
+            return load(*args, **keywords)
+
+    return told
+
+
+def _line_of(path: str | Path, key: str) -> int:
+    """Return the line of the key, or of the last part of it that a YAML file has; 0 for none."""
+    text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
+    try:
+        node: Any = yaml.compose(text, Loader=_StrictLoader)
+    except (yaml.YAMLError, RecursionError, ValueError):
+        return 0
+    parts = [part for part in re.split(r"[.\[\]]+", key) if part]
+    # The first part may stand for the file, and what an item of a list does not say for itself is of the defaults.
+    shared = [["defaults", *parts[n + 1 :]] for n, part in enumerate(parts) if part.isdigit()]
+    return max(_deepest(node, path) for path in (parts, parts[1:], *shared))[-1]
+
+
+def _deepest(node: Any, parts: Sequence[str]) -> tuple[bool, int, int]:
+    """Return whether all parts of a key are there, one in the other, how many are, and the line of the last of them."""
+    found, line = 0, 0
+    while found < len(parts):
+        below = _below(node)
+        more = next((n for n in range(len(parts), found, -1) if ".".join(parts[found:n]) in below), 0)
+        if not more:
+            break
+        line, node = below[".".join(parts[found:more])]
+        found = more
+    return found == len(parts) > 0, found, line
+
+
+def _below(node: Any) -> dict[str, tuple[int, Any]]:
+    """Return line and node of what is below one, by key or number."""
+    if isinstance(node, yaml.MappingNode):
+        return {key.value: (key.start_mark.line + 1, item) for key, item in node.value if isinstance(key.value, str)}
+    items = node.value if isinstance(node, yaml.SequenceNode) else ()
+    return {str(number): (item.start_mark.line + 1, item) for number, item in enumerate(items)}
 
 
 def _reduced(key: str) -> str:

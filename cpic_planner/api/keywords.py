@@ -127,23 +127,7 @@ def takes(
     return made
 
 
-_SHOWN = frozenset(
-    [
-        "limit",
-        "format",
-        "form",
-        "brief",
-        "json",
-        "as_json",
-        "plot",
-        "out",
-        "explain",
-        "verbose",
-        "quiet",
-        "dry_run",
-        "strict",
-    ]
-)
+_SHOWN = ("limit", "format", "form", "brief", "json", "as_json", "plot", "out", "explain", "dry_run", "strict")
 """Options that decide what a command shows, not what it answers."""
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 import typer
 from typer.core import TyperCommand
 
-from cpic_core import InputError
+from cpic_core import InputError, faults_by_line
 from cpic_planner.cli.options import note, shown
 from cpic_planner.cli.progress import heard
 
@@ -132,7 +132,11 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
         with called_as(names | {".".join(option.path[:-1]): option.flag for option in parts}):
             with called_as({"file": "--question"}):
                 answered = {} if file is None else model.load(file)
-            run(model.of(tree_of(options, given, answered, names)), **others)
+            tree = tree_of(options, given, answered, names)
+            # What an option says is no fault of the file.
+            said = {option.path[0] for option in options if given[option.name] not in (None, (), [])}
+            with faults_by_line(None if said & set(answered) else file, whole=False):
+                run(model.of(tree), **others)
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
     parameters = [

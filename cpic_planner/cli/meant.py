@@ -1,4 +1,4 @@
-"""Which option of a command was meant by a name that it does not have: by meaning first, then by spelling."""
+"""Find the option that was meant by a name that a command does not have: by meaning first, then by spelling."""
 
 from collections.abc import Sequence
 from difflib import get_close_matches

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from catalogs import ECCENTRICITY_MAX
-from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
+from cpic_core import FloatArray, InputError, IntArray, Provenance, faults_by_line, split_sourced
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.mass_radius import least_mass
 from cpic_planner.queries import ReferencePlanet
@@ -237,8 +237,9 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
     """
     if isinstance(source, PopulationConfig):
         return source
-    values, provenance = split_sourced(_tree(source))
-    population = config.validate(PopulationConfig, values, where="population")
+    with faults_by_line(source):
+        values, provenance = split_sourced(_tree(source))
+        population = config.validate(PopulationConfig, values, where="population")
     population._provenance.update(provenance)
     return population
 

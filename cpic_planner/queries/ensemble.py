@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from cpic_core import FloatArray, InputError, stream
+from cpic_core import FloatArray, InputError, faults_by_line, stream
 from cpic_planner.planets import Law, read_law
 from cpic_planner.queries.changes import is_optical
 from cpic_planner.queries.written_values import with_unit
@@ -118,6 +118,11 @@ def load_ensemble(source: Ensemble | Mapping[str, Any] | str | Path | None = Non
     """
     if isinstance(source, Ensemble):
         return source
+    with faults_by_line(source):
+        return _read(source)
+
+
+def _read(source: Mapping[str, Any] | str | Path | None) -> Ensemble:
     keys = (*Ensemble.model_fields, "base")
     tree, _ = preset_tree("ensemble", DEFAULT if source is None else source, keys=keys, package=PACKAGE)
     base = tree.pop("base", None if source in (None, DEFAULT) else DEFAULT)

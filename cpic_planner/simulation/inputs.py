@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
-from cpic_core import InputError, at_home, load_mapping
+from cpic_core import InputError, at_home, faults_by_line, load_mapping
 from cpic_planner.jobs import Cost, pace
 from cpic_planner.queries import called, called_as
 from cpic_planner.results import ModellingRecord, PlannedSequenceRow, SimulationEstimate
@@ -169,9 +169,9 @@ def _read(
             allowed = "a preset, a YAML file, or a table of stars that exists"
             raise InputError("what", name, allowed=allowed, hint=config.nearest(name, known) or _presets())
         if path.suffix.lower() in _YAML:
-            return _read_mapping(
-                load_mapping(path, "scene", (*config.SCENE_KEYS, *config.SIMULATION_KEYS)), path, instrument
-            )
+            with faults_by_line(path):
+                tree = load_mapping(path, "scene", (*config.SCENE_KEYS, *config.SIMULATION_KEYS))
+                return _read_mapping(tree, path, instrument)
     stars = open_catalogue(name if name in NAMED_TABLES else path)
     return path.stem, stars, stars.notes
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs import split_source
-from cpic_core import InputError, Provenance, is_file, load_yaml, split_sourced
+from cpic_core import InputError, Provenance, by_line, is_file, load_yaml, split_sourced
 from cpic_planner.queries import EXCLUSIONS, changed_instrument, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -165,6 +165,7 @@ class StrategiesConfig(FrozenModel):
         return self
 
 
+@by_line
 def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -> StrategiesConfig:
     """Load strategies.
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import Field, PrivateAttr
 
 from catalogs import band_provenance, load_bands
-from cpic_core import InputError, Provenance, is_file, load_mapping, load_yaml, split_sourced
+from cpic_core import InputError, Provenance, by_line, is_file, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
 from simulator.config.detector import AnyDetector, Detector, assume_converter
@@ -260,6 +260,7 @@ InstrumentLike: TypeAlias = Instrument | Mapping[str, Any] | str | Path | None
 """What the functions of the package take for an instrument; None is the default preset."""
 
 
+@by_line
 def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Instrument:
     """Load an instrument.
 

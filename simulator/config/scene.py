@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
-from cpic_core import InputError, is_file, load_mapping
+from cpic_core import InputError, by_line, is_file, load_mapping
 from simulator.config.base import SpelledModel, inside, other_names, required, validate
 from simulator.config.bodies import MAX_SEPARATION_ARCSEC, Body, Planet, SceneStar
 from simulator.config.light import ALBEDO_MODELS, PLANET_MODELS, STAR_MODELS
@@ -186,6 +186,7 @@ SCENE_KEYS = (*Scene.model_fields, *Scene.ALIASES, *Scene.HINTS)
 """Keys of a file of a scene, as people write them."""
 
 
+@by_line
 def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Load a scene from a YAML path, a preset name or a mapping.
 

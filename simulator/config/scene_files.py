@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
-from cpic_core import InputError, is_file
+from cpic_core import InputError, by_line, is_file
 from simulator.config import scene as scene_file
 from simulator.config.base import canonical_keys, inside, required, to_unit, validate
 from simulator.config.bodies import Planet
@@ -154,6 +154,7 @@ SIMULATION_KEYS = (*_TOP, "sequence")
 """Keys of a file of a simulation."""
 
 
+@by_line
 def load_simulation(source: SimulationSource, *, instrument: InstrumentLike = None) -> SimulationConfig:
     """Load a simulation from a YAML path, a preset name or a mapping.
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from pydantic import PrivateAttr
 
-from cpic_core import FloatArray, InputError, Provenance, split_sourced
+from cpic_core import FloatArray, InputError, Provenance, by_line, split_sourced
 from cpic_planner.results import PointingRecord
 from simulator.config import at, canonical_keys, load_instrument, tree_over_preset, validate
 
@@ -94,6 +94,7 @@ class VisibilityConfig(PointingRecord):
 VisibilitySource = VisibilityConfig | Mapping[str, Any] | str | Path | None
 
 
+@by_line
 def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
     """Load limits of pointing.
 

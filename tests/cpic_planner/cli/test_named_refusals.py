@@ -52,3 +52,10 @@ def test_a_refusal_names_its_option(call, tmp_path, monkeypatch, command):
                     value,
                     err,
                 )
+
+
+def test_answers_of_a_file_are_named_by_its_line(refuses, tmp_path):
+    path = tmp_path / "question.yaml"
+    path.write_text("kind: question\ntarget: tau Cet\nsnr: -5\n")
+    refuses(("-q", "etc", "--question", path), ["cpic: question.yaml line 3: snr = -5"])
+    refuses(("-q", "etc", "--question", path, "--snr", "-3"), ["cpic: --snr = -3"])
