@@ -24,8 +24,8 @@ def few(tmp_path_factory):
     return ["--catalog", str(path), "--band", "F520"]
 
 
-def ranking(done, few, *options):
-    out, _ = done(*few, "--planets", "800", *options, "--json")
+def ranking(done, few, *options, planets=800):
+    out, _ = done(*few, "--planets", planets, *options, "--json")
     return RankResult.model_validate_json(out)
 
 
@@ -123,7 +123,7 @@ def test_comparison_with_a_file_and_with_an_instrument(done, few, tmp_path):
     out, _ = done(*few, "--planets", "200", "--compare", str(file), "--json")
     told = RankComparison.model_validate_json(out)
     assert {item.key for item in told.settings} >= {"instrument.drift.visit_nm"}
-    nominal = {row.name: row for row in ranking(done, few, "--planets", "200").targets}
+    nominal = {row.name: row for row in ranking(done, few, planets=200).targets}
     assert {move.name: move.after.score for move in told.targets} == {name: row.score for name, row in nominal.items()}
     assert all(move.score_ratio is None or move.score_ratio > 1 for move in told.targets)
     out, _ = done(*few, "--planets", "200", "--compare", str(file), "--stars", "near star")

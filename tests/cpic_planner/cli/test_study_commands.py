@@ -110,8 +110,8 @@ def test_known_planets_are_those_of_the_option(done, tmp_path, no_figures):
 
 
 def test_what_excludes_planets_and_which_fact_moved_which_number(done, mine, tmp_path, no_figures):
-    plain = (mine, *split("--strategy once --images 0 --workers 1 --facts"))
-    out, _ = done(*plain, "--out", str(tmp_path / "all"))
+    plain = (mine, *split("--strategy once --images 0 --workers 1"))
+    out, _ = done(*plain, "--facts", "--out", str(tmp_path / "all"))
     assert "Planets found without each fact, planned anew" in out
     made = json.loads((tmp_path / "all/whatif.json").read_text())
     assert made["universe"]["exclusions"] == ["rv", "stability", "known_giants"]

@@ -121,12 +121,19 @@ def test_the_error_of_the_phase_grows_with_time(table_of, years):
     assert abs(np.mean(off)) < 4 * expected / math.sqrt(N)
 
 
-@pytest.mark.parametrize(
-    "row", ["1000,2,,,0.1,10,2,1", f"1000,,{EPOCH_JD},5,0.1,10,2,1", f"1000,2,{EPOCH_JD},,0.1,10,2,1"]
-)
-def test_without_a_time_or_an_error_the_phase_is_unknown(table_of, row):
-    m = drawn_from(table_of(DATED + "e,omega,a,mass", row)).mean_anomaly_deg[0]
+def test_without_a_time_the_phase_is_unknown(table_of):
+    m = drawn_from(table_of(DATED + "e,omega,a,mass", "1000,2,,,0.1,10,2,1")).mean_anomaly_deg[0]
     assert kstest(m, uniform(0, 360).cdf).pvalue > 1e-3
+
+
+@pytest.mark.parametrize(("period_err", "passage_err"), [("", 5.0), (2.0, ""), ("", "")])
+def test_a_period_or_time_without_an_error_is_exact(table_of, period_err, passage_err):
+    period, elapsed = 1000.0, 1500.0
+    table = table_of(DATED + "e,omega,a,mass", f"{period},{period_err},{EPOCH_JD},{passage_err},0.1,10,2,1")
+    m = drawn_from(table, epoch=EPOCH + elapsed).mean_anomaly_deg[0]
+    expected = 360.0 / period * math.hypot(passage_err or 0.0, elapsed * (period_err or 0.0) / period)
+    assert np.std(m) == pytest.approx(expected, rel=4 / math.sqrt(2 * N), abs=1e-9)
+    assert abs(np.mean(m) - 180.0) <= 4 * expected / math.sqrt(N) + 1e-6
 
 
 def test_poles_are_isotropic_and_masses_follow(table_of):
