@@ -125,7 +125,7 @@ def _latex(caption: str, label: str, columns: Sequence[Cells], cells: Sequence[S
 
     sides = "".join("r" if columns[i].right else "l" for i in shown)
     look = "\\begin{table}\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n"
-    named = f"\\caption{{{latex_text(caption)}}}\n\\label{{{label}}}\n"
+    named = f"\\caption{{{latex_text(caption)}}}\n\\label{{{visible(label)}}}\n"
     tabular = f"\\begin{{tabular}}{{{sides}}}\n\\hline\n{line(heads)}\\hline\n{''.join(map(line, cells))}\\hline\n"
     return f"{look}{named}{tabular}\\end{{tabular}}\n\\end{{table}}\n"
 
@@ -133,7 +133,7 @@ def _latex(caption: str, label: str, columns: Sequence[Cells], cells: Sequence[S
 def latex_text(text: str) -> str:
     """Return a text for LaTeX: powers of ten, Greek letters and signs in mathematics, the rest escaped."""
     made = []
-    for part in re.split(r"(\d\.?\d*e[-+]\d+)", text):
+    for part in re.split(r"(\d\.?\d*e[-+]\d+)", visible(text)):
         power = _POWER.fullmatch(part)
         if power is not None:
             made.append(rf"${power[1]}\times10^{{{int(power[2])}}}$")

@@ -70,7 +70,7 @@ def test_tables(printers, name, form):
         return
     sheet = report.Sheet(screen, form)
     printers[name](sheet)
-    text = report.form_text(form, *sheet.taken)
+    text = report.form_text(form, printers[name].args[0], sheet.taken)
     assert steering(text.replace("\r\n", "\n")) == set()
 
 
