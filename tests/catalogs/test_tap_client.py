@@ -1,10 +1,7 @@
 """One client for every service: an answer counts only when it is whole, and the time and the bytes are kept to."""
 
 import pickle
-import subprocess
-import sys
 import time
-from multiprocessing import Pipe
 
 import pytest
 
@@ -165,15 +162,12 @@ def test_a_redirect_is_followed_on_the_same_host_and_elsewhere_when_asked(simbad
 
 def test_an_interruption_ends_the_process_and_the_next_question_has_its_own_answer(simbad, monkeypatch):
     simbad.mode = "hang"
-    connection = type(tap_client._PROCESS._ready_line())
 
-    def interrupt(line, timeout):
-        if timeout > 0:  # while it waits for the answer
-            raise KeyboardInterrupt
-        return False
+    def interrupt(lines, time_s):
+        raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(connection, "poll", interrupt)
+        patched.setattr(tap_client, "wait", interrupt)
         with pytest.raises(KeyboardInterrupt):
             asked(simbad)
     simbad.mode = ""
@@ -187,14 +181,17 @@ def test_a_process_that_died_is_replaced(simbad):
     assert "* tau Cet" in asked(simbad)["main_id"]
 
 
-def test_an_idle_process_that_is_about_to_end_is_replaced(simbad):
-    """It has closed the line, and takes its time to be gone."""
-    line, theirs = Pipe()
-    theirs.close()
-    tap_client._PROCESS.end()
-    tap_client._PROCESS._line = line
-    tap_client._PROCESS._child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    assert asked(simbad, retries=0)
+def test_a_process_that_may_be_about_to_end_is_replaced(simbad, monkeypatch):
+    """It ends when it has been idle for a while."""
+    asked(simbad)
+    first = tap_client._PROCESS._child
+    asked(simbad)
+    assert tap_client._PROCESS._child is first
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 0.6 * tap_client.IDLE_S)
+    asked(simbad)
+    assert tap_client._PROCESS._child is not first
+    assert first.returncode is not None
 
 
 @pytest.mark.parametrize("mode", ["", "silent limit"])
