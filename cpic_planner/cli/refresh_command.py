@@ -150,11 +150,8 @@ def _show_result(done: Written, screen: Console) -> None:
     from catalogs import RefreshedPlanets
 
     made = done.made
-    if isinstance(made, RefreshedPlanets):
-        name, counts = "NASA Exoplanet Archive", made.planets.counts
-    else:
-        name, counts = "SIMBAD", made.counts
-    rows = [(what, str(count)) for what, count in counts.items()]
+    name = "NASA Exoplanet Archive" if isinstance(made, RefreshedPlanets) else "SIMBAD"
+    rows = [(what, str(count)) for what, count in made.counts.items()]
     table(screen, f"{name} of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
     if isinstance(made, RefreshedPlanets):
         _show_planets(made, screen)
@@ -200,7 +197,7 @@ def _show_planets(made: RefreshedPlanets, screen: Console) -> None:
             for item in changes.moved
         )
         table(screen, "Orbits that moved", ("planet", "element", "shipped", "archive", "combined errors"), cells)
-    report.print_plain(screen, *made.planets.notes, wraps=False)
+    report.print_plain(screen, *made.notes, wraps=False)
 
 
 def _measured(value: float, error: float) -> str:
