@@ -37,7 +37,7 @@ DAMAGED = "damaged, or made by another version: make a new one with cpic catalog
 
 @dataclass(frozen=True, kw_only=True)
 class Refresh:
-    """What came of asking an archive: when, where and what was asked, and what differs from the shipped table.
+    """The story of a refreshed table: when, where and what was asked, what came of it and what is new.
 
     Parameters
     ----------

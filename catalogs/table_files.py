@@ -254,10 +254,6 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
 def votable_document(file: TableBytes) -> tuple[Any, str]:
     """Return a VOTable as astropy reads it, the nulls of its first table mended, and what its INFO elements say.
 
-    Parameters
-    ----------
-    file : TableBytes
-
     Raises
     ------
     InputError
@@ -267,9 +263,8 @@ def votable_document(file: TableBytes) -> tuple[Any, str]:
     """
     found, said = _outside_and_said(file.data)
     if found:
-        raise InputError(
-            file.name, found, allowed="a VOTable that holds its own data", hint="references are not followed"
-        )
+        allowed = "a VOTable that holds its own data"
+        raise InputError(file.name, found, allowed=allowed, hint="references are not followed")
     from astropy.io.votable import parse
 
     parsed = parse(io.BytesIO(file.data))
@@ -326,18 +321,13 @@ class _Reference(Exception):
     """Raised at the first thing that leads out of a document to another file or address."""
 
 
-def reference_in(xml: bytes) -> str:
-    """Return what in an XML document leads outside of it, in words; empty if nothing does.
-
-    These are data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an encoding
-    or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document
-    is damaged, its parser will say so; what is in front of the damage is judged.
-    """
-    return _outside_and_said(xml)[0]
-
-
 def _outside_and_said(xml: bytes) -> tuple[str, str]:
-    """Return what leads outside of a document (`reference_in`), and the names and values of its INFO elements."""
+    """Return what leads outside of an XML document, in words; and the names and values of its INFO elements.
+
+    Outside lead data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an
+    encoding or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the
+    document is damaged, its parser will say so; what is in front of the damage is judged.
+    """
     from xml.parsers import expat
 
     if xml.startswith(_PACKED):

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import wait
-from typing import IO, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 from catalogs.table_files import RawColumn, RawTable
@@ -212,7 +212,7 @@ class _Process:
     """The process that questions are put to, one after another; started when there is none."""
 
     def __init__(self) -> None:
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: Any = None
         self._idle_at = 0.0
 
     def answer(self, asked: dict[str, Any], time_s: float) -> dict[str, Any]:
@@ -232,7 +232,7 @@ class _Process:
                 questions, answers = self._lines()
                 questions.write(f"{json.dumps(asked)}\n".encode())
                 questions.flush()
-                if wait([answers], time_s):
+                if wait([answers.fileno()], time_s):
                     said = json.loads(answers.readline())
                 else:
                     problem = f"no complete answer within {time_s:g} s"
@@ -242,7 +242,7 @@ class _Process:
                 self.end()
         return said or {"problem": problem, "kind": "way"}
 
-    def _lines(self) -> tuple[IO[bytes], IO[bytes]]:
+    def _lines(self) -> tuple[Any, Any]:
         """Return the ends of the process that is there, unless it has been idle for long, or of a new one."""
         if self._child is None or self._child.poll() is not None or time.monotonic() > self._idle_at + IDLE_S / 2.0:
             self.end()

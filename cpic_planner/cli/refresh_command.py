@@ -118,10 +118,10 @@ def refresh(
         print_json(done.summary())
     else:
         _show_result(done, console())
-    if done.refusal:
+    if done.made.refusal:
         option = "--known-planets" if planets else "--catalog"
         remedy = f"set aside as {done.path}; if it is right, use it with {option} FILE"
-        raise typer.Exit(error_line(f"{done.refusal} {remedy}", 1))
+        raise typer.Exit(error_line(f"{done.made.refusal} {remedy}", 1))
 
 
 def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_json: bool) -> None:
@@ -157,7 +157,7 @@ def _show_result(done: Written, screen: Console) -> None:
         _show_planets(made, screen)
     else:
         _show_stars(made, screen)
-    if not done.refusal:
+    if not done.made.refusal:
         report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
 
 

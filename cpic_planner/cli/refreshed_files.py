@@ -38,33 +38,33 @@ Listener = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Written:
-    """A refreshed table on disk: of stars or of planets; ``refusal`` says why it was set aside, if it was."""
+    """A refreshed table on disk, of stars or of planets."""
 
     path: Path
     sha256: str
-    refusal: str
     made: Refreshed | RefreshedPlanets
 
     def summary(self) -> dict[str, Any]:
         """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
         made = self.made
+        about: dict[str, Any]
         if isinstance(made, RefreshedPlanets):
-            kind, changes, more = "planets_refresh", _planets_changed(made), {"notes": list(made.notes)}
+            kind, changes, about = "planets_refresh", _planets_changed(made), {"notes": list(made.notes)}
         else:
-            kind, changes, more = "catalog_refresh", _stars_changed(made), {"cuts": asdict(made.cuts)}
+            kind, changes, about = "catalog_refresh", _stars_changed(made), {"cuts": asdict(made.cuts)}
         return {
             "schema_version": 1,
             "kind": kind,
             "file": str(self.path),
             "sha256": self.sha256,
-            "set_aside": self.refusal,
+            "set_aside": made.refusal,
             "queried_utc": made.queried_utc.isoformat(),
             "service": made.url,
             "queries": list(made.queries),
             "counts": dict(made.counts),
             "changes_to_snapshot": changes,
             "left_out": dict(made.left_out),
-            **more,
+            **about,
         }
 
 
@@ -199,7 +199,7 @@ def _kept(
     except OSError as error:
         hint = "choose another place with --out or CPIC_DATA_DIR"
         raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
-    return Written(path, hashlib.sha256(text.encode()).hexdigest(), made.refusal, made)
+    return Written(path, hashlib.sha256(text.encode()).hexdigest(), made)
 
 
 def _versions() -> dict[str, str]:

@@ -1,9 +1,12 @@
 """One client for every service: an answer counts only when it is whole, and the time and the bytes are kept to."""
 
+import io
 import pickle
 import time
 
 import pytest
+from astropy.io.votable import from_table
+from astropy.table import MaskedColumn, Table
 
 from catalogs import Cuts, RefreshError, TapService, queries, tap_client
 from catalogs.tap_client import ask
@@ -86,6 +89,55 @@ def test_time_limit_holds_for_the_whole_answer(simbad, mode):
 def test_other_ways_of_sending_are_read(simbad, mode):
     simbad.mode = mode
     assert "* tau Cet" in asked(simbad)["main_id"]
+
+
+@pytest.mark.parametrize("form", ["tabledata", "binary", "binary2"])
+def test_every_form_of_a_votable_is_read_with_what_is_missing(simbad, form):
+    table = Table({"main_id": ["HD 1", "", "HD 3"], "ra": MaskedColumn([1.5, 2.5, 3.5], mask=[False, False, True])})
+    content = io.BytesIO()
+    from_table(table).to_xml(content, tabledata_format=form)
+    simbad.mode, simbad.data = "data", (content.getvalue(),)
+    assert asked(simbad) == {"main_id": ["HD 1", None, "HD 3"], "ra": [1.5, 2.5, None]}
+
+
+def said(name, place, tap):
+    """Return an answer of one row that says its status in a place of the document."""
+    data = tap.votable([("oid", "long", "")], [[1]]).decode()
+    note = f'<INFO name="QUERY_STATUS" value="{name}">it was stopped</INFO>'
+    return data.replace(
+        *{"end": ("</VOTABLE>", f"{note}</VOTABLE>"), "table": ("</TABLE>", f"{note}</TABLE>")}[place]
+    ).encode()
+
+
+@pytest.mark.parametrize("place", ["end", "table"])
+@pytest.mark.parametrize(("name", "words"), [("OVERFLOW", "cut off at 1 rows"), ("ERROR", "ERROR|it was stopped")])
+def test_a_status_counts_wherever_it_stands(simbad, tap, name, place, words):
+    simbad.mode, simbad.data = "data", (said(name, place, tap),)
+    with pytest.raises(RefreshError, match=words):
+        asked(simbad, retries=0)
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "words", "attempts"),
+    [
+        (500, "application/x-votable+xml", "HTTP 500", 3),
+        (503, "text/plain", "HTTP 503", 3),
+        (429, "application/x-votable+xml", "HTTP 429", 3),
+        (403, "application/x-votable+xml", "HTTP 403", 1),
+        (400, "text/plain", "HTTP 400", 1),
+    ],
+)
+def test_a_whole_table_with_a_status_of_error_is_no_answer(simbad, tap, status, kind, words, attempts):
+    simbad.mode, simbad.data = "data", (tap.votable([("oid", "long", "")], [[1]]), status, kind)
+    with pytest.raises(RefreshError, match=words):
+        asked(simbad)
+    assert len(simbad.queries) == attempts
+
+
+def test_what_is_packed_several_times_is_no_larger_than_allowed(simbad):
+    simbad.mode, simbad.data = "data", (b" " * 20_000_000, 200, "text/xml", "gzip, gzip")
+    with pytest.raises(RefreshError, match="larger than"):
+        asked(simbad, max_bytes=10_000_000)
 
 
 @pytest.mark.parametrize("mode", ["refer", "refer gzip", "refer packed"])
