@@ -8,6 +8,7 @@ doing then; and its memory has a limit, whatever an answer is packed like.
 
 import contextlib
 import http.client
+import io
 import json
 import os
 import resource
@@ -22,6 +23,7 @@ import requests
 from pyvo.dal.exceptions import DALFormatError, DALQueryError, DALServiceError
 from pyvo.dal.tap import TAPQuery, TAPResults
 from urllib3.exceptions import ProtocolError
+from urllib3.response import HTTPResponse
 
 from catalogs.table_files import TableBytes, raw_column, remarks, votable_document
 from catalogs.tap_client import IDLE_S, TapService, is_here, may_be_asked
@@ -80,7 +82,7 @@ def refuse_place(service: TapService, first: str, url: str) -> None:
 
 
 class _Session(requests.Session):
-    """A session that goes only where it may, and through no proxy to this very machine."""
+    """A session that goes only where it may, through no proxy to this very machine, and reads no more than it may."""
 
     def __init__(self, service: TapService, first: str) -> None:
         super().__init__()
@@ -88,12 +90,22 @@ class _Session(requests.Session):
         self.headers["Accept-Encoding"] = "identity"
         self.max_redirects = _MOST_REDIRECTS
         self.trust_env = not is_here(urlsplit(first).hostname)
+        self.hooks["response"].append(self._read)
 
     def get_adapter(self, url: str) -> Any:
         """Return what sends a request, or one of the requests that it was redirected to."""
         adapter = super().get_adapter(url)
         refuse_place(self.service, self.first, url)
         return adapter
+
+    def _read(self, response: requests.Response, **_: object) -> None:
+        """Read what is sent and unpack it, of redirects and refusals too: others would do so without a limit."""
+        body = bytearray()
+        for chunk in response.raw.stream(_CHUNK_BYTES, decode_content=True):
+            body += chunk
+            if len(body) > self.service.max_bytes:
+                raise Problem(f"the answer is larger than {self.service.max_bytes / 2**20:.3g} MB", "final")
+        response.raw = HTTPResponse(io.BytesIO(body), status=response.status_code, preload_content=False)
 
 
 def answer(service: TapService, url: str, query: str) -> list[tuple[str, str, list[Any]]]:
@@ -116,7 +128,7 @@ def answer(service: TapService, url: str, query: str) -> list[tuple[str, str, li
     try:
         with _Session(service, url) as session:
             asked = TAPQuery(url, query, maxrec=service.maxrec, session=session)
-            body = _body(asked, service.max_bytes)
+            body = asked.execute_raw()
     except requests.TooManyRedirects:
         raise Problem(f"the service redirects more than {_MOST_REDIRECTS} times", "final") from None
     except requests.exceptions.InvalidSchema as error:  # a redirect to file: and the like
@@ -141,17 +153,6 @@ def answer(service: TapService, url: str, query: str) -> list[tuple[str, str, li
     if problem is not None:
         raise problem
     return columns
-
-
-def _body(asked: TAPQuery, max_bytes: int) -> bytes:
-    """Return what the service sends, unpacked."""
-    stream, parts, size = asked.execute_stream(), [], 0
-    while chunk := stream.read(_CHUNK_BYTES):
-        parts.append(chunk)
-        size += len(chunk)
-        if size > max_bytes:
-            raise Problem(f"the answer is larger than {max_bytes / 2**20:.3g} MB", "final")
-    return b"".join(parts)
 
 
 def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:

@@ -291,11 +291,14 @@ class TapService:
         *_, where = mode.split()
         if where == "slowly":
             time.sleep(0.4)
-        turning = where in ("redirect", "slowly")
+        turning = where in ("redirect", "slowly", "heavily")
+        body = b" " * 2_000_000 * (where == "heavily")
         handler.send_response(307 if "307" in mode else 303)
         handler.send_header("Location", f"/next/{len(self.paths)}" if turning else where)
-        handler.send_header("Content-Length", "0")
+        handler.send_header("Content-Length", str(len(body)))
         handler.end_headers()
+        with contextlib.suppress(OSError):
+            handler.wfile.write(body)
 
     def evaluate(self, query):
         """Return the headings and rows that a query asks for."""

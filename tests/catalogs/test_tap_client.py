@@ -134,6 +134,14 @@ def test_a_whole_table_with_a_status_of_error_is_no_answer(simbad, tap, status, 
     assert len(simbad.queries) == attempts
 
 
+@pytest.mark.parametrize("mode", ["redirect heavily", "data"])
+def test_what_is_no_answer_is_no_larger_than_allowed_either(simbad, mode):
+    """A redirect, and a refusal in plain text: both are read by packages that we use, whole."""
+    simbad.mode, simbad.data = mode, (b" " * 2_000_000, 400, "text/plain")
+    with pytest.raises(RefreshError, match="larger than"):
+        asked(simbad, max_bytes=1_000_000)
+
+
 def test_what_is_packed_several_times_is_no_larger_than_allowed(simbad):
     simbad.mode, simbad.data = "data", (b" " * 20_000_000, 200, "text/xml", "gzip, gzip")
     with pytest.raises(RefreshError, match="larger than"):
