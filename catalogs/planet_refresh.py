@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from catalogs.exoplanet_archive import NARROWER, PLANETS_QUERY, ArchivePlanets, 
 from catalogs.known_planet_columns import COLUMNS, STANDING
 from catalogs.known_planet_table import NUMBERS, TABLE_COLUMNS, KnownPlanetTable, planet_key
 from catalogs.known_planets import load_known_planets, read_planets
-from catalogs.refreshed_tables import ecsv_of, loss_refused, parse_ecsv
+from catalogs.refreshed_tables import Refresh, ecsv_of, loss_refused, parse_ecsv
 from catalogs.stars import load_stars
 from catalogs.table_cells import Row
 from catalogs.table_files import TableBytes
@@ -92,13 +91,12 @@ class PlanetChanges:
     before: int
 
 
-@dataclass(frozen=True)
-class RefreshedPlanets:
-    """A refreshed table of planets with its story: when, where and what was asked, and what came of it."""
+@dataclass(frozen=True, kw_only=True)
+class RefreshedPlanets(Refresh):
+    """A refreshed table of planets with its story, and remarks on the archive's columns and values."""
 
-    planets: ArchivePlanets
-    queried_utc: datetime
-    url: str
+    rows: list[Row]
+    notes: tuple[str, ...]
     changes: PlanetChanges
 
     @property
@@ -135,7 +133,13 @@ def refresh_planets(
     step("planets")
     planets = read_archive(answer, load_stars())
     step("table")
-    return RefreshedPlanets(planets, when, url, compare_planets(planets, load_known_planets()))
+    return RefreshedPlanets(
+        **vars(planets),
+        queried_utc=when,
+        url=url,
+        queries=(PLANETS_QUERY,),
+        changes=compare_planets(planets, load_known_planets()),
+    )
 
 
 def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> PlanetChanges:
@@ -197,39 +201,9 @@ def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
     versions : mapping of str to str
         Software that made it.
     """
-    from astropy.table import Column, MaskedColumn, Table
-
-    table = Table()
-    for name in TABLE_COLUMNS:
-        about: dict[str, Any] = {"unit": COLUMNS[name].unit or None, "description": COLUMNS[name].description}
-        cells = [row.get(name) for row in made.planets.rows]
-        if name in NUMBERS:
-            values = np.array([math.nan if cell is None else cell for cell in cells])
-            table[name] = MaskedColumn(values, mask=np.isnan(values), **about)
-        else:
-            table[name] = Column([cell or "" for cell in cells], **about)
-    changes = made.changes
-    return ecsv_of(
-        table,
-        {
-            FORMAT_KEY: _FORMAT_VERSION,
-            "queried_utc": made.queried_utc.isoformat(),
-            "service": made.url,
-            "queries": [PLANETS_QUERY],
-            "counts": dict(made.planets.counts),
-            "left_out": dict(made.planets.left_out),
-            "notes": list(made.planets.notes),
-            "changes_to_snapshot": {
-                "same": changes.same,
-                "added": len(changes.added),
-                "gone": len(changes.gone),
-                "moved": len(changes.moved),
-            },
-            "software": dict(versions),
-            "licence": _LICENCE,
-            "credit": CREDIT,
-        },
-    )
+    values = {name: [row.get(name, math.nan if name in NUMBERS else "") for row in made.rows] for name in TABLE_COLUMNS}
+    about = {FORMAT_KEY: _FORMAT_VERSION, "notes": list(made.notes), "licence": _LICENCE, "credit": CREDIT}
+    return ecsv_of(made, [COLUMNS[name] for name in TABLE_COLUMNS], values, versions, about)
 
 
 def parse_planets(file: TableBytes) -> tuple[list[Row], str]:

@@ -6,14 +6,14 @@ whole text at once.
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
-from catalogs.refreshed_tables import DAMAGED, ecsv_of, loss_refused, parse_ecsv
+from catalogs.refreshed_tables import DAMAGED, Refresh, ecsv_of, loss_refused, parse_ecsv
 from catalogs.simbad import NARROWER, Cuts, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
@@ -66,17 +66,12 @@ class Changes:
     lost: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Refreshed:
-    """A refreshed table with its story: when, where and what was asked, and what came of it."""
+@dataclass(frozen=True, kw_only=True)
+class Refreshed(Refresh):
+    """A refreshed table of stars with its story."""
 
     table: StarTable
-    queried_utc: datetime
-    url: str
-    queries: tuple[str, str]
     cuts: Cuts
-    counts: Mapping[str, int]
-    left_out: Mapping[str, str]
     changes: Changes
 
     @property
@@ -127,7 +122,16 @@ def refresh_stars(
         raise RefreshError(str(error), "the service is not SIMBAD; tables already here stay as they are") from None
     step("table")
     changes = compare(made, snapshot, cuts)
-    return Refreshed(made.table, when, url, questions, cuts, made.counts, made.left_out, changes)
+    return Refreshed(
+        table=made.table,
+        queried_utc=when,
+        url=url,
+        queries=questions,
+        cuts=cuts,
+        counts=made.counts,
+        left_out=made.left_out,
+        changes=changes,
+    )
 
 
 def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
@@ -178,35 +182,21 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
     versions : mapping of str to str
         Software that made it.
     """
-    from astropy.table import Column, MaskedColumn, Table
-
-    table = Table()
-    for column in COLUMNS:
-        values = made.table.column(column.name)
-        about: dict[str, Any] = {"unit": column.unit or None, "description": made.table.descriptions[column.name]}
-        if column.kind == "float":
-            rounded = np.round(np.asarray(values, float), column.decimals)
-            gone = ~np.isfinite(rounded)
-            table[column.name] = MaskedColumn(rounded, mask=gone, **about) if gone.any() else Column(rounded, **about)
-        else:
-            table[column.name] = Column(values, **about)
-    parts = asdict(made.changes).items()
-    changes = {name: len(part) if isinstance(part, tuple | dict) else part for name, part in parts}
-    meta = {
+    values = {
+        column.name: np.round(made.table.column(column.name), column.decimals)
+        if column.kind == "float"
+        else made.table.column(column.name).tolist()
+        for column in COLUMNS
+    }
+    about = {
         FORMAT_KEY: _FORMAT_VERSION,
-        "queried_utc": made.queried_utc.isoformat(),
-        "service": made.url,
-        "queries": list(made.queries),
         "cuts": asdict(made.cuts),
-        "counts": dict(made.counts),
-        "left_out": dict(made.left_out),
         "snapshot": snapshot_vintage(),
-        "changes_to_snapshot": changes,
-        "software": dict(versions),
         "licence": _LICENCE,
         "credit": STAR_CREDITS[0],
     }
-    return ecsv_of(table, meta)
+    columns = [replace(column, description=made.table.descriptions[column.name]) for column in COLUMNS]
+    return ecsv_of(made, columns, values, versions, about)
 
 
 def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:

@@ -7,13 +7,16 @@ under another name for a person to look at, and is never ``latest``.
 
 import io
 import os
-import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from catalogs.table_cells import Column
+from catalogs.table_files import TableBytes, astropy_table
 from cpic_core import InputError, guarded, unguarded
 
 Kind = Literal["simbad", "archive"]
@@ -30,6 +33,33 @@ _STAMP = "%Y-%m-%dT%H%M%SZ"
 _SET_ASIDE = "set_aside_"
 DAMAGED = "damaged, or made by another version: make a new one with cpic catalog refresh"
 """What may be wrong with a stored table, and what to do about it, for messages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refresh:
+    """The story of a refreshed table: when, where and what was asked, what came of it and what is new.
+
+    Parameters
+    ----------
+    queried_utc : datetime
+    url : str
+        Address that was asked.
+    queries : tuple of str
+        ADQL.
+    counts : mapping of str to int
+        Rows at each step.
+    left_out : mapping of str to str
+        The archive's name of what is not among the rows -> why.
+    changes : dataclass
+        Differences: lists, or numbers of rows.
+    """
+
+    queried_utc: datetime
+    url: str
+    queries: tuple[str, ...]
+    counts: Mapping[str, int]
+    left_out: Mapping[str, str]
+    changes: Any
 
 
 @dataclass(frozen=True)
@@ -112,18 +142,50 @@ def latest_table(kind: Kind, *, key: str, instead: str, command: str) -> Path:
     return found[0].path
 
 
-def ecsv_of(table: Any, meta: Mapping[str, Any]) -> str:
-    """Return a table as ECSV 1.0 with its story in the header.
+def ecsv_of(
+    made: Refresh,
+    columns: Iterable[Column],
+    values: Mapping[str, Any],
+    versions: Mapping[str, str],
+    about: Mapping[str, Any],
+) -> str:
+    """Return a refreshed table as ECSV 1.0: units and descriptions of its columns, and its story in the header.
 
     Parameters
     ----------
-    table : astropy.table.Table
-        Columns with units and descriptions.
-    meta : mapping
-        Plain values for the header.
+    made : Refresh
+        What came of asking.
+    columns : iterable of Column
+        The columns.
+    values : mapping of str to sequence
+        Their cells by name; nan where a number is missing. Texts are `cpic_core.guarded`.
+    versions : mapping of str to str
+        Software that made it.
+    about : mapping
+        What else the header says first: plain values.
     """
-    _each_text(table, guarded)
-    table.meta |= dict(meta)
+    from astropy.table import MaskedColumn, Table
+
+    table = Table()
+    for column in columns:
+        numbers = column.kind == "float"
+        cells = (
+            values[column.name]
+            if numbers
+            else [guarded(cell) if isinstance(cell, str) else cell for cell in values[column.name]]
+        )
+        gone = ~np.isfinite(cells) if numbers else False
+        table[column.name] = MaskedColumn(cells, mask=gone, unit=column.unit or None, description=column.description)
+    parts = asdict(made.changes).items()
+    table.meta |= dict(about) | {
+        "queried_utc": made.queried_utc.isoformat(),
+        "service": made.url,
+        "queries": list(made.queries),
+        "counts": dict(made.counts),
+        "left_out": dict(made.left_out),
+        "changes_to_snapshot": {name: part if isinstance(part, int) else len(part) for name, part in parts},
+        "software": dict(versions),
+    }
     text = io.StringIO()
     table.write(text, format="ascii.ecsv", delimiter=",")
     return text.getvalue()
@@ -148,30 +210,16 @@ def parse_ecsv(text: str, name: str, format_key: str, version: int) -> Any:
     InputError
         If it is damaged, of another version, or another table.
     """
-    from astropy.io import ascii as text_tables
-
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            table = text_tables.read(text.splitlines(), format="ecsv")
+        table, _ = astropy_table(TableBytes(name, text.encode(), ""), "ecsv")
     except Exception as error:
         reason = " ".join(str(error).split())[:120]
         raise InputError(name, "unreadable", allowed="a refreshed table", hint=f"{DAMAGED}; {reason}") from None
     if table.meta.get(format_key) != version:
         found = str(table.meta.get(format_key))
         raise InputError(f"{name} {format_key}", found, allowed=str(version), hint=DAMAGED)
-    _each_text(table, unguarded)
+    for column in table.itercols():
+        for row, cell in enumerate(column.tolist()):
+            if isinstance(cell, str) and unguarded(cell) != cell:
+                column[row] = unguarded(cell)
     return table
-
-
-def _each_text(table: Any, change: Callable[[str], str]) -> None:
-    """Change the texts of an astropy table: they are `cpic_core.guarded` in files."""
-    for name in table.colnames:
-        column = table[name]
-        cells = column.tolist()
-        changed = [change(cell) if isinstance(cell, str) else cell for cell in cells]
-        if changed != cells:
-            new = type(column)(changed, unit=column.unit, description=column.description)
-            if hasattr(column, "mask"):
-                new.mask = column.mask
-            table[name] = new

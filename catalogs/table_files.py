@@ -149,7 +149,7 @@ def _csv(name: str, text: str) -> RawTable:
         if len(row) < width or any(map(str.strip, row[width:])):
             allowed = f"{width} cells, as in the heading"
             raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
-    notes = _remarks(name, "\n".join(line for line in text.splitlines() if line.lstrip().startswith("#")))
+    notes = remarks(name, "\n".join(line for line in text.splitlines() if line.lstrip().startswith("#")))
     cells: list[list[str | None]] = [[_unguarded(_cell(row[i])) for row in filled] for i in range(width)]
     if mark == ";" and (commas := [text for text, column in zip(headings, cells, strict=True) if _has_commas(column)]):
         cells = [[_pointed(cell) for cell in column] if _has_commas(column) else column for column in cells]
@@ -158,8 +158,15 @@ def _csv(name: str, text: str) -> RawTable:
     return RawTable(name, [column for column in columns if column.heading or any(column.cells)], notes)
 
 
-def _remarks(name: str, said: str) -> tuple[str, ...]:
+def remarks(name: str, said: str) -> tuple[str, ...]:
     """Return a note on a table that says of itself, beside its rows, that some are missing.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    said : str
+        What it says.
 
     Raises
     ------
@@ -230,20 +237,10 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
         if kind == "votable":
-            found, said = _outside_and_said(file.data)
-            if found:
-                raise InputError(
-                    file.name, found, allowed="a VOTable that holds its own data", hint="references are not followed"
-                )
-            from astropy.io.votable import parse
-
-            parsed = parse(io.BytesIO(file.data))
+            parsed, said = votable_document(file)
             several = sum(1 for _ in parsed.iter_tables()) > 1
             notes = (f"{file.name} holds several tables: the first is read",) if several else ()
-            first = parsed.get_first_table()
-            if (nulls := _nulls(file.data, first.fields)) is not None:
-                first.array.mask = nulls
-            return first.to_table(use_names_over_ids=True), _remarks(file.name, said) + notes
+            return parsed.get_first_table().to_table(use_names_over_ids=True), remarks(file.name, said) + notes
         if kind == "fits":
             table = _fits_table(file.data)
         else:
@@ -251,7 +248,30 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
 
             # As lines: a text without an end of line would be taken for the name of a file.
             table = text_tables.read(_text(file).splitlines(), format="ecsv")
-        return table, _remarks(file.name, repr(table.meta))
+        return table, remarks(file.name, repr(table.meta))
+
+
+def votable_document(file: TableBytes) -> tuple[Any, str]:
+    """Return a VOTable as astropy reads it, the nulls of its first table mended, and what its INFO elements say.
+
+    Raises
+    ------
+    InputError
+        If it refers to something outside: in front of any parser, for astropy's would go and get it.
+    Exception
+        Of many kinds, if it is damaged.
+    """
+    found, said = _outside_and_said(file.data)
+    if found:
+        allowed = "a VOTable that holds its own data"
+        raise InputError(file.name, found, allowed=allowed, hint="references are not followed")
+    from astropy.io.votable import parse
+
+    parsed = parse(io.BytesIO(file.data))
+    first = next(parsed.iter_tables(), None)
+    if first is not None and (nulls := _nulls(file.data, first.fields)) is not None:
+        first.array.mask = nulls
+    return parsed, said
 
 
 def _fits_table(data: bytes) -> Any:
@@ -301,18 +321,13 @@ class _Reference(Exception):
     """Raised at the first thing that leads out of a document to another file or address."""
 
 
-def reference_in(xml: bytes) -> str:
-    """Return what in an XML document leads outside of it, in words; empty if nothing does.
-
-    These are data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an encoding
-    or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document
-    is damaged, its parser will say so; what is in front of the damage is judged.
-    """
-    return _outside_and_said(xml)[0]
-
-
 def _outside_and_said(xml: bytes) -> tuple[str, str]:
-    """Return what leads outside of a document (`reference_in`), and the names and values of its INFO elements."""
+    """Return what leads outside of an XML document, in words; and the names and values of its INFO elements.
+
+    Outside lead data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an
+    encoding or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the
+    document is damaged, its parser will say so; what is in front of the damage is judged.
+    """
     from xml.parsers import expat
 
     if xml.startswith(_PACKED):

@@ -15,13 +15,12 @@ import contextlib
 import json
 import math
 import os
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from dataclasses import asdict, dataclass
+from multiprocessing.connection import wait
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -29,13 +28,10 @@ from catalogs.table_files import RawColumn, RawTable
 from cpic_core import InputError
 
 _PAUSE_FACTOR = 2.0
-_START_S = 60.0
+IDLE_S = 5.0
+"""How long the process that asks waits for another question, s."""
 _LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
-_REMEDIES = {
-    "way": "check the network or the address, or try later; tables already here stay as they are",
-    "final": "check the network or the address, or try later; tables already here stay as they are",
-    "query": "the service may have changed; --dry-run shows the query",
-}
+_REMEDY = "check the network or the address, or try later; tables already here stay as they are"
 
 
 class RefreshError(RuntimeError):
@@ -190,94 +186,83 @@ def ask(
     RefreshError
         If the service cannot be reached, refuses the query, or its answer is not whole.
     """
-    question = {"url": url, "query": query} | {
-        name: getattr(service, name) for name in ("maxrec", "max_bytes", "plain_http", "other_hosts")
+    remedies = {
+        "query": "the service may have changed; --dry-run shows the query",
+        "cut": f"raise --maxrec, or {narrower}",
+        "limit": narrower,
     }
     pause_s = service.pause_s
     for attempt in range(service.retries + 1):
-        said = _PROCESS.answer(question, service.timeout_s)
+        asked = {"service": asdict(service), "url": url, "query": query, "environment": dict(os.environ)}
+        said = _PROCESS.answer(asked, service.timeout_s)
         if "columns" in said:
             return RawTable("the answer", [RawColumn(*column) for column in said["columns"]])
         text, kind = said["problem"], said["kind"]
-        if kind == "query":
-            raise RefreshError(f"{url} refused the query: {text}", _REMEDIES[kind])
-        if kind in ("cut", "limit"):
-            raise RefreshError(f"{url}: {text}", f"{'raise --maxrec, or ' * (kind == 'cut')}{narrower}")
-        if kind == "final" or attempt == service.retries:
-            tries = "" if attempt == 0 else f" ({attempt + 1} attempts)"
-            raise RefreshError(f"{url}: {text}{tries}", _REMEDIES[kind])
-        tell(f"{url}: {text}; trying again in {pause_s:g} s")
+        what = f"{url}{' refused the query' * (kind == 'query')}: {text}"
+        if kind != "way" or attempt == service.retries:
+            tries = f" ({attempt + 1} attempts)" if attempt else ""
+            raise RefreshError(what + tries, remedies.get(kind, _REMEDY))
+        tell(f"{what}; trying again in {pause_s:g} s")
         time.sleep(pause_s)
         pause_s *= _PAUSE_FACTOR
     raise AssertionError("unreachable: the last attempt returns or raises")
 
 
 class _Process:
-    """The process that questions are put in, one after another; started when there is none."""
+    """The process that questions are put to, one after another; started when there is none."""
 
     def __init__(self) -> None:
-        self._child: subprocess.Popen[bytes] | None = None
-        self._line: Connection[Any, Any] | None = None
+        self._child: Any = None
+        self._idle_at = 0.0
 
-    def answer(self, question: dict[str, Any], time_s: float) -> dict[str, Any]:
+    def answer(self, asked: dict[str, Any], time_s: float) -> dict[str, Any]:
         """Return what `catalogs.tap_session` says to a question; the process is ended if that takes longer.
 
         Parameters
         ----------
-        question : dict
-            Fields of `catalogs.tap_session.Question`.
+        asked : dict
+            The question.
         time_s : float
             Most time, s; that of starting the process is not counted.
         """
-        asked = {"question": question, "time_s": time_s, "environment": dict(os.environ)}
+        said: dict[str, Any] = {}
+        problem = "the process that reads the answer ended (too little memory?)"
         try:
-            line = self._ready_line()
-            line.send_bytes(json.dumps(asked).encode())
-            if line.poll(time_s):
-                said: dict[str, Any] = json.loads(line.recv_bytes())
-                return said
-            self.end()
-            return {"problem": f"no complete answer within {time_s:g} s", "kind": "way"}
-        except (EOFError, OSError):
-            self.end()
-            return {"problem": "the process that reads the answer ended (too little memory?)", "kind": "way"}
-        except BaseException:  # an interruption: the answer that is on its way is nobody's
-            self.end()
-            raise
+            with contextlib.suppress(OSError, ValueError):
+                questions, answers = self._lines()
+                questions.write(f"{json.dumps(asked)}\n".encode())
+                questions.flush()
+                if wait([answers.fileno()], time_s):
+                    said = json.loads(answers.readline())
+                else:
+                    problem = f"no complete answer within {time_s:g} s"
+        finally:  # an interruption too: the answer that is on its way is nobody's
+            self._idle_at = time.monotonic()
+            if not said:
+                self.end()
+        return said or {"problem": problem, "kind": "way"}
 
-    def _ready_line(self) -> "Connection[Any, Any]":
-        """Return the connection to the process that is there, or to a new one."""
-        line, child = self._line, self._child
-        # Nothing is on its way to us: a line with something to read is one that an idle process has closed.
-        if child is not None and line is not None and child.poll() is None and not line.poll(0.0):
-            return line
-        self.end()
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._line = Connection(ours.detach())
+    def _lines(self) -> tuple[Any, Any]:
+        """Return the ends of the process that is there, unless it has been idle for long, or of a new one."""
+        if self._child is None or self._child.poll() is not None or time.monotonic() > self._idle_at + IDLE_S / 2.0:
+            self.end()
             self._child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "catalogs.tap_session", str(theirs.fileno())],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
+                [sys.executable, "-P", "-m", "catalogs.tap_session"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 env=os.environ | {"PYTHONPATH": os.pathsep.join(part or os.getcwd() for part in sys.path)},
             )
-        if not self._line.poll(_START_S):
-            raise OSError("not started")
-        self._line.recv_bytes()
-        return self._line
+            if not self._child.stdout.readline():
+                raise OSError("not started")
+        return self._child.stdin, self._child.stdout
 
     def end(self) -> None:
         """End the process, if there is one, whatever it is doing."""
-        line, child = self._line, self._child
-        self._line = self._child = None
-        if line is not None:
-            line.close()
+        child, self._child = self._child, None
         if child is not None:
-            with contextlib.suppress(OSError):
-                child.kill()
-            child.wait()
+            child.kill()
+            child.communicate()
 
 
 _PROCESS = _Process()

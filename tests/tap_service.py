@@ -168,7 +168,10 @@ PARENTHESES = dict(zip(PARENTHESES[::2], PARENTHESES[1::2], strict=True))
 
 
 class TapService:
-    """The service. `mode` says how it misbehaves; `rename` how it calls its columns; `alter` changes the answer."""
+    """The service. `mode` says how it misbehaves; `rename` how it calls its columns; `alter` changes the answer.
+
+    `data` is what it answers in the mode of that name: content, status, type and coding of the content.
+    """
 
     PATH = "/simbad/sim-tap"
 
@@ -177,6 +180,7 @@ class TapService:
         self.mode = ""
         self.rename = {}
         self.alter = None
+        self.data = ()
         self.failures = 0
         self.queries = []
         self.maxrec = []
@@ -264,6 +268,8 @@ class TapService:
             self.send(handler, data.replace(b"<TABLE>", b'<TABLE nrows="2000000000000">'))
         elif mode == "no table":
             self.send(handler, error_document("").replace(b"ERROR", b"OK"))
+        elif mode == "data":
+            self.send(handler, *self.data)
         elif mode == "error":
             self.send(handler, error_document("Query rejected: maintenance of <SIMBAD>"), 200)
         else:
@@ -285,11 +291,14 @@ class TapService:
         *_, where = mode.split()
         if where == "slowly":
             time.sleep(0.4)
-        turning = where in ("redirect", "slowly")
+        turning = where in ("redirect", "slowly", "heavily")
+        body = b" " * 2_000_000 * (where == "heavily")
         handler.send_response(307 if "307" in mode else 303)
         handler.send_header("Location", f"/next/{len(self.paths)}" if turning else where)
-        handler.send_header("Content-Length", "0")
+        handler.send_header("Content-Length", str(len(body)))
         handler.end_headers()
+        with contextlib.suppress(OSError):
+            handler.wfile.write(body)
 
     def evaluate(self, query):
         """Return the headings and rows that a query asks for."""
@@ -317,9 +326,10 @@ class TapService:
         try:
             handler.send_response(status)
             handler.send_header("Content-Type", kind)
-            if mode == "gzip":
-                data = gzip.compress(data)
-                handler.send_header("Content-Encoding", "gzip")
+            if mode.startswith("gzip"):
+                for _ in mode.split(", "):
+                    data = gzip.compress(data)
+                handler.send_header("Content-Encoding", mode)
             if mode in ("chunked", "chunked cut"):
                 handler.send_header("Transfer-Encoding", "chunked")
                 handler.end_headers()

@@ -118,10 +118,10 @@ def refresh(
         print_json(done.summary())
     else:
         _show_result(done, console())
-    if done.refusal:
+    if done.made.refusal:
         option = "--known-planets" if planets else "--catalog"
         remedy = f"set aside as {done.path}; if it is right, use it with {option} FILE"
-        raise typer.Exit(error_line(f"{done.refusal} {remedy}", 1))
+        raise typer.Exit(error_line(f"{done.made.refusal} {remedy}", 1))
 
 
 def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_json: bool) -> None:
@@ -150,17 +150,14 @@ def _show_result(done: Written, screen: Console) -> None:
     from catalogs import RefreshedPlanets
 
     made = done.made
-    if isinstance(made, RefreshedPlanets):
-        name, counts = "NASA Exoplanet Archive", made.planets.counts
-    else:
-        name, counts = "SIMBAD", made.counts
-    rows = [(what, str(count)) for what, count in counts.items()]
+    name = "NASA Exoplanet Archive" if isinstance(made, RefreshedPlanets) else "SIMBAD"
+    rows = [(what, str(count)) for what, count in made.counts.items()]
     table(screen, f"{name} of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
     if isinstance(made, RefreshedPlanets):
         _show_planets(made, screen)
     else:
         _show_stars(made, screen)
-    if not done.refusal:
+    if not done.made.refusal:
         report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
 
 
@@ -200,7 +197,7 @@ def _show_planets(made: RefreshedPlanets, screen: Console) -> None:
             for item in changes.moved
         )
         table(screen, "Orbits that moved", ("planet", "element", "shipped", "archive", "combined errors"), cells)
-    report.print_plain(screen, *made.planets.notes, wraps=False)
+    report.print_plain(screen, *made.notes, wraps=False)
 
 
 def _measured(value: float, error: float) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
@@ -32,79 +31,65 @@ from cpic_core import InputError, at_home, check_writable, write_named
 from cpic_planner.version import DISTRIBUTION, __version__
 
 _EMBEDDED = Path(catalogs.__file__).resolve().parent
-_SOFTWARE = ("astroquery", "astropy", "numpy")
+_SOFTWARE = ("pyvo", "astroquery", "astropy", "numpy")
 
 Listener = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Written:
-    """A refreshed table on disk: of stars or of planets; ``refusal`` says why it was set aside, if it was."""
+    """A refreshed table on disk, of stars or of planets."""
 
     path: Path
     sha256: str
-    refusal: str
     made: Refreshed | RefreshedPlanets
 
     def summary(self) -> dict[str, Any]:
         """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
-        if isinstance(self.made, RefreshedPlanets):
-            kind, more = "planets_refresh", _of_planets(self.made)
+        made = self.made
+        about: dict[str, Any]
+        if isinstance(made, RefreshedPlanets):
+            kind, changes, about = "planets_refresh", _planets_changed(made), {"notes": list(made.notes)}
         else:
-            kind, more = "catalog_refresh", _of_stars(self.made)
-        about = {
+            kind, changes, about = "catalog_refresh", _stars_changed(made), {"cuts": asdict(made.cuts)}
+        return {
             "schema_version": 1,
             "kind": kind,
             "file": str(self.path),
             "sha256": self.sha256,
-            "set_aside": self.refusal,
-            "queried_utc": self.made.queried_utc.isoformat(),
-            "service": self.made.url,
+            "set_aside": made.refusal,
+            "queried_utc": made.queried_utc.isoformat(),
+            "service": made.url,
+            "queries": list(made.queries),
+            "counts": dict(made.counts),
+            "changes_to_snapshot": changes,
+            "left_out": dict(made.left_out),
+            **about,
         }
-        return about | more
 
 
-def _of_stars(made: Refreshed) -> dict[str, Any]:
+def _stars_changed(made: Refreshed) -> dict[str, Any]:
     changes = made.changes
     return {
-        "queries": list(made.queries),
-        "cuts": {"v_mag_max": made.cuts.v_mag_max, "parallax_min_mas": made.cuts.parallax_min_mas},
-        "counts": dict(made.counts),
-        "changes_to_snapshot": {
-            "same": changes.same,
-            "added": list(changes.added),
-            "removed": dict(changes.removed),
-            "v_mag_changed": list(changes.v_mag),
-            "parallax_changed": list(changes.parallax),
-        },
-        "left_out": dict(made.left_out),
+        "same": changes.same,
+        "added": list(changes.added),
+        "removed": dict(changes.removed),
+        "v_mag_changed": list(changes.v_mag),
+        "parallax_changed": list(changes.parallax),
     }
 
 
-def _of_planets(made: RefreshedPlanets) -> dict[str, Any]:
+def _planets_changed(made: RefreshedPlanets) -> dict[str, Any]:
     changes = made.changes
+    moved = [asdict(item) | {"sigmas": item.sigmas} for item in changes.moved]
     return {
-        "queries": [catalogs.PLANETS_QUERY],
-        "counts": dict(made.planets.counts),
-        "changes_to_snapshot": {
-            "same": changes.same,
-            "added": list(changes.added),
-            "gone": dict(changes.gone),
-            "orbit_moved": [
-                {
-                    "planet": item.planet,
-                    "element": item.element,
-                    "before": item.before,
-                    "before_err": plain(item.before_err),
-                    "now": item.now,
-                    "now_err": plain(item.now_err),
-                    "sigmas": plain(item.sigmas),
-                }
-                for item in changes.moved
-            ],
-        },
-        "left_out": dict(made.planets.left_out),
-        "notes": list(made.planets.notes),
+        "same": changes.same,
+        "added": list(changes.added),
+        "gone": dict(changes.gone),
+        "orbit_moved": [
+            {name: plain(value) if isinstance(value, float) else value for name, value in item.items()}
+            for item in moved
+        ],
     }
 
 
@@ -166,9 +151,8 @@ def refresh_catalog(
     place = target_path(out)
     made = refresh_stars(service or TapService(), cuts or Cuts(), step=step, tell=tell)
     text = ecsv_text(made, _versions())
-    path = _path(place, out is None, "simbad", made.queried_utc, made.refusal)
-    parse_refreshed(text, path.name)  # what cannot be read back is not worth writing
-    return Written(path, _write(path, text), made.refusal, made)
+    parse_refreshed(text, "the new table")  # what cannot be read back is not worth writing
+    return _kept(place, out is None, "simbad", made, text)
 
 
 def refresh_known_planets(
@@ -199,25 +183,23 @@ def refresh_known_planets(
     place = target_path(out)
     made = refresh_planets(service or TapService(), step=step, tell=tell)
     text = planets_ecsv(made, _versions())
-    path = _path(place, out is None, "archive", made.queried_utc, made.refusal)
-    parse_planets(TableBytes(path.name, text.encode(), ""))  # what cannot be read back is not worth writing
-    return Written(path, _write(path, text), made.refusal, made)
+    parse_planets(TableBytes("the new table", text.encode(), ""))
+    return _kept(place, out is None, "archive", made, text)
 
 
-def _path(place: Path, dated: bool, kind: Literal["simbad", "archive"], queried: datetime, refusal: str) -> Path:
-    path = place / file_name(queried, kind) if dated else place
-    return set_aside(path) if refusal else path
-
-
-def _write(path: Path, text: str) -> str:
-    """Write a file whole, and return the sha256 of its content."""
+def _kept(
+    place: Path, dated: bool, kind: Literal["simbad", "archive"], made: Refreshed | RefreshedPlanets, text: str
+) -> Written:
+    """Write a table whole, or set it aside; the file's name has the date of the query if the place is a folder."""
+    path = place / file_name(made.queried_utc, kind) if dated else place
+    path = set_aside(path) if made.refusal else path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_named(path, text, key="--out")
     except OSError as error:
         hint = "choose another place with --out or CPIC_DATA_DIR"
         raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
-    return hashlib.sha256(text.encode()).hexdigest()
+    return Written(path, hashlib.sha256(text.encode()).hexdigest(), made)
 
 
 def _versions() -> dict[str, str]:

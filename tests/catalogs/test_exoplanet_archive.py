@@ -176,5 +176,5 @@ def test_the_real_archive_answers():
 
     made = refresh_planets(TapService())
     assert made.refusal == ""
-    assert made.planets.notes == ()
-    assert any(row["planet"] == "eps Eri b" for row in made.planets.rows)
+    assert made.notes == ()
+    assert any(row["planet"] == "eps Eri b" for row in made.rows)

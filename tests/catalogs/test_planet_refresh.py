@@ -49,7 +49,7 @@ def test_an_archive_that_says_what_is_shipped_changes_nothing(archive):
     made = refreshed(archive)
     changes, shipped = made.changes, load_known_planets()
     assert (changes.added, dict(changes.gone), changes.moved) == ((), {}, ())
-    assert changes.same == changes.before == int(shipped.counted.sum()) == len(made.planets.rows)
+    assert changes.same == changes.before == int(shipped.counted.sum()) == len(made.rows)
     assert made.refusal == ""
     assert archive.queries == [PLANETS_QUERY]
     assert made.url == archive.url
@@ -118,7 +118,7 @@ def test_reads_back_equal(archive):
     text = stored(made)
     rows, day = parse_planets(TableBytes("x.ecsv", text.encode(), ""))
     assert day == f"{made.queried_utc:%Y-%m-%d}"
-    for one, two in zip(made.planets.rows, rows, strict=True):
+    for one, two in zip(made.rows, rows, strict=True):
         assert {name: one.get(name) for name in NUMBERS} == {name: two.get(name) for name in NUMBERS}
         assert {name: one.get(name, "") for name in TABLE_COLUMNS if name not in NUMBERS} == {
             name: two.get(name, "") for name in TABLE_COLUMNS if name not in NUMBERS
@@ -210,4 +210,4 @@ def test_updates_of_planets_that_the_archive_lacks_need_an_orbit():
 
 def test_every_shipped_planet_stands_where_the_adapter_looks_for_it(archive):
     stars = set(load_stars().column("name").tolist())
-    assert {row["star"] for row in refreshed(archive).planets.rows} <= stars
+    assert {row["star"] for row in refreshed(archive).rows} <= stars

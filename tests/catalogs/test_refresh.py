@@ -73,7 +73,8 @@ def test_is_an_ecsv_file_that_says_where_it_comes_from(made, text, tmp_path):
     (tmp_path / "t.ecsv").write_text(text)
     table = Table.read(tmp_path / "t.ecsv", format="ascii.ecsv")
     assert str(table["parallax_mas"].unit) == "mas"
-    assert table["v_mag"].description
+    assert table["sp_type"].description == made.table.descriptions["sp_type"]
+    assert "as listed" in table["sp_type"].description, "not as the extract of 2012 has it"
     meta = table.meta
     assert meta["queried_utc"] == made.queried_utc.isoformat()
     assert meta["queries"] == list(queries(Cuts()))

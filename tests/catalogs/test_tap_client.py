@@ -1,12 +1,12 @@
 """One client for every service: an answer counts only when it is whole, and the time and the bytes are kept to."""
 
+import io
 import pickle
-import subprocess
-import sys
 import time
-from multiprocessing import Pipe
 
 import pytest
+from astropy.io.votable import from_table
+from astropy.table import MaskedColumn, Table
 
 from catalogs import Cuts, RefreshError, TapService, queries, tap_client
 from catalogs.tap_client import ask
@@ -91,6 +91,63 @@ def test_other_ways_of_sending_are_read(simbad, mode):
     assert "* tau Cet" in asked(simbad)["main_id"]
 
 
+@pytest.mark.parametrize("form", ["tabledata", "binary", "binary2"])
+def test_every_form_of_a_votable_is_read_with_what_is_missing(simbad, form):
+    table = Table({"main_id": ["HD 1", "", "HD 3"], "ra": MaskedColumn([1.5, 2.5, 3.5], mask=[False, False, True])})
+    content = io.BytesIO()
+    from_table(table).to_xml(content, tabledata_format=form)
+    simbad.mode, simbad.data = "data", (content.getvalue(),)
+    assert asked(simbad) == {"main_id": ["HD 1", None, "HD 3"], "ra": [1.5, 2.5, None]}
+
+
+def said(name, place, tap):
+    """Return an answer of one row that says its status in a place of the document."""
+    data = tap.votable([("oid", "long", "")], [[1]]).decode()
+    note = f'<INFO name="QUERY_STATUS" value="{name}">it was stopped</INFO>'
+    return data.replace(
+        *{"end": ("</VOTABLE>", f"{note}</VOTABLE>"), "table": ("</TABLE>", f"{note}</TABLE>")}[place]
+    ).encode()
+
+
+@pytest.mark.parametrize("place", ["end", "table"])
+@pytest.mark.parametrize(("name", "words"), [("OVERFLOW", "cut off at 1 rows"), ("ERROR", "ERROR|it was stopped")])
+def test_a_status_counts_wherever_it_stands(simbad, tap, name, place, words):
+    simbad.mode, simbad.data = "data", (said(name, place, tap),)
+    with pytest.raises(RefreshError, match=words):
+        asked(simbad, retries=0)
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "words", "attempts"),
+    [
+        (500, "application/x-votable+xml", "HTTP 500", 3),
+        (503, "text/plain", "HTTP 503", 3),
+        (429, "application/x-votable+xml", "HTTP 429", 3),
+        (403, "application/x-votable+xml", "HTTP 403", 1),
+        (400, "text/plain", "HTTP 400", 1),
+    ],
+)
+def test_a_whole_table_with_a_status_of_error_is_no_answer(simbad, tap, status, kind, words, attempts):
+    simbad.mode, simbad.data = "data", (tap.votable([("oid", "long", "")], [[1]]), status, kind)
+    with pytest.raises(RefreshError, match=words):
+        asked(simbad)
+    assert len(simbad.queries) == attempts
+
+
+@pytest.mark.parametrize("mode", ["redirect heavily", "data"])
+def test_what_is_no_answer_is_no_larger_than_allowed_either(simbad, mode):
+    """A redirect, and a refusal in plain text: both are read by packages that we use, whole."""
+    simbad.mode, simbad.data = mode, (b" " * 2_000_000, 400, "text/plain")
+    with pytest.raises(RefreshError, match="larger than"):
+        asked(simbad, max_bytes=1_000_000)
+
+
+def test_what_is_packed_several_times_is_no_larger_than_allowed(simbad):
+    simbad.mode, simbad.data = "data", (b" " * 20_000_000, 200, "text/xml", "gzip, gzip")
+    with pytest.raises(RefreshError, match="larger than"):
+        asked(simbad, max_bytes=10_000_000)
+
+
 @pytest.mark.parametrize("mode", ["refer", "refer gzip", "refer packed"])
 def test_an_answer_that_refers_to_an_address_is_refused_and_nobody_is_asked(simbad, mode):
     simbad.mode = mode
@@ -165,15 +222,12 @@ def test_a_redirect_is_followed_on_the_same_host_and_elsewhere_when_asked(simbad
 
 def test_an_interruption_ends_the_process_and_the_next_question_has_its_own_answer(simbad, monkeypatch):
     simbad.mode = "hang"
-    connection = type(tap_client._PROCESS._ready_line())
 
-    def interrupt(line, timeout):
-        if timeout > 0:  # while it waits for the answer
-            raise KeyboardInterrupt
-        return False
+    def interrupt(lines, time_s):
+        raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(connection, "poll", interrupt)
+        patched.setattr(tap_client, "wait", interrupt)
         with pytest.raises(KeyboardInterrupt):
             asked(simbad)
     simbad.mode = ""
@@ -187,14 +241,17 @@ def test_a_process_that_died_is_replaced(simbad):
     assert "* tau Cet" in asked(simbad)["main_id"]
 
 
-def test_an_idle_process_that_is_about_to_end_is_replaced(simbad):
-    """It has closed the line, and takes its time to be gone."""
-    line, theirs = Pipe()
-    theirs.close()
-    tap_client._PROCESS.end()
-    tap_client._PROCESS._line = line
-    tap_client._PROCESS._child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    assert asked(simbad, retries=0)
+def test_a_process_that_may_be_about_to_end_is_replaced(simbad, monkeypatch):
+    """It ends when it has been idle for a while."""
+    asked(simbad)
+    first = tap_client._PROCESS._child
+    asked(simbad)
+    assert tap_client._PROCESS._child is first
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 0.6 * tap_client.IDLE_S)
+    asked(simbad)
+    assert tap_client._PROCESS._child is not first
+    assert first.returncode is not None
 
 
 @pytest.mark.parametrize("mode", ["", "silent limit"])

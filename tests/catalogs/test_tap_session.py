@@ -1,14 +1,17 @@
 """Where a request may go, after redirects too."""
 
+import io
+import os
+import resource
+import sys
+import warnings
+
 import pytest
 
-from catalogs.tap_session import Problem, Question, refuse_place
+from catalogs import TapService, tap_session
+from catalogs.tap_session import Problem, refuse_place
 
 ARCHIVE = "https://archive.example/TAP"
-
-
-def question(url=ARCHIVE, **changes):
-    return Question(**({"url": url, "query": "", "maxrec": 1, "max_bytes": 1, "plain_http": False} | changes))
 
 
 @pytest.mark.parametrize(
@@ -22,7 +25,7 @@ def question(url=ARCHIVE, **changes):
     ],
 )
 def test_a_request_may_go(to, changes):
-    refuse_place(question(**({"other_hosts": False} | changes)), to)
+    refuse_place(TapService(**changes), ARCHIVE, to)
 
 
 @pytest.mark.parametrize(
@@ -39,4 +42,17 @@ def test_a_request_may_go(to, changes):
 )
 def test_a_request_may_not_go(to, changes, words):
     with pytest.raises(Problem, match=words):
-        refuse_place(question(**({"other_hosts": False} | changes)), to)
+        refuse_place(TapService(**changes), ARCHIVE, to)
+
+
+def test_a_process_that_is_asked_nothing_ends(monkeypatch):
+    """Whoever started it may have gone without a word; `catalogs.tap_client` ends it otherwise."""
+    monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
+    monkeypatch.setattr(tap_session, "IDLE_S", 0.0)
+    ours, theirs = os.pipe()
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", said)
+    with os.fdopen(ours) as questions, os.fdopen(theirs, "w"), warnings.catch_warnings():
+        monkeypatch.setattr(sys, "stdin", questions)
+        tap_session.main()
+    assert said.getvalue() == "ready\n"

@@ -30,8 +30,6 @@ ALLOWED = {
     "catalogs/velocity_limits.py": "shipped tables",
     "catalogs/known_planets.py": "shipped table; a user's goes through table_files",
     "catalogs/table_files.py": "parses bytes that were read",
-    "catalogs/refreshed_tables.py": "parses text that was read",
-    "catalogs/tap_session.py": "parses bytes that were received",
     "cpic_core/cache.py": "entries of our own cache",
     "cpic_core/files.py": "writes; opens the lock, and what user_files gave it",
     "cpic_core/lazy_names.py": "stubs of packages",

@@ -47,7 +47,7 @@ def test_locked_versions_are_those_that_the_suite_runs_with():
 
 
 @pytest.mark.parametrize(
-    "package", "numpy scipy astropy astroquery synphot hcipy pandas photutils sep matplotlib".split()
+    "package", "numpy scipy astropy astroquery pyvo synphot hcipy pandas photutils sep matplotlib".split()
 )
 def test_the_packages_that_serve_users_come_with_the_ordinary_install_and_are_used(package):
     ordinary, extras = text("pyproject.toml").split("\ndependencies = [")[1].split("\n[project.optional-dependencies]")

@@ -145,7 +145,7 @@ def test_a_chosen_file_is_replaced_whole_and_nothing_else_is_written(simbad, dat
 
 
 def test_a_full_or_closed_disk_is_a_failure_in_one_line(simbad, data_folder, monkeypatch):
-    def refuse(path, text):
+    def refuse(path, text, *, key):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("cpic_planner.cli.refreshed_files.write_named", refuse)
