@@ -372,10 +372,10 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
     beside = f"{turn_deg:g} deg beside the diagonal" if turn_deg else "diagonal"
     where = "ring" if zone.mode == "ring" else beside
     place = f"{separation_arcsec:.3f} arcsec"
-    if separation_arcsec < inner * (1.0 - 1e-9):
+    if separation_arcsec < inner * (1.0 - 1e-10):
         text = f"{place}: the aperture leaves the dark hole of {band}; closest separation {inner:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
-    if separation_arcsec > outer * (1.0 + 1e-9):
+    if separation_arcsec > outer * (1.0 + 1e-10):
         text = f"{place}: the aperture leaves the dark hole of {band}; farthest separation {outer:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
     if len(rolls) > 1:

@@ -146,7 +146,7 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
         return guarded(plain) if isinstance(plain, str) else plain
 
     buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\r\n")
+    writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(names)
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()

@@ -294,7 +294,7 @@ class RingZone:
 
 Zone: TypeAlias = HoleZone | RingZone
 ZoneMode: TypeAlias = Literal["4q", "2q", "ring"]
-_ROUNDING, _NEAREST = 1e-9, 1e-3
+_ROUNDING, _NEAREST = 1e-10, 1e-3
 
 
 def zone_from(inner_arcsec: float, outer_arcsec: float, mode: ZoneMode, side: HoleSide) -> Zone:
