@@ -9,6 +9,8 @@ from pathlib import Path
 from cpic_core import InputError
 
 FOLDER = Path(__file__).resolve().parent
+OPENAPI = FOLDER / "openapi.json"
+"""The description of the web calculator's addresses, without the version of the package."""
 _WHERE = {
     "queries.etc": {"etc": "EtcQuestion"},
     "queries.rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
@@ -85,3 +87,8 @@ def schema_text(name: str) -> str:
     """
     path = FOLDER / f"{name}.schema.json"
     return path.read_text(encoding="utf-8") if name in RESULTS and path.exists() else generated(name)
+
+
+def openapi_text() -> str:
+    """Return the OpenAPI document as shipped."""
+    return OPENAPI.read_text(encoding="utf-8")

@@ -7,16 +7,14 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from cpic_core import parse_json
-from cpic_planner.schemas import FOLDER
+from cpic_planner.schemas import openapi_text
 from cpic_planner.version import __version__
-
-SHIPPED = FOLDER / "openapi.json"
 
 
 @functools.cache
 def described() -> dict[str, Any]:
     """Return the document as shipped, with the version of the package."""
-    tree: dict[str, Any] = parse_json(SHIPPED.read_text(encoding="utf-8"))
+    tree: dict[str, Any] = parse_json(openapi_text())
     return tree | {"info": tree["info"] | {"version": __version__}}
 
 
