@@ -110,6 +110,12 @@ def _score_cells(name: str) -> Cells:
     return Cells(score.label, lambda row: score_number(row.score, name), **look)
 
 
+def _kept(name: str, first: int) -> Cells:
+    """Return the column of how many of the first stars stay among them."""
+    column: dict[str, Any] = {"fields": (name,), "kind": results.SensitivityRow}
+    return Cells(f"of {first}", lambda row: count_text(getattr(row, name)), **column)
+
+
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed.
 
@@ -121,8 +127,8 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     cells = row_cells(
         results.SensitivityRow,
         "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
-        kept_first=Cells(f"of {result.first}", lambda row: count_text(row.kept_first)),
-        kept=Cells(f"of {result.top}", lambda row: count_text(row.kept)),
+        kept_first=_kept("kept_first", result.first),
+        kept=_kept("kept", result.top),
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)

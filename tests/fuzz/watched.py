@@ -12,7 +12,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -163,16 +163,18 @@ def of_command(arguments: list[str]) -> str:
 
     out, errors, raised = io.StringIO(), _Told(), []
 
-    def failed(error: Exception, own: Callable[[Exception], int] = entry._failed) -> int:
-        raised.append(error)
-        return own(error)
+    own = entry._failed
 
-    before, entry._failed = entry._failed, failed
+    def failed(error: Exception, arguments: Sequence[str]) -> int:
+        raised.append(error)
+        return own(error, arguments)
+
+    entry._failed = failed
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors), limited():
             status = entry.main(arguments)
     finally:
-        entry._failed = before
+        entry._failed = own
     said = errors.getvalue()
     where = _raised_at(raised[0]) if raised else ""
     if "Traceback" in said or "Warning:" in said:

@@ -101,7 +101,7 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(call):
         (["etc", "tau Cet", "--snr", "5", "--time-s", "100"], ["--snr", "--time-s"]),
         (["etc", "tau Cet", "--frames", "5"], ["--exposure-s"]),
         (["etc", "tau Cet", "--albedo", "cheese"], ["cheese", "jupiter"]),
-        (["etc", "tau Cet", "--albedo", "-1"], ["value", "0 to 1.5"]),
+        (["etc", "tau Cet", "--albedo", "-1"], ["--albedo = -1.0", "0 to 1.5"]),
         (["etc", "tau Cet", "--phase-deg", "180"], ["--phase-deg", "180"]),
         (["etc"], ["TARGET"]),
         (["etc", "tau Cet", "--snrr", "5"], ["--snrr"]),

@@ -141,8 +141,8 @@ def test_no_shipped_planet_has_become_surer(source):
             assert {"time_err_unknown", "columns_not_used"}.isdisjoint(orbits.flags(row))
 
 
-UNUSED = {"omega_star_deg": "argp", "inclination_deg": "tilt_angle", "periastron_jd": "peri_passage"}
-FLAG_OF = {"argp": "omega_unknown", "tilt_angle": "inclination_unknown", "peri_passage": "phase_unknown"}
+UNUSED = {"omega_star_deg": "orbit_angle", "inclination_deg": "tilt_angle", "periastron_jd": "peri_passage"}
+FLAG_OF = {"orbit_angle": "omega_unknown", "tilt_angle": "inclination_unknown", "peri_passage": "phase_unknown"}
 
 
 def renamed(column):
@@ -208,5 +208,5 @@ def test_the_figure_of_known_names_the_column(done, table, tmp_path, monkeypatch
         "F520",
     )
     (figure,) = drawn
-    assert "columns of the table that were not used: argp" in figure.get_suptitle()
+    assert "columns of the table that were not used: orbit_angle" in figure.get_suptitle()
     assert "omega unknown" in figure.axes[0].get_legend().get_texts()[-1].get_text()

@@ -151,7 +151,7 @@ def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tm
     path = tmp_path / "first.png"
     out, err = done(*few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
-    assert figures[0].get_suptitle().startswith(f"first {drawn} of 4 stars")
+    assert figures[0].get_suptitle().startswith(f"First {drawn} of 4 stars")
     assert ("with the first 3 stars only" in err) == (drawn < int(limit))
 
 
