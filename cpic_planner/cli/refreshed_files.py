@@ -11,23 +11,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import catalogs
-from catalogs import (
-    Cuts,
-    Refreshed,
-    RefreshedPlanets,
-    RefreshError,
-    TableBytes,
-    TapService,
-    data_dir,
-    ecsv_text,
-    file_name,
-    parse_planets,
-    parse_refreshed,
-    planets_ecsv,
-    refresh_planets,
-    refresh_stars,
-    set_aside,
-)
 from cpic_core import InputError, at_home, check_writable, write_named
 from cpic_planner.version import DISTRIBUTION, __version__
 
@@ -44,11 +27,11 @@ class Written:
     path: Path
     sha256: str
     refusal: str
-    made: Refreshed | RefreshedPlanets
+    made: catalogs.Refreshed | catalogs.RefreshedPlanets
 
     def summary(self) -> dict[str, Any]:
         """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
-        if isinstance(self.made, RefreshedPlanets):
+        if isinstance(self.made, catalogs.RefreshedPlanets):
             kind, more = "planets_refresh", _of_planets(self.made)
         else:
             kind, more = "catalog_refresh", _of_stars(self.made)
@@ -64,7 +47,7 @@ class Written:
         return about | more
 
 
-def _of_stars(made: Refreshed) -> dict[str, Any]:
+def _of_stars(made: catalogs.Refreshed) -> dict[str, Any]:
     changes = made.changes
     return {
         "queries": list(made.queries),
@@ -81,7 +64,7 @@ def _of_stars(made: Refreshed) -> dict[str, Any]:
     }
 
 
-def _of_planets(made: RefreshedPlanets) -> dict[str, Any]:
+def _of_planets(made: catalogs.RefreshedPlanets) -> dict[str, Any]:
     changes = made.changes
     return {
         "queries": [catalogs.PLANETS_QUERY],
@@ -122,8 +105,8 @@ def target_path(out: str | Path | None) -> Path:
         If ``out`` does not end in ``.ecsv``, lies in the installed package, is a folder, or cannot be written.
     """
     if out is None:
-        check_writable(data_dir(), key="CPIC_DATA_DIR", folder=True)
-        return data_dir()
+        check_writable(catalogs.data_dir(), key="CPIC_DATA_DIR", folder=True)
+        return catalogs.data_dir()
     path = at_home(out)
     if path.suffix != ".ecsv":
         raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
@@ -136,8 +119,8 @@ def target_path(out: str | Path | None) -> Path:
 def refresh_catalog(
     *,
     out: str | Path | None = None,
-    service: TapService | None = None,
-    cuts: Cuts | None = None,
+    service: catalogs.TapService | None = None,
+    cuts: catalogs.Cuts | None = None,
     step: Listener = lambda text: None,
     tell: Listener = lambda text: None,
 ) -> Written:
@@ -164,17 +147,17 @@ def refresh_catalog(
         If ``out`` cannot be a place for it.
     """
     place = target_path(out)
-    made = refresh_stars(service or TapService(), cuts or Cuts(), step=step, tell=tell)
-    text = ecsv_text(made, _versions())
+    made = catalogs.refresh_stars(service or catalogs.TapService(), cuts or catalogs.Cuts(), step=step, tell=tell)
+    text = catalogs.ecsv_text(made, _versions())
     path = _path(place, out is None, "simbad", made.queried_utc, made.refusal)
-    parse_refreshed(text, path.name)  # what cannot be read back is not worth writing
+    catalogs.parse_refreshed(text, path.name)  # what cannot be read back is not worth writing
     return Written(path, _write(path, text), made.refusal, made)
 
 
 def refresh_known_planets(
     *,
     out: str | Path | None = None,
-    service: TapService | None = None,
+    service: catalogs.TapService | None = None,
     step: Listener = lambda text: None,
     tell: Listener = lambda text: None,
 ) -> Written:
@@ -197,16 +180,17 @@ def refresh_known_planets(
         If ``out`` cannot be a place for it.
     """
     place = target_path(out)
-    made = refresh_planets(service or TapService(), step=step, tell=tell)
-    text = planets_ecsv(made, _versions())
+    made = catalogs.refresh_planets(service or catalogs.TapService(), step=step, tell=tell)
+    text = catalogs.planets_ecsv(made, _versions())
     path = _path(place, out is None, "archive", made.queried_utc, made.refusal)
-    parse_planets(TableBytes(path.name, text.encode(), ""))  # what cannot be read back is not worth writing
+    # What cannot be read back is not worth writing.
+    catalogs.parse_planets(catalogs.TableBytes(path.name, text.encode(), ""))
     return Written(path, _write(path, text), made.refusal, made)
 
 
 def _path(place: Path, dated: bool, kind: Literal["simbad", "archive"], queried: datetime, refusal: str) -> Path:
-    path = place / file_name(queried, kind) if dated else place
-    return set_aside(path) if refusal else path
+    path = place / catalogs.file_name(queried, kind) if dated else place
+    return catalogs.set_aside(path) if refusal else path
 
 
 def _write(path: Path, text: str) -> str:
@@ -216,7 +200,7 @@ def _write(path: Path, text: str) -> str:
         write_named(path, text, key="--out")
     except OSError as error:
         hint = "choose another place with --out or CPIC_DATA_DIR"
-        raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
+        raise catalogs.RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
     return hashlib.sha256(text.encode()).hexdigest()
 
 

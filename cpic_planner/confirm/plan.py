@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
+from cpic_planner import results
 from cpic_planner.confirm.period import seen_stars, with_telescope_time
 from cpic_planner.confirm.plan_cost import expected_cost, plan_cost
 from cpic_planner.confirm.stars import (
@@ -34,18 +35,6 @@ from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
 from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
-from cpic_planner.results import (
-    BandConfirmation,
-    KnownResult,
-    NotImagedRow,
-    PeriodRecord,
-    PlanResult,
-    RankedTarget,
-    RankResult,
-    ReferencePlanetRecord,
-    ScheduleImages,
-    SensitivityResult,
-)
 from cpic_planner.survey import ScheduledVisit, Sight, read_schedule
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from cpic_planner.validation import ConfirmTask, confirm_task
@@ -62,12 +51,12 @@ class _Prepared:
     catalogue: Catalogue
     targets: Targets
     drawn: PopulationChoice | KnownChoice
-    rank: RankResult
-    chosen: list[RankedTarget]
+    rank: results.RankResult
+    chosen: list[results.RankedTarget]
     tasks: list[ConfirmTask]
-    refused: dict[str, BandConfirmation]
-    period: PeriodRecord | None
-    schedule: ScheduleImages | None
+    refused: dict[str, results.BandConfirmation]
+    period: results.PeriodRecord | None
+    schedule: results.ScheduleImages | None
     rolls_deg: dict[str, float]
     sights: dict[str, Sight]
 
@@ -108,7 +97,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period, sights=sights)
 
 
-def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets:
+def _star(ready: _Prepared, row: results.RankedTarget, roll_deg: float = 0.0) -> Targets:
     index = int(np.flatnonzero(ready.targets.name == row.name)[0])
     return replace(ready.targets.select([index]), roll_deg=roll_deg)
 
@@ -126,12 +115,12 @@ def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str,
 def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[ScheduledVisit], source: str) -> _Prepared:
     """Return the visits of a schedule: those of one star and band are one programme, in the frames of the first."""
     programmes: dict[str, dict[str, list[ScheduledVisit]]] = {}
-    refused_rows: list[NotImagedRow] = []
+    refused_rows: list[results.NotImagedRow] = []
     rows = {row.name: row for row in ready.rank.targets}
 
     def refuse(visit: ScheduledVisit, message: str) -> None:
         band = visit.setting.band
-        refused_rows.append(NotImagedRow(row=visit.row, star=visit.star, band=band, message=message))
+        refused_rows.append(results.NotImagedRow(row=visit.row, star=visit.star, band=band, message=message))
 
     for visit in listed:
         try:
@@ -172,7 +161,7 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
                 for visit in own:
                     refuse(visit, answer.message)
     imaged = [own for name in names for band, own in programmes[name].items() if f"{name} {band}" not in refused]
-    record = ScheduleImages(
+    record = results.ScheduleImages(
         source=source,
         n_visits=len(listed),
         n_imaged=sum(map(len, imaged)),
@@ -182,7 +171,7 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, schedule=record, rolls_deg=rolls)
 
 
-def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
+def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[results.PlanResult]:
     """Return the job that ranks, confirms and reports.
 
     Parameters
@@ -200,16 +189,16 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
         return plan_cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
 
     @functools.cache
-    def firmness() -> SensitivityResult:
+    def firmness() -> results.SensitivityResult:
         ready = prepared()
         asked: dict[str, Any] = {"time_s": config.time_s, "planet": config.planet, "score": config.score}
         return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
 
-    def work(runner: Runner) -> PlanResult:
+    def work(runner: Runner) -> results.PlanResult:
         bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, bodies, firmness())
 
-    def write(folder: RunFolder, plan: PlanResult, bodies: Mapping[str, Any]) -> None:
+    def write(folder: RunFolder, plan: results.PlanResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
         firm = firmness()
         known = _known(config, ready)
@@ -233,7 +222,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
 def make_plan(
     config: PlanQuestion, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
-) -> Finished[PlanResult]:
+) -> Finished[results.PlanResult]:
     """Rank, confirm and report.
 
     Parameters
@@ -253,7 +242,7 @@ def make_plan(
     return run(plan_job(config, catalog), out, **how)
 
 
-def _known(config: PlanQuestion, ready: _Prepared) -> KnownResult | None:
+def _known(config: PlanQuestion, ready: _Prepared) -> results.KnownResult | None:
     """Return the known planets of the first stars of the ranking and their next windows; None where these have none."""
     choice, first = ready.drawn, {row.name for row in ready.rank.targets[:_SHOWN]}
     if not isinstance(choice, KnownChoice):
@@ -284,8 +273,8 @@ def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
 
 
 def _result(
-    config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any], firm: SensitivityResult
-) -> PlanResult:
+    config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any], firm: results.SensitivityResult
+) -> results.PlanResult:
     rank, model, reference = prepared.rank, prepared.model, config.strategy.reference_star
     extremes = {star.name: star.model_dump(include={"rank_lowest", "rank_highest"}) for star in firm.stars}
     targets = []
@@ -293,11 +282,11 @@ def _result(
         target = confirmed_target(model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
         target = with_telescope_time(target, model, prepared.sights)
         targets.append(target.model_copy(update=extremes.get(row.name)))
-    return PlanResult(
+    return results.PlanResult(
         **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
-        reference_planet=ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
+        reference_planet=results.ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
         reference_star_v_mag=None if reference is None else reference.v_mag,
         reference_star_teff_k=None if reference is None else reference.teff_k,
         catalogue=rank.catalogue,
