@@ -90,7 +90,8 @@ class Span:
             visits = min(math.floor(time_s / visit_time_s * (1.0 + 1e-9)), MAX_VISITS)
             if visits < 1:
                 raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
-        check_visits(visits, visit_time_s, time_s)
+        else:
+            check_visits(visits, visit_time_s, time_s)
         each_s = visits * visit_time_s
         return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
