@@ -15,12 +15,12 @@ from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
 from cpic_planner import results
 from cpic_planner.confirm.period import seen_stars, with_telescope_time
-from cpic_planner.confirm.plan_cost import expected_cost, plan_cost
 from cpic_planner.confirm.stars import (
     RESULT_VERSION,
     confirmed_target,
     first_roll_deg,
     image_tasks,
+    images_cost,
     plan_tasks,
     programme_task,
     refuse_unimaged,
@@ -32,7 +32,7 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
-from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
+from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.survey import ScheduledVisit, Sight, read_schedule
@@ -41,6 +41,8 @@ from cpic_planner.validation import ConfirmTask, confirm_task
 
 _SHOWN, _KNOWN_DRAWS = 50, 500
 """Stars of the ranking whose known planets are shown, and draws of each planet."""
+_RANK_S, _REPORT_S = 2.8e-3, 8.0  # of a star in a band, other assumptions included
+_NEAR, _ROUGH, _STAND_INS = 40, 200, 4
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
 
     def prepared_cost() -> Cost:
         ready = prepared()
-        return plan_cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
+        return _cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
 
     @functools.cache
     def firmness() -> results.SensitivityResult:
@@ -216,7 +218,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         work=work,
         write=write,
         products=("sensitivity.json", "known.json", *PRODUCTS),
-        cost=lambda: expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
+        cost=lambda: _expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
     )
 
 
@@ -300,3 +302,27 @@ def _result(
         schedule=prepared.schedule,
         targets=targets,
     )
+
+
+def _cost(tasks: Sequence[ConfirmTask], n_targets: int, n_ranked: int, n_bands: int) -> Cost:
+    """Return the cost of images, and of ranking the stars, under other assumptions too, and of the report."""
+    cost = images_cost(tasks, n_targets=n_targets)
+    return replace(cost, start_s=cost.start_s + _RANK_S * n_ranked * n_bands + _REPORT_S)
+
+
+def _expected_cost(config: PlanQuestion, catalog: CatalogSource) -> Cost:
+    """Return the cost of the targets that a rough ranking of the nearest stars has first, some standing for others."""
+    refuse_unimaged(config.instrument, config.bands)
+    model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
+    stars = asked_stars(config, as_catalogue(catalog)).answered
+    n_targets = min(config.top, len(stars))
+    near = stars.select(np.argsort(stars.distance_pc, kind="stable")[: _NEAR + 3 * n_targets])
+    rough = PopulationChoice(config.population, _ROUGH)
+    ranked = rank_targets(model, near, time_s=time_s, planet=config.planet, population=rough).targets[:n_targets]
+    rows = ranked[:: max(-(-len(ranked) // _STAND_INS), 1)]
+    alone = [near.select(near.name == row.name) for row in rows]
+    settings: dict[str, Any] = config.image_settings
+    tasks, _ = plan_tasks(model, alone, rows, time_s=time_s, planet=config.planet, **settings)
+    own = [[task for task in tasks if task.name == row.name] for row in rows]
+    every = [task for i in range(n_targets) for task in own[i * len(own) // n_targets]]
+    return _cost(every, n_targets, len(stars), len(model.bands))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
+from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
@@ -172,9 +173,7 @@ def _print_windows(row: results.KnownPlanetRow, result: results.KnownResult, con
     bands: dict[str, list[str]] = {}
     for hole in result.holes:
         mine = [window for window in row.windows if window.band == hole.band]
-        more = f" and {len(mine) - _WINDOWS} more" if len(mine) > _WINDOWS else ""
-        spans = ", ".join(map(_span, mine[:_WINDOWS])) + more
-        bands.setdefault(spans, []).append(hole.band)
+        bands.setdefault(listed([*map(_span, mine)], _WINDOWS), []).append(hole.band)
     for spans, names in bands.items():
         inside = f"more likely than not in the dark hole {spans}" if spans else "at no time more likely than not in it"
         if row.windows:
@@ -272,5 +271,4 @@ def _visibility_cells(years: bool) -> list[Cells]:
 def _seasons(target: results.VisibleTarget, years: bool) -> str:
     cut = 0 if years else 5
     seasons = [f"{one.start_utc[:10][cut:]} to {one.end_utc[:10][cut:]}" for one in target.seasons]
-    more = [f"and {len(seasons) - _SEASONS} more"] if len(seasons) > _SEASONS else []
-    return ", ".join([*seasons[:_SEASONS], *more]) or MISSING
+    return listed(seasons, _SEASONS) or MISSING

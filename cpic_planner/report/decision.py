@@ -6,6 +6,7 @@ What the decision rests on, in sentences that are computed from the numbers.
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
+from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report import document as doc, image_figures, summary, words
@@ -100,9 +101,8 @@ def decision_sentences(plan: results.PlanResult) -> list[str]:
         found.append("Its images show the planet at a known place, but a blind search does not find it.")
     if others:
         names = [pretty_name(target.name) for target, _ in others]
-        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
         found.append(
-            f"Then {', '.join(names[:_MOST_NAMED])}{more}, as in the table. "
+            f"Then {listed(names, _MOST_NAMED)}, as in the table. "
             f"All {len(ready)} stars together take {_time_text([best for _, best in ready])}."
         )
     return found

@@ -15,7 +15,7 @@ from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.numbers import decimals, duration_text, pretty_name, significant
 from cpic_planner.report.plan_stars import anchors_of, star_pages
 from cpic_planner.report.priorities import known_blocks, priority_blocks, sensitivity_blocks
-from cpic_planner.report.words import method_credits, terms
+from cpic_planner.report.words import prose, terms
 
 
 @dataclass(frozen=True)
@@ -279,4 +279,4 @@ def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "credits", "Credits")
 def _credits(report: PlanReport) -> Iterator[doc.Block]:
-    yield doc.Items((*data_credits(report.plan.catalogue), *method_credits()))
+    yield doc.Items((*data_credits(report.plan.catalogue), *prose()["credits"]))

@@ -14,7 +14,7 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import duration_text, full_name
 from cpic_planner.report.searched_figures import curve_pictures, roc_pictures
 from cpic_planner.report.searched_words import curve_sentences, roc_sentences
-from cpic_planner.report.words import method_credits, terms
+from cpic_planner.report.words import prose, terms
 from cpic_planner.report.write import page_html
 
 CURVE_PRODUCTS = ("curve.csv", "completeness.csv", "recovered.csv", "report.html")
@@ -185,5 +185,5 @@ def _reproduced(page: SearchedReport) -> Iterator[doc.Block]:
     tables = "`curve.csv`, `completeness.csv`, `recovered.csv`" if page.result.kind == "curve" else "`roc.csv`"
     note = f"Numbers in full: `{page.result.kind}.json`; tables: {tables}."
     yield from doc.reproduced_blocks(page.result, doc.marked(note))
-    yield doc.Items(method_credits())
+    yield doc.Items(prose()["credits"])
     yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])

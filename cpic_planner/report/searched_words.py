@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cpic_planner import results
 from cpic_planner.report.cells import print_note, print_table, row_cells
 from cpic_planner.report.console_etc import flag_lines
-from cpic_planner.report.numbers import duration_text, full_name, share_text, significant
+from cpic_planner.report.numbers import duration_text, share_text, significant, star_text
 from cpic_planner.report.words import status_text
 
 if TYPE_CHECKING:
@@ -105,11 +105,7 @@ def print_curve(result: results.CurveResult, console: Console, *, full: bool = F
     full : bool
         Also the programme of each band.
     """
-    star = full_name(result.target, result.hip)
-    title = (
-        f"{star}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc; contrast limits at "
-        f"{result.sigma:g}σ in {duration_text(result.time_s)}"
-    )
+    title = f"{star_text(result)}; contrast limits at {result.sigma:g}σ in {duration_text(result.time_s)}"
     measured = any(row.measured_limit is not None for row in result.points)
     layout = (
         "band separation_arcsec contrast_limit_blind contrast_limit_known_place/4 contrast_limit_threshold/3 "
@@ -139,8 +135,7 @@ def print_roc(result: results.RocResult, console: Console, *, full: bool = False
     full : bool
         Also the programme of each band, and every level.
     """
-    star = full_name(result.target, result.hip)
-    title = f"{star}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc; detections and false alarms"
+    title = f"{star_text(result)}; detections and false alarms"
     images = any(row.n_searches for row in result.levels)
     counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
     layout = (

@@ -11,7 +11,7 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.whatif_doubt import doubt_blocks
 from cpic_planner.report.whatif_maps import shown_rows
-from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
+from cpic_planner.report.words import prose, terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
 
 _OPEN_CHANGES = 5
@@ -263,7 +263,7 @@ def _details(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "reading", "How to read this")
 def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Items(reading())
+    yield doc.Items(prose()["reading"])
 
 
 @doc.section_of(WHATIF_SECTIONS, "assumptions", "Assumptions")
@@ -288,7 +288,7 @@ def _missing(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "glossary", "Glossary")
 def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Facts([*whatif_terms(), *terms(_WORDS)])
+    yield doc.Facts([*prose()["whatif_terms"].items(), *terms(_WORDS)])
 
 
 @doc.section_of(WHATIF_SECTIONS, "reproduce", "Reproducing this")
@@ -302,4 +302,4 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
-    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *method_credits()))
+    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *prose()["credits"]))
