@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, TypeVar
 
 from cpic_planner import report
 from cpic_planner.cli import options
@@ -19,13 +17,12 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound="SearchedResult")
 
-PlotOption: TypeAlias = Annotated[
-    Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
-]
-
 
 def curve(
-    question: CurveQuestion, output: options.Answer, plot: PlotOption = None, dry_run: options.DryRunOption = False
+    question: CurveQuestion,
+    output: options.Answer,
+    plot: options.PlotOption = None,
+    dry_run: options.DryRunOption = False,
 ) -> None:
     """Draw contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
 
@@ -75,7 +72,10 @@ def curve(
 
 
 def roc(
-    question: RocQuestion, output: options.Answer, plot: PlotOption = None, dry_run: options.DryRunOption = False
+    question: RocQuestion,
+    output: options.Answer,
+    plot: options.PlotOption = None,
+    dry_run: options.DryRunOption = False,
 ) -> None:
     """Show how likely a planet is detected, against the false alarms of a search.
 
@@ -128,12 +128,9 @@ def _run(
             )
             options.print_line_or_json(line, cost, output.as_json)
             return None
-        total = int(cost["n_realisations"])
         start = partial(run, job, question.out, **question.how)
-        done = options.with_progress(title, total, start, "set of images").result
-    else:
-        done = run(job, question.out, **question.how).result
-    return done
+        return options.with_progress(title, int(cost["n_realisations"]), start, "set of images").result
+    return run(job, question.out, **question.how).result
 
 
 def _tell_report(question: SearchedQuestion, output: options.Answer) -> None:

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from cpic_core import FloatArray
 from cpic_planner import etc
 from cpic_planner.confirm import searched
-from cpic_planner.jobs import Job, RunFolder, Runner
+from cpic_planner.jobs import Job, Runner
 from cpic_planner.queries import CurveQuestion
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, EtcAnswer, RecoveredRow, SearchedProgramme
@@ -85,15 +85,12 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: searched.Aske
             recovered=recovered,
         )
 
-    def write(folder: RunFolder, result: CurveResult, bodies: Mapping[str, Any]) -> None:
-        write_curve(folder, result)
-
     return Job(
         kind="curve",
         results=RESULT_VERSION,
         decides=lambda: searched.decided_by(question, asked),
         work=work,
-        write=write,
+        write=lambda folder, result, bodies: write_curve(folder, result),
         products=CURVE_PRODUCTS,
         cost=lambda: searched.search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )

@@ -1,7 +1,6 @@
 """``cpic roc``: how likely a planet is found, against the false alarms of a search."""
 
 import functools
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from cpic_core import FloatArray, special
 from cpic_planner import etc
 from cpic_planner.confirm import searched
-from cpic_planner.jobs import Job, RunFolder, Runner
+from cpic_planner.jobs import Job, Runner
 from cpic_planner.queries import RocQuestion
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, ReferencePlanetRecord, RocProgramme, RocResult, RocRow
@@ -66,15 +65,12 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: searched.AskedSta
             levels=levels,
         )
 
-    def write(folder: RunFolder, result: RocResult, bodies: Mapping[str, Any]) -> None:
-        write_roc(folder, result)
-
     return Job(
         kind="roc",
         results=RESULT_VERSION,
         decides=lambda: searched.decided_by(question, asked) | {"planet": question.planet.content()},
         work=work,
-        write=write,
+        write=lambda folder, result, bodies: write_roc(folder, result),
         products=ROC_PRODUCTS,
         cost=lambda: searched.search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )

@@ -65,16 +65,13 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
     print_note(console, *filter(None, [numbers.unused_text(bands)]))
-    if not full:
-        print_comparison(plan, console)
-        _print_invalid(bands, console)
-        if left := _left_out_sentence(plan):
-            print_note(console, left)
-        return
-    verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
-    print_plain(console, *verdicts)
+    for target in plan.targets if full else ():
+        print_plain(console, f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
     _print_invalid(bands, console)
+    if not full:
+        print_note(console, *filter(None, [_left_out_sentence(plan)]))
+        return
     print_modelled(bands, console)
     criterion = LIBRARIES[plan.reference_library].found
     print_note(

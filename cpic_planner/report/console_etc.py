@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from cpic_planner.report import numbers, words
@@ -182,25 +183,21 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
-    if len(told) < _SENTENCES and (causes := _causes(missed)):
+    if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
+        causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
-    reasons = dict.fromkeys(row.message for row in result.answers if row.message)
-    if len(told) < _SENTENCES and reasons and not explained:
-        parts = []
-        for text in reasons:
-            bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
-            parts.append(f"{bands}: {text}")
-        told.append(f"{'; '.join(parts)}.")
+    if len(told) < _SENTENCES and not explained and (reasons := _bands_of(result.answers, "message")):
+        told.append(f"{'; '.join(f'{bands}: {text}' for text, bands in reasons.items())}.")
     return told
 
 
-def _causes(missed: Sequence[EtcAnswer]) -> str:
-    """Return what limits answers that are no detection, bands of one cause together."""
-    causes = []
-    for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
-        where = ", ".join(dict.fromkeys(row.band for row in missed if row.limited_by == limit))
-        causes.append(f"{where} by {words.LIMITED_BY[limit][1]}")
-    return "; ".join(causes)
+def _bands_of(rows: Sequence[EtcAnswer], name: str) -> dict[str, str]:
+    """Return the bands, with commas, of each value that a field of answers has; of none without one."""
+    found: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if value := getattr(row, name):
+            found.setdefault(value, {})[row.band] = None
+    return {value: ", ".join(bands) for value, bands in found.items()}
 
 
 def _explain(result: EtcResult, console: Console) -> None:
@@ -217,9 +214,7 @@ def _explain(result: EtcResult, console: Console) -> None:
     wanted = [f"{answer_name(row)} {needed}" for row, needed in needs if needed]
     if wanted:
         print_note(console, f"One of these alone would make it a detection: {'; '.join(wanted)}.")
-    for text in dict.fromkeys(row.message for row in result.answers if row.message):
-        bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
-        print_note(console, f"{bands}: {text}.")
+    print_note(console, *(f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()))
     if programme := _programme_text(result.answers):
         print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
     days = [row.span_days for row in result.answers if row.span_days is not None]
@@ -329,17 +324,12 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
 
 def _quadrant_text(result: EtcResult) -> str:
     """Return the quadrants of the planets, by band where they differ, and the roll."""
-    quadrants = {row.band: row.quadrant for row in result.answers if row.quadrant is not None}
+    quadrants = _bands_of(result.answers, "quadrant")
     if not quadrants:
         return "a quadrant"
-    roll = f"at roll {result.answers[0].roll_deg:g} deg"
-    if len(set(quadrants.values())) == 1:
-        return f"the {next(iter(quadrants.values()))} quadrant {roll}"
-    parts = [
-        f"the {quadrant} ({', '.join(band for band in quadrants if quadrants[band] == quadrant)})"
-        for quadrant in dict.fromkeys(quadrants.values())
-    ]
-    return f"{' and '.join(parts)} quadrant {roll}"
+    several = len(quadrants) > 1
+    parts = [f"the {quadrant}{f' ({bands})' * several}" for quadrant, bands in quadrants.items()]
+    return f"{' and '.join(parts)} quadrant at roll {result.answers[0].roll_deg:g} deg"
 
 
 def _value_text(row: EtcAnswer, value: float | None) -> str:
@@ -421,15 +411,10 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
         Name of each instrument, and what is answered with it.
     console : Console
     """
-    grouped = [(name, _by_band(result)) for name, result in results]
-    first = grouped[0][1]
     rows = []
-    for band in dict.fromkeys(band for _, answers in grouped for band in answers):
-        bases = first.get(band, [])
-        for name, answers in grouped:
-            own = answers.get(band, [])
-            padded = [*bases, *[None] * (len(own) - len(bases))]
-            rows += [_Row(name, row, base) for row, base in zip(own, padded, strict=False)]
+    for band in dict.fromkeys(row.band for _, result in results for row in result.answers):
+        answers = [(name, [row for row in result.answers if row.band == band]) for name, result in results]
+        rows += [_Row(name, row, base) for name, own in answers for row, base in zip_longest(own, answers[0][1]) if row]
     cells = row_cells(
         EtcAnswer,
         "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
@@ -444,10 +429,3 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
     if any(row.ratio == _UNLIKE for row in rows):
         why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
         print_plain(console, f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")
-
-
-def _by_band(result: EtcResult) -> dict[str, list[EtcAnswer]]:
-    found: dict[str, list[EtcAnswer]] = {}
-    for row in result.answers:
-        found.setdefault(row.band, []).append(row)
-    return found
