@@ -12,7 +12,18 @@ from typing import Any
 
 import numpy as np
 
-import catalogs
+from catalogs import (
+    Column,
+    Columns,
+    RawColumn,
+    RawTable,
+    Rows,
+    TableBytes,
+    parse_table,
+    read_bytes,
+    read_rows,
+    star_key,
+)
 from cpic_core import BoolArray, FloatArray, InputError, parse_json
 from cpic_planner.etc import EtcModel
 from cpic_planner.results import PlannedVisitRow, columns_of
@@ -42,7 +53,7 @@ _OBSERVED = (*_FRAMES[:1], ("start_utc",), *_FRAMES[1:])
 OUTCOMES = ("detected", "not_detected", "lost")
 
 
-def _columns() -> catalogs.Columns:
+def _columns() -> Columns:
     """Return the columns of `PlannedVisitRow` with the ranges that a file may hold."""
     made = []
     for item in columns_of(PlannedVisitRow):
@@ -52,11 +63,9 @@ def _columns() -> catalogs.Columns:
         )
         kind = "int" if item.name == "hip" else _KINDS[item.dtype]
         made.append(
-            catalogs.Column(
-                item.name, item.description, kind, item.unit, _ALIASES.get(item.name, ""), float(low), float(high)
-            )
+            Column(item.name, item.description, kind, item.unit, _ALIASES.get(item.name, ""), float(low), float(high))
         )
-    return catalogs.Columns(*made)
+    return Columns(*made)
 
 
 COLUMNS = _columns()
@@ -90,8 +99,8 @@ class ObservationLog:
 
     def of(self, star: str) -> tuple[ObservedVisit, ...]:
         """Return the visits of a star, by any of its names, without those that were lost."""
-        key = catalogs.star_key(star)
-        return tuple(visit for visit in self.visits if catalogs.star_key(visit.star) == key and not visit.lost)
+        key = star_key(star)
+        return tuple(visit for visit in self.visits if star_key(visit.star) == key and not visit.lost)
 
     @property
     def until_mjd(self) -> float:
@@ -138,8 +147,8 @@ def read_log(source: str | Path, strategies: Collection[str] = ()) -> Observatio
         Naming file, row, column, value, unit and range of the first fault; if no line has an outcome, or those of
         several strategies have.
     """
-    file = catalogs.read_bytes(source, key="observed", presets="")
-    table = catalogs.read_rows(_raw_table(file), COLUMNS, _OBSERVED, about="star")
+    file = read_bytes(source, key="observed", presets="")
+    table = read_rows(_raw_table(file), COLUMNS, _OBSERVED, about="star")
     told = {"outcome", "planets"} & set(table.headings)
     made = [(where, row) for where, row in table if {"start_utc", "outcome", "planets"} & set(row)]
     if not made:
@@ -176,8 +185,8 @@ def read_schedule(source: str | Path, strategy: str | None = None) -> tuple[tupl
     InputError
         As of `read_log`, and if every line has an outcome.
     """
-    file = catalogs.read_bytes(source, key="schedule", presets="")
-    table = catalogs.read_rows(_raw_table(file), COLUMNS, _FRAMES, about="star")
+    file = read_bytes(source, key="schedule", presets="")
+    table = read_rows(_raw_table(file), COLUMNS, _FRAMES, about="star")
     named = [row["strategy"] for row in table.rows if "strategy" in row]
     if strategy is not None and strategy not in named:
         known = ", ".join(dict.fromkeys(named)) or "no strategy: the file names none"
@@ -193,10 +202,10 @@ def read_schedule(source: str | Path, strategy: str | None = None) -> tuple[tupl
     return tuple(_scheduled(table, where, row, number[id(row)]) for where, row in left), about
 
 
-def _raw_table(file: catalogs.TableBytes) -> catalogs.RawTable:
+def _raw_table(file: TableBytes) -> RawTable:
     """Return the table as it is written; JSON as ``visits.json`` has it."""
     if not file.data.lstrip().startswith(b"{"):
-        return catalogs.parse_table(file)
+        return parse_table(file)
     allowed = "JSON with a list of visits, as cpic whatif writes it"
     try:
         rows = parse_json(file.data)["visits"]
@@ -205,9 +214,7 @@ def _raw_table(file: catalogs.TableBytes) -> catalogs.RawTable:
         raise InputError(file.name, "not a table of visits", allowed=allowed, hint=type(error).__name__) from None
     if not names:
         raise InputError(file.name, "no rows", allowed=allowed)
-    return catalogs.RawTable(
-        file.name, [catalogs.RawColumn(name, "", [row.get(name) for row in rows]) for name in names]
-    )
+    return RawTable(file.name, [RawColumn(name, "", [row.get(name) for row in rows]) for name in names])
 
 
 _Line = tuple[str, dict[str, Any]]
@@ -225,7 +232,7 @@ def _of_one_strategy(lines: Sequence[_Line], file: str, key: str, wanted: Collec
     return [(where, row) for where, row in lines if row.get("strategy") in (None, *mine)]
 
 
-def _setting(table: catalogs.Rows, where: str, row: dict[str, Any]) -> tuple[Setting, int]:
+def _setting(table: Rows, where: str, row: dict[str, Any]) -> tuple[Setting, int]:
     """Return the frames of a line, and how many visits are reduced together."""
     table.refuse_missing(where, row, _FRAMES)
     visits, frames = int(row.get("visits", 1)), row["frames_per_visit"]
@@ -233,7 +240,7 @@ def _setting(table: catalogs.Rows, where: str, row: dict[str, Any]) -> tuple[Set
     return Setting(str(row["band"]), row["exposure_s"], frames, row["em_gain"], time_s), visits
 
 
-def _observed(table: catalogs.Rows, where: str, row: dict[str, Any], told: bool) -> ObservedVisit:
+def _observed(table: Rows, where: str, row: dict[str, Any], told: bool) -> ObservedVisit:
     table.refuse_missing(where, row, _OBSERVED)
     utc = checked_utc(f"{where} column start_utc", row["start_utc"])
     outcome, planets = row.get("outcome"), row.get("planets")
@@ -254,7 +261,7 @@ def _observed(table: catalogs.Rows, where: str, row: dict[str, Any], told: bool)
     return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, int(planets or 0), where, lost)
 
 
-def _scheduled(table: catalogs.Rows, where: str, row: dict[str, Any], number: int) -> ScheduledVisit:
+def _scheduled(table: Rows, where: str, row: dict[str, Any], number: int) -> ScheduledVisit:
     setting, visits = _setting(table, where, row)
     mjd = 0.5 * (row.get("window_start_mjd", math.nan) + row.get("window_end_mjd", math.nan))
     library, roll = row.get("reference_library", ""), row.get("roll_deg", math.nan)
