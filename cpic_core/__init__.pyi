@@ -6,6 +6,7 @@ from cpic_core.cache import (
 )
 from cpic_core.errors import (
     InputError as InputError,
+    listed as listed,
     one_line as one_line,
     shortened as shortened,
     visible as visible,

@@ -1,5 +1,6 @@
 """The one error class for bad input: it names key, value, unit and allowed range in one line."""
 
+from collections.abc import Sequence
 from unicodedata import category
 
 _LONGEST = 200
@@ -38,6 +39,18 @@ def visible(text: str, keep: str = "") -> str:
     return "".join(
         sign if sign.isprintable() or sign in keep or category(sign) == "Zs" else ascii(sign)[1:-1] for sign in text
     )
+
+
+def listed(words: Sequence[str], most: int) -> str:
+    """Return the first words with commas, and how many more there are.
+
+    Parameters
+    ----------
+    words : sequence of str
+    most : int
+        How many are named.
+    """
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 
 
 def _said(value: object) -> str:

@@ -10,19 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import FloatArray, InputError
+from cpic_planner import etc
 from cpic_planner.api.keywords import catalogue_of, model_of, stars_named, takes
-from cpic_planner.etc import (
-    FARTHEST_ARCSEC,
-    EtcModel,
-    Group,
-    Objective,
-    Span,
-    check_range,
-    fixed_frames,
-    groups_of,
-    planets_of,
-    questions,
-)
+from cpic_planner.etc import questions
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer
@@ -53,7 +43,7 @@ def as_asked(question: EtcQuestion, star: Targets) -> Targets:
     return replace(star, distance_pc=np.array([question.distance_pc]), luminosity_lsun=star.luminosity_lsun * brighter)
 
 
-def closed_forms(question: EtcQuestion, model: EtcModel, star: Targets) -> list[EtcAnswer]:
+def closed_forms(question: EtcQuestion, model: etc.EtcModel, star: Targets) -> list[EtcAnswer]:
     """Return the answers of the closed forms about one star, or about several at given separations.
 
     Parameters
@@ -88,18 +78,18 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
     """
     pc = float(star.distance_pc[0])
     if question.separation_au is not None:
-        largest = pc * FARTHEST_ARCSEC
-        return [check_range("separation_au", place, 0.0, largest, "au") / pc for place in question.separation_au]
+        largest = pc * etc.FARTHEST_ARCSEC
+        return [etc.check_range("separation_au", place, 0.0, largest, "au") / pc for place in question.separation_au]
     if question.semi_major_axis_au is None:
         return question.separation_arcsec
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     across = math.sin(math.radians(planet.phase_deg)) / pc
-    largest = min(FARTHEST_ARCSEC / across, 1e5)
-    return [check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, largest, "au") * across]
+    largest = min(etc.FARTHEST_ARCSEC / across, 1e5)
+    return [etc.check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, largest, "au") * across]
 
 
 def _ask(
-    question: EtcQuestion, model: EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
+    question: EtcQuestion, model: etc.EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
 ) -> list[EtcAnswer]:
     frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
     common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
@@ -114,7 +104,7 @@ def _ask(
     return questions.signal_to_noise(model, star, **given, **common)
 
 
-def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str) -> list[float]:
+def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band: str) -> list[float]:
     """Return the separation of least time, of clearest detection or of faintest limit, for each contrast or planet.
 
     Where the level is out of reach it is the separation that comes nearest to it. Frames need not be whole in this
@@ -129,25 +119,25 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
         Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
-    fixed = fixed_frames(model, [band], question.exposure_s, question.em_gain)
+    fixed = etc.fixed_frames(model, [band], question.exposure_s, question.em_gain)
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best = []
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        objective: Objective = "significance" if question.snr is None else "snr"
-        them = planets_of(list(grid), planet, contrast)
-        (group,) = groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
+        objective: etc.Objective = "significance" if question.snr is None else "snr"
+        them = etc.planets_of(list(grid), planet, contrast)
+        (group,) = etc.groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
         best.append(float(grid[int(np.argmin(_cost(question, model, group)))]))
     return best
 
 
-def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
+def _cost(question: EtcQuestion, model: etc.EtcModel, group: etc.Group) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
     cases, every, given = group.cases, group.programmes, model.strategy.visits
     if not question.asks_time:
         times = questions.times_of(question, model, cases.bands[0].band)
-        return group.missed_in(Span.of(model, times["time_s"], times["visit_time_s"]))
+        return group.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
@@ -155,13 +145,13 @@ def _cost(question: EtcQuestion, model: EtcModel, group: Group) -> FloatArray:
         visits = every.quickest() if given is None else fixed
         time_s = visits * model.time_s(every.solved(visits)[0])
     cost = np.where(group.possible, time_s, np.inf)
-    endless = Span(given or MAX_VISITS, time_s=_ENDLESS_S)
+    endless = etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)
     return cost if np.isfinite(cost).any() else group.missed_in(endless)
 
 
 def checked(
     question: EtcQuestion,
-    model: EtcModel,
+    model: etc.EtcModel,
     stars: Sequence[Targets],
     answers: Sequence[EtcAnswer],
     *,

@@ -13,34 +13,23 @@ from pydantic.fields import FieldInfo
 
 from catalogs import Catalogue, catalogue_of_star
 from cpic_core import InputError, numeric_context
+from cpic_planner import queries
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.queries import (
-    Question,
-    Strategy,
-    asked_of,
-    default_instrument,
-    kind_of,
-    observed_utc,
-    option_names,
-    options_of,
-    spelled,
-    tree_of,
-)
 from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import FrozenModel, limits_of, nearest, unit_of
 
 
 def model_of(question: Any) -> EtcModel:
     """Return the model of the instrument, the bands and the strategy of a question; that of the shipped one is kept."""
-    if question.instrument is default_instrument():
+    if question.instrument is queries.default_instrument():
         return _default_model(question.bands, question.strategy)
     return build_model(question.instrument, question.bands, question.strategy)
 
 
 @functools.lru_cache(maxsize=16)
-def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> EtcModel:
+def _default_model(bands: tuple[str, ...] | None, strategy: queries.Strategy | None) -> EtcModel:
     """Return the model of the shipped instrument, which no file of the user's can change."""
-    return build_model(default_instrument(), bands, strategy)
+    return build_model(queries.default_instrument(), bands, strategy)
 
 
 def catalogue_of(question: Any) -> Catalogue:
@@ -53,7 +42,7 @@ def catalogue_of(question: Any) -> Catalogue:
 
 def stars_named(question: Any) -> list[Targets]:
     """Return each star that a question names as a target of its own."""
-    date_utc, companions = observed_utc(question), question.companions
+    date_utc, companions = queries.observed_utc(question), question.companions
     if question.catalog == "snapshot" and getattr(question, "v_mag", None) is None:
         return [_shipped_star(name, companions, date_utc) for name in question.target]
     catalog = catalogue_of(question)
@@ -67,7 +56,7 @@ def _shipped_star(name: str, companions: Literal["on", "off"], date_utc: str | N
 
 
 R = TypeVar("R")
-Q = TypeVar("Q", bound=Question)
+Q = TypeVar("Q", bound=queries.Question)
 
 
 def takes(
@@ -100,7 +89,7 @@ def takes(
 
     def made(function: Callable[[Q], R]) -> Callable[..., R]:
         parameters = [_parameter(model, name, name in first, name in needs, fixed) for name in names]
-        parameters += [_parameter(Strategy, name, False, False, {}) for name in of_strategy]
+        parameters += [_parameter(queries.Strategy, name, False, False, {}) for name in of_strategy]
         parameters.sort(key=lambda item: (item.kind, item.kind is item.POSITIONAL_OR_KEYWORD and item.default is None))
         signature = inspect.Signature(parameters, return_annotation=function.__annotations__.get("return"))
 
@@ -112,7 +101,7 @@ def takes(
             own = {name: given.pop(name) for name in of_strategy if given.get(name) is not None}
             if own:
                 base = given.get("strategy") or {}
-                tree = base.model_dump(exclude_unset=True) if isinstance(base, Strategy) else base
+                tree = base.model_dump(exclude_unset=True) if isinstance(base, queries.Strategy) else base
                 if not isinstance(tree, Mapping):
                     raise InputError("strategy", base, allowed="a Strategy or a mapping")
                 for name in own.keys() & tree.keys():
@@ -132,7 +121,7 @@ _SHOWN = ("limit", "format", "form", "brief", "json", "as_json", "plot", "out", 
 
 
 def _by_field(
-    model: type[Question], function: str, signature: inspect.Signature, keywords: Mapping[str, Any]
+    model: type[queries.Question], function: str, signature: inspect.Signature, keywords: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return keywords with the names of options (``band``, ``planet_radius_rjup``) by the fields that these set.
 
@@ -145,7 +134,7 @@ def _by_field(
     others = {name: named.pop(name) for name in tuple(named) if name not in signature.parameters}
     if not others:
         return named
-    options = {option.flag.removeprefix("--").replace("-", "_"): option for option in options_of(model)}
+    options = {option.flag.removeprefix("--").replace("-", "_"): option for option in queries.options_of(model)}
     options = {word: option for word, option in options.items() if option.path[0] in signature.parameters}
     for name in others:
         if name not in options:
@@ -158,7 +147,7 @@ def _by_field(
         if field in named and not (len(options[name].path) > 1 and isinstance(named[field], Mapping)):
             raise InputError(name, f"given with {field}", allowed="one of the two")
     values = {option.name: others.get(word) for word, option in options.items()}
-    return tree_of(tuple(options.values()), values, named, option_names(model))
+    return queries.tree_of(tuple(options.values()), values, named, queries.option_names(model))
 
 
 def _parameter(
@@ -177,8 +166,8 @@ def _parameter(
 
 def _words(info: FieldInfo) -> str:
     """Return the type of a keyword in words, as numpydoc has it."""
-    own = asked_of(info)
-    kind, several = kind_of(info)
+    own = queries.asked_of(info)
+    kind, several = queries.kind_of(info)
     if own is not None and own.accepts:
         word = own.accepts
     elif get_origin(kind) is Literal:
@@ -188,18 +177,18 @@ def _words(info: FieldInfo) -> str:
     return word if info.is_required() else f"{word}, optional"
 
 
-def _documented(text: str, model: type[Question], parameters: Sequence[inspect.Parameter]) -> str:
+def _documented(text: str, model: type[queries.Question], parameters: Sequence[inspect.Parameter]) -> str:
     """Return the docstring with a section on the keywords behind its first paragraphs."""
     lines = ["Parameters", "----------"]
     for parameter in parameters:
-        info = (model if parameter.name in model.model_fields else Strategy).model_fields[parameter.name]
-        own = asked_of(info)
-        said = [spelled(info.description or "")]
+        info = (model if parameter.name in model.model_fields else queries.Strategy).model_fields[parameter.name]
+        own = queries.asked_of(info)
+        said = [queries.spelled(info.description or "")]
         limits, unit = limits_of(info), (own.unit if own else "") or unit_of(parameter.name)
         if limits or unit:
             said.append(f"{limits} {unit}".strip() + ("" if limits else ", as its unit"))
         if own is not None and own.unset:
-            said.append(f"default: {spelled(own.unset)}")
+            said.append(f"default: {queries.spelled(own.unset)}")
         lines.append(f"{parameter.name} : {parameter.annotation}")
         text_of = f"{said[0].rstrip('.')} ({'; '.join(said[1:])})." if said[1:] else said[0]
         lines += textwrap.wrap(text_of, 110, initial_indent="    ", subsequent_indent="    ")

@@ -6,14 +6,13 @@ from cpic_planner import queries, results
 from cpic_planner.api.keywords import model_of, takes
 from cpic_planner.confirm import AskedStar, curve_job, roc_job
 from cpic_planner.jobs import Job, run
-from cpic_planner.queries import observed_utc
 from cpic_planner.targets import as_catalogue, find_target
 
 
 def _asked(question: queries.SearchedQuestion) -> AskedStar:
     """Return the star that a question names."""
     table = as_catalogue(question.catalog)
-    about: dict[str, Any] = {"companions": question.companions, "date_utc": observed_utc(question)}
+    about: dict[str, Any] = {"companions": question.companions, "date_utc": queries.observed_utc(question)}
     star, remark = find_target(question.target, catalog=table, **about)
     return AskedStar(star, table.provenance, "; ".join(filter(None, (remark, *table.notes))))
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import Answer, check_plot, note, refuse_together, write_plot
+from cpic_planner.cli.options import Answer, PlotOption, check_plot, note, refuse_together, write_plot
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -33,9 +32,7 @@ def etc(
             help="Say more: probabilities, visits and orbits, and the EM gain that each saturation limit allows.",
         ),
     ] = False,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
-    ] = None,
+    plot: PlotOption = None,
 ) -> None:
     """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 

@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner import report
-from cpic_planner.cli.options import (
-    Answer,
-    Output,
-    check_file,
-    check_plot,
-    note,
-    place_of,
-    tell_rows,
-    write_out,
-    write_plot,
-)
+from cpic_planner.cli import options
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -30,7 +20,7 @@ if TYPE_CHECKING:
 
 def known(
     question: KnownQuestion,
-    output: Output,
+    output: options.Output,
     limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
@@ -91,8 +81,8 @@ def known(
     for name, value in (("--plot", plot), ("--scene", scene)):
         if star is None and value is not None:
             raise InputError(name, str(value), allowed="only with a STAR")
-    check_file(scene, (".yaml", ".yml"), "--scene")
-    check_plot(plot)
+    options.check_file(scene, (".yaml", ".yml"), "--scene")
+    options.check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
     choice = KnownChoice.at(
@@ -104,7 +94,7 @@ def known(
         seed=question.seed,
         candidates=question.candidates,
     )
-    note(*table.notes, *choice.table.notes)
+    options.note(*table.notes, *choice.table.notes)
     only = None
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
@@ -114,7 +104,7 @@ def known(
         except InputError as error:
             only = planet_named(choice, star, error)
             targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
-        note(*filter(None, [remark]))
+        options.note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):
             raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
@@ -127,10 +117,10 @@ def known(
         mine = [row for row in result.planets if row.planet == only.name]
         result = result.model_copy(update={"planets": mine})
     if plot is not None:
-        write_plot(plot, report.known_figure(result))
+        options.write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    tell_rows(output, limit, len(result.planets))
+    options.tell_rows(output, limit, len(result.planets))
     output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
@@ -143,12 +133,12 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
     source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
     body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
     write_named(path, f"{one_line(about)}\n{one_line(source)}\n{body}", key="--scene")
-    note(f"wrote {place_of(path)}")
+    options.note(f"wrote {options.place_of(path)}")
 
 
 def visibility(
     question: VisibilityQuestion,
-    output: Answer,
+    output: options.Answer,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
@@ -181,13 +171,13 @@ def visibility(
     """
     from cpic_planner.api import visibility_of
 
-    check_file(out, (".csv",), "--out")
-    check_plot(plot)
-    result = visibility_of(question, note)
+    options.check_file(out, (".csv",), "--out")
+    options.check_plot(plot)
+    result = visibility_of(question, options.note)
     if out is not None:
         rows = len(result.targets) * len(result.mjd)
-        write_out(out, lambda: report.visibility_csv(result), rows, rows)
+        options.write_out(out, lambda: report.visibility_csv(result), rows, rows)
     if plot is not None:
-        write_plot(plot, report.visibility_figure(result))
+        options.write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)
     output.show(result, partial(report.print_visibility, result, full=is_verbose()), seen)

@@ -257,6 +257,9 @@ StrictOption: TypeAlias = Annotated[
     bool, typer.Option("--strict", help="Leave with status 3 where there is no answer, or no planet is detected.")
 ]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
+PlotOption: TypeAlias = Annotated[
+    Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
+]
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
 
 

@@ -11,7 +11,6 @@ import typer
 from cpic_core import InputError, dump_json
 from cpic_planner import ranking, report
 from cpic_planner.cli import options
-from cpic_planner.cli.options import Answer, note, refuse_together
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 def rank(
     question: RankQuestion,
-    output: Answer,
+    output: options.Answer,
     limit: Annotated[
         int | None,
         typer.Option(
@@ -134,12 +133,12 @@ def rank(
 
     answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
     for name in ("--explain", "--sensitivity"):
-        refuse_together({name: answers[name], "--compare": compare}, "two answers")
+        options.refuse_together({name: answers[name], "--compare": compare}, "two answers")
     for name, value in answers.items():
-        refuse_together({name: value, "--out": out}, "it holds no ranking")
-        refuse_together({name: value, "--plot": plot}, "it has no figure")
+        options.refuse_together({name: value, "--out": out}, "it holds no ranking")
+        options.refuse_together({name: value, "--plot": plot}, "it has no figure")
         known = None if name == "--compare" else question.known_planets
-        refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
+        options.refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
@@ -151,11 +150,11 @@ def rank(
         output.show(moved, partial(report.print_moves, moved, limit=shown))
         return
     ready = prepared(question)
-    note(*ready.stars.notes)
+    options.note(*ready.stars.notes)
     if explain is not None:
         with called_as({"star": "--explain"}):
             star, remark = find_target(explain, catalog=ready.catalogue)
-        note(*filter(None, [remark]))
+        options.note(*filter(None, [remark]))
         name = str(star.name[0])
         if name not in set(ready.stars.targets.name.tolist()):
             hint = "it is in the catalogue, but a cut leaves it out"
@@ -183,7 +182,7 @@ def rank(
     output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
 
 
-def _write(out: Path, result: RankResult, output: Answer, limit: int | None) -> None:
+def _write(out: Path, result: RankResult, output: options.Answer, limit: int | None) -> None:
     """Write the ranking, or its first stars, in the form that the ending of the name asks for."""
     form, every = options.FORM_OF_ENDING[out.suffix], len(result.targets)
     rows = every if limit is None or form == "json" else min(limit, every)

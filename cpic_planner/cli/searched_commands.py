@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, TypeVar
 
 from cpic_planner import report
-from cpic_planner.cli.options import (
-    Answer,
-    DryRunOption,
-    check_plot,
-    print_line_or_json,
-    say,
-    time_text,
-    with_progress,
-    write_plot,
-)
+from cpic_planner.cli import options
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
@@ -28,12 +17,13 @@ if TYPE_CHECKING:
 
 R = TypeVar("R", bound="SearchedResult")
 
-PlotOption: TypeAlias = Annotated[
-    Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
-]
 
-
-def curve(question: CurveQuestion, output: Answer, plot: PlotOption = None, dry_run: DryRunOption = False) -> None:
+def curve(
+    question: CurveQuestion,
+    output: options.Answer,
+    plot: options.PlotOption = None,
+    dry_run: options.DryRunOption = False,
+) -> None:
     """Draw contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
 
     Each band has one programme of visits, the one that sees faintest, and all numbers of the band are about its
@@ -75,13 +65,18 @@ def curve(question: CurveQuestion, output: Answer, plot: PlotOption = None, dry_
     if done is None:
         return
     if plot is not None:
-        write_plot(plot, report.curve_figure(done))
+        options.write_plot(plot, report.curve_figure(done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
     output.show(done, partial(report.print_curve, done, full=is_verbose()), found)
     _tell_report(question, output)
 
 
-def roc(question: RocQuestion, output: Answer, plot: PlotOption = None, dry_run: DryRunOption = False) -> None:
+def roc(
+    question: RocQuestion,
+    output: options.Answer,
+    plot: options.PlotOption = None,
+    dry_run: options.DryRunOption = False,
+) -> None:
     """Show how likely a planet is detected, against the false alarms of a search.
 
     The level of a detection moves. A blind search of the dark hole expects as many false alarms as it has resolution
@@ -112,35 +107,32 @@ def roc(question: RocQuestion, output: Answer, plot: PlotOption = None, dry_run:
     if done is None:
         return
     if plot is not None:
-        write_plot(plot, report.roc_figure(done))
+        options.write_plot(plot, report.roc_figure(done))
     output.show(done, partial(report.print_roc, done, full=is_verbose()), bool(done.levels))
     _tell_report(question, output)
 
 
 def _run(
-    question: SearchedQuestion, job: Job[R], title: str, plot: Path | None, dry_run: bool, output: Answer
+    question: SearchedQuestion, job: Job[R], title: str, plot: Path | None, dry_run: bool, output: options.Answer
 ) -> R | None:
     """Return the result of a job; None where only its cost was asked for, which is printed."""
     from cpic_planner.jobs import estimate, run
 
-    check_plot(plot)
+    options.check_plot(plot)
     if dry_run or question.images:
         cost = estimate(job, workers=question.workers)
         if dry_run:
             line = (
                 f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
-                f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
+                f"{options.time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
             )
-            print_line_or_json(line, cost, output.as_json)
+            options.print_line_or_json(line, cost, output.as_json)
             return None
-        total = int(cost["n_realisations"])
         start = partial(run, job, question.out, **question.how)
-        done = with_progress(title, total, start, "set of images").result
-    else:
-        done = run(job, question.out, **question.how).result
-    return done
+        return options.with_progress(title, int(cost["n_realisations"]), start, "set of images").result
+    return run(job, question.out, **question.how).result
 
 
-def _tell_report(question: SearchedQuestion, output: Answer) -> None:
+def _tell_report(question: SearchedQuestion, output: options.Answer) -> None:
     if output.plain and question.out is not None:
-        say(f"report: {question.out / 'report.html'}")
+        options.say(f"report: {question.out / 'report.html'}")

@@ -96,28 +96,18 @@ def whatif(
     planned. Lines without an outcome are planned anew. Of a table with outcomes of several strategies --strategy
     chooses one. Lines of one's own need star, start_utc, outcome, band, exposure_s, frames_per_visit and em_gain.
     """
+    from cpic_planner import survey
     from cpic_planner.jobs import estimate
-    from cpic_planner.survey import (
-        known_table,
-        load_strategies,
-        run_whatif,
-        variation_lines,
-        varied,
-        whatif_job,
-        with_doubt,
-        with_exact_calendars,
-        with_universe,
-    )
 
-    chosen = _chosen(load_strategies(question.strategies), question.strategy)
-    config = with_universe(chosen, question.shared(), question.share_of_time)
-    config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
-    config = with_exact_calendars(config) if question.exact else config
-    config = with_doubt(config, question.doubt)
-    note(*(f"varied: {line}" for line in variation_lines(config)))
-    table = known_table(config.universe)
+    chosen = _chosen(survey.load_strategies(question.strategies), question.strategy)
+    config = survey.with_universe(chosen, question.shared(), question.share_of_time)
+    config = survey.varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = survey.with_exact_calendars(config) if question.exact else config
+    config = survey.with_doubt(config, question.doubt)
+    note(*(f"varied: {line}" for line in survey.variation_lines(config)))
+    table = survey.known_table(config.universe)
     note(*(() if table is None else table.notes))
-    cost = estimate(whatif_job(config, n_images=question.images), workers=question.workers)
+    cost = estimate(survey.whatif_job(config, n_images=question.images), workers=question.workers)
     if dry_run:
         line = (
             f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
@@ -127,7 +117,7 @@ def whatif(
         print_line_or_json(line, cost, output.as_json)
         return
     out = question.out or Path("cpic-whatif")
-    start = partial(run_whatif, config, out, n_images=question.images, **question.how)
+    start = partial(survey.run_whatif, config, out, n_images=question.images, **question.how)
     done = with_progress("what if", int(cost["n_steps"]), start)
     output.show(done.result, partial(report.print_whatif, done.result, full=is_verbose()))
     if output.plain:

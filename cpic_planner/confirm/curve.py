@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,21 +10,8 @@ import numpy as np
 
 from cpic_core import FloatArray
 from cpic_planner import etc
-from cpic_planner.confirm.searched import (
-    AskedStar,
-    Observed,
-    Planets,
-    Searched,
-    clearest_place,
-    decided_by,
-    header,
-    observed,
-    programme_row,
-    search_cost,
-    search_tasks,
-    searched,
-)
-from cpic_planner.jobs import Job, RunFolder, Runner
+from cpic_planner.confirm import searched
+from cpic_planner.jobs import Job, Runner
 from cpic_planner.queries import CurveQuestion
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, EtcAnswer, RecoveredRow, SearchedProgramme
@@ -46,7 +33,7 @@ FAINTEST_INJECTED, BRIGHTEST_INJECTED = 0.5, 3.0
 _TRIAL = 1e-9
 
 
-def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[CurveResult]:
+def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: searched.AskedStar) -> Job[CurveResult]:
     """Return the job that makes the contrast curves of a star, its maps of completeness, and recovers planets.
 
     Parameters
@@ -72,23 +59,25 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
         if seen is None or not question.images:
             return []
         places = [row.separation_arcsec for row in rows]
-        return search_tasks(question, seen, places, _injected(question, rows), question.injections)
+        return searched.search_tasks(question, seen, places, _injected(question, rows), question.injections)
 
     def work(runner: Runner) -> CurveResult:
         bands, points, maps, recovered = [], [], [], []
         for number, (answer, seen) in enumerate(chosen()):
             rows = curves()[number]
-            images = searched(runner, tasks(number), len(_injected(question, rows))) if question.images else None
+            images = (
+                searched.searched(runner, tasks(number), len(_injected(question, rows))) if question.images else None
+            )
             if seen is not None:
                 maps += _map(seen, rows)
             if seen is not None and images is not None and images.images:
                 rows = _measured(rows, images)
                 recovered += _recovered(seen, _injected(question, rows), images)
             about = {} if images is None else {"images": images.images, "images_message": images.refused}
-            bands.append(programme_row(SearchedProgramme, answer, seen, **about))
+            bands.append(searched.programme_row(SearchedProgramme, answer, seen, **about))
             points += rows
         return CurveResult(
-            **header(question, model, asked, runner.digest),
+            **searched.header(question, model, asked, runner.digest),
             injections=question.injections,
             bands=bands,
             points=points,
@@ -96,32 +85,29 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
             recovered=recovered,
         )
 
-    def write(folder: RunFolder, result: CurveResult, bodies: Mapping[str, Any]) -> None:
-        write_curve(folder, result)
-
     return Job(
         kind="curve",
         results=RESULT_VERSION,
-        decides=lambda: decided_by(question, asked),
+        decides=lambda: searched.decided_by(question, asked),
         work=work,
-        write=write,
+        write=lambda folder, result, bodies: write_curve(folder, result),
         products=CURVE_PRODUCTS,
-        cost=lambda: search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
+        cost=lambda: searched.search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )
 
 
 def _programme(
-    question: CurveQuestion, model: etc.EtcModel, asked: AskedStar, band: str
-) -> tuple[EtcAnswer, Observed | None]:
+    question: CurveQuestion, model: etc.EtcModel, asked: searched.AskedStar, band: str
+) -> tuple[EtcAnswer, searched.Observed | None]:
     """Return the programme of faintest limit, at the best separation, and the answer that chose it."""
     grid = question.separation_arcsec or separation_grid(model, band).tolist()
-    place = clearest_place(question, model, asked.target, band, grid)
+    place = searched.clearest_place(question, model, asked.target, band, grid)
     times: dict[str, Any] = {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
     (best,) = etc.contrast_limit(model, asked.target, separation_arcsec=place, bands=[band], **times)
-    return best, observed(model, asked.target, best)
+    return best, searched.observed(model, asked.target, best)
 
 
-def _curve(question: CurveQuestion, answer: EtcAnswer, seen: Observed | None) -> list[CurveRow]:
+def _curve(question: CurveQuestion, answer: EtcAnswer, seen: searched.Observed | None) -> list[CurveRow]:
     """Return the limits of a programme by closed forms."""
     if seen is None:
         return []
@@ -161,7 +147,7 @@ def _limits(rows: Sequence[CurveRow]) -> FloatArray:
     return np.array([row.contrast_limit_blind for row in rows if row.contrast_limit_blind is not None], float)
 
 
-def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
+def _map(seen: searched.Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
     """Return the map of the places of a curve that are in the dark hole; none where nothing can be found."""
     limits = _limits(rows)
     inside = [row for row in rows if row.azimuth_share > 0.0 and row.threshold is not None]
@@ -195,7 +181,7 @@ def _spread(angle: FloatArray) -> FloatArray:
     return np.asarray(angle[(middles * len(angle)).astype(int)])
 
 
-def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
+def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> searched.Planets:
     """Return the planets that are put into the images of a curve."""
     limits, inside = _limits(rows), [row.separation_arcsec for row in rows if row.azimuth_share > 0.0]
     if not question.injections or not limits.size or not inside:
@@ -208,7 +194,7 @@ def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
     return [(place, contrasts, []) for place in chosen]
 
 
-def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
+def _measured(rows: Sequence[CurveRow], images: searched.Searched) -> list[CurveRow]:
     """Return the rows of a curve with the limits that images showed beside the predicted ones."""
     told = []
     for row, sigma, left in zip(rows, images.sigma.T, images.throughput.T, strict=True):
@@ -225,7 +211,7 @@ def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
     return told
 
 
-def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[RecoveredRow]:
+def _recovered(seen: searched.Observed, planets: searched.Planets, images: searched.Searched) -> list[RecoveredRow]:
     """Return the fractions of injected planets that were found, beside those that the law expects."""
     rows = []
     for (place, contrasts, _), (offsets, alarms) in zip(planets, images.planets, strict=True):

@@ -13,13 +13,14 @@ import numpy as np
 
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
+from cpic_planner import results
 from cpic_planner.confirm.period import seen_stars, with_telescope_time
-from cpic_planner.confirm.plan_cost import expected_cost, plan_cost
 from cpic_planner.confirm.stars import (
     RESULT_VERSION,
     confirmed_target,
     first_roll_deg,
     image_tasks,
+    images_cost,
     plan_tasks,
     programme_task,
     refuse_unimaged,
@@ -31,27 +32,17 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
-from cpic_planner.ranking import KnownChoice, asked_stars, rank_under, timed_model
+from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
-from cpic_planner.results import (
-    BandConfirmation,
-    KnownResult,
-    NotImagedRow,
-    PeriodRecord,
-    PlanResult,
-    RankedTarget,
-    RankResult,
-    ReferencePlanetRecord,
-    ScheduleImages,
-    SensitivityResult,
-)
 from cpic_planner.survey import ScheduledVisit, Sight, read_schedule
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from cpic_planner.validation import ConfirmTask, confirm_task
 
 _SHOWN, _KNOWN_DRAWS = 50, 500
 """Stars of the ranking whose known planets are shown, and draws of each planet."""
+_RANK_S, _REPORT_S = 2.8e-3, 8.0  # of a star in a band, other assumptions included
+_NEAR, _ROUGH, _STAND_INS = 40, 200, 4
 
 
 @dataclass(frozen=True)
@@ -62,12 +53,12 @@ class _Prepared:
     catalogue: Catalogue
     targets: Targets
     drawn: PopulationChoice | KnownChoice
-    rank: RankResult
-    chosen: list[RankedTarget]
+    rank: results.RankResult
+    chosen: list[results.RankedTarget]
     tasks: list[ConfirmTask]
-    refused: dict[str, BandConfirmation]
-    period: PeriodRecord | None
-    schedule: ScheduleImages | None
+    refused: dict[str, results.BandConfirmation]
+    period: results.PeriodRecord | None
+    schedule: results.ScheduleImages | None
     rolls_deg: dict[str, float]
     sights: dict[str, Sight]
 
@@ -108,7 +99,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period, sights=sights)
 
 
-def _star(ready: _Prepared, row: RankedTarget, roll_deg: float = 0.0) -> Targets:
+def _star(ready: _Prepared, row: results.RankedTarget, roll_deg: float = 0.0) -> Targets:
     index = int(np.flatnonzero(ready.targets.name == row.name)[0])
     return replace(ready.targets.select([index]), roll_deg=roll_deg)
 
@@ -126,12 +117,12 @@ def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str,
 def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[ScheduledVisit], source: str) -> _Prepared:
     """Return the visits of a schedule: those of one star and band are one programme, in the frames of the first."""
     programmes: dict[str, dict[str, list[ScheduledVisit]]] = {}
-    refused_rows: list[NotImagedRow] = []
+    refused_rows: list[results.NotImagedRow] = []
     rows = {row.name: row for row in ready.rank.targets}
 
     def refuse(visit: ScheduledVisit, message: str) -> None:
         band = visit.setting.band
-        refused_rows.append(NotImagedRow(row=visit.row, star=visit.star, band=band, message=message))
+        refused_rows.append(results.NotImagedRow(row=visit.row, star=visit.star, band=band, message=message))
 
     for visit in listed:
         try:
@@ -172,7 +163,7 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
                 for visit in own:
                     refuse(visit, answer.message)
     imaged = [own for name in names for band, own in programmes[name].items() if f"{name} {band}" not in refused]
-    record = ScheduleImages(
+    record = results.ScheduleImages(
         source=source,
         n_visits=len(listed),
         n_imaged=sum(map(len, imaged)),
@@ -182,7 +173,7 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, schedule=record, rolls_deg=rolls)
 
 
-def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
+def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[results.PlanResult]:
     """Return the job that ranks, confirms and reports.
 
     Parameters
@@ -197,19 +188,19 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
 
     def prepared_cost() -> Cost:
         ready = prepared()
-        return plan_cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
+        return _cost(ready.tasks, len(ready.chosen), len(ready.targets), len(ready.model.bands))
 
     @functools.cache
-    def firmness() -> SensitivityResult:
+    def firmness() -> results.SensitivityResult:
         ready = prepared()
         asked: dict[str, Any] = {"time_s": config.time_s, "planet": config.planet, "score": config.score}
         return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
 
-    def work(runner: Runner) -> PlanResult:
+    def work(runner: Runner) -> results.PlanResult:
         bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, bodies, firmness())
 
-    def write(folder: RunFolder, plan: PlanResult, bodies: Mapping[str, Any]) -> None:
+    def write(folder: RunFolder, plan: results.PlanResult, bodies: Mapping[str, Any]) -> None:
         ready = prepared()
         firm = firmness()
         known = _known(config, ready)
@@ -227,13 +218,13 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[P
         work=work,
         write=write,
         products=("sensitivity.json", "known.json", *PRODUCTS),
-        cost=lambda: expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
+        cost=lambda: _expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
     )
 
 
 def make_plan(
     config: PlanQuestion, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
-) -> Finished[PlanResult]:
+) -> Finished[results.PlanResult]:
     """Rank, confirm and report.
 
     Parameters
@@ -253,7 +244,7 @@ def make_plan(
     return run(plan_job(config, catalog), out, **how)
 
 
-def _known(config: PlanQuestion, ready: _Prepared) -> KnownResult | None:
+def _known(config: PlanQuestion, ready: _Prepared) -> results.KnownResult | None:
     """Return the known planets of the first stars of the ranking and their next windows; None where these have none."""
     choice, first = ready.drawn, {row.name for row in ready.rank.targets[:_SHOWN]}
     if not isinstance(choice, KnownChoice):
@@ -284,8 +275,8 @@ def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
 
 
 def _result(
-    config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any], firm: SensitivityResult
-) -> PlanResult:
+    config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any], firm: results.SensitivityResult
+) -> results.PlanResult:
     rank, model, reference = prepared.rank, prepared.model, config.strategy.reference_star
     extremes = {star.name: star.model_dump(include={"rank_lowest", "rank_highest"}) for star in firm.stars}
     targets = []
@@ -293,11 +284,11 @@ def _result(
         target = confirmed_target(model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
         target = with_telescope_time(target, model, prepared.sights)
         targets.append(target.model_copy(update=extremes.get(row.name)))
-    return PlanResult(
+    return results.PlanResult(
         **result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
-        reference_planet=ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
+        reference_planet=results.ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
         reference_star_v_mag=None if reference is None else reference.v_mag,
         reference_star_teff_k=None if reference is None else reference.teff_k,
         catalogue=rank.catalogue,
@@ -311,3 +302,27 @@ def _result(
         schedule=prepared.schedule,
         targets=targets,
     )
+
+
+def _cost(tasks: Sequence[ConfirmTask], n_targets: int, n_ranked: int, n_bands: int) -> Cost:
+    """Return the cost of images, and of ranking the stars, under other assumptions too, and of the report."""
+    cost = images_cost(tasks, n_targets=n_targets)
+    return replace(cost, start_s=cost.start_s + _RANK_S * n_ranked * n_bands + _REPORT_S)
+
+
+def _expected_cost(config: PlanQuestion, catalog: CatalogSource) -> Cost:
+    """Return the cost of the targets that a rough ranking of the nearest stars has first, some standing for others."""
+    refuse_unimaged(config.instrument, config.bands)
+    model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
+    stars = asked_stars(config, as_catalogue(catalog)).answered
+    n_targets = min(config.top, len(stars))
+    near = stars.select(np.argsort(stars.distance_pc, kind="stable")[: _NEAR + 3 * n_targets])
+    rough = PopulationChoice(config.population, _ROUGH)
+    ranked = rank_targets(model, near, time_s=time_s, planet=config.planet, population=rough).targets[:n_targets]
+    rows = ranked[:: max(-(-len(ranked) // _STAND_INS), 1)]
+    alone = [near.select(near.name == row.name) for row in rows]
+    settings: dict[str, Any] = config.image_settings
+    tasks, _ = plan_tasks(model, alone, rows, time_s=time_s, planet=config.planet, **settings)
+    own = [[task for task in tasks if task.name == row.name] for row in rows]
+    every = [task for i in range(n_targets) for task in own[i * len(own) // n_targets]]
+    return _cost(every, n_targets, len(stars), len(model.bands))

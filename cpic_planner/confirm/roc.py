@@ -1,27 +1,14 @@
 """``cpic roc``: how likely a planet is found, against the false alarms of a search."""
 
 import functools
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from cpic_core import FloatArray, special
 from cpic_planner import etc
-from cpic_planner.confirm.searched import (
-    AskedStar,
-    Observed,
-    Searched,
-    clearest_place,
-    decided_by,
-    header,
-    observed,
-    programme_row,
-    search_cost,
-    search_tasks,
-    searched,
-)
-from cpic_planner.jobs import Job, RunFolder, Runner
+from cpic_planner.confirm import searched
+from cpic_planner.jobs import Job, Runner
 from cpic_planner.queries import RocQuestion
 from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, ReferencePlanetRecord, RocProgramme, RocResult, RocRow
@@ -33,7 +20,7 @@ LEVELS = tuple(np.arange(3.0, 7.01, 0.25).tolist())
 """Levels of a detection beside that of the strategy."""
 
 
-def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[RocResult]:
+def roc_job(question: RocQuestion, model: etc.EtcModel, asked: searched.AskedStar) -> Job[RocResult]:
     """Return the job that makes the operating characteristics of a search for a planet.
 
     Parameters
@@ -59,54 +46,51 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
             return []
         place = [float(part) for part in etc.planet_offsets(seen.model, seen.star, seen.band, answer.separation_arcsec)]
         planets = [(answer.separation_arcsec, [answer.contrast], place)]
-        return search_tasks(question, seen, [], planets, question.images)
+        return searched.search_tasks(question, seen, [], planets, question.images)
 
     def work(runner: Runner) -> RocResult:
         bands, levels = [], []
         for number, (answer, seen) in enumerate(chosen()):
-            images = searched(runner, tasks(number), 1) if question.images and seen is not None else None
+            images = searched.searched(runner, tasks(number), 1) if question.images and seen is not None else None
             if seen is not None:
                 levels += _levels(seen, images)
             about = {} if images is None else {"images": images.images, "images_message": images.refused}
-            bands.append(programme_row(RocProgramme, answer, seen, **about))
+            bands.append(searched.programme_row(RocProgramme, answer, seen, **about))
         planet = question.planet
         record = ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
         return RocResult(
-            **header(question, model, asked, runner.digest),
+            **searched.header(question, model, asked, runner.digest),
             reference_planet=record if question.contrast is None else None,
             bands=bands,
             levels=levels,
         )
 
-    def write(folder: RunFolder, result: RocResult, bodies: Mapping[str, Any]) -> None:
-        write_roc(folder, result)
-
     return Job(
         kind="roc",
         results=RESULT_VERSION,
-        decides=lambda: decided_by(question, asked) | {"planet": question.planet.content()},
+        decides=lambda: searched.decided_by(question, asked) | {"planet": question.planet.content()},
         work=work,
-        write=write,
+        write=lambda folder, result, bodies: write_roc(folder, result),
         products=ROC_PRODUCTS,
-        cost=lambda: search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
+        cost=lambda: searched.search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )
 
 
 def _programme(
-    question: RocQuestion, model: etc.EtcModel, asked: AskedStar, band: str
-) -> tuple[EtcAnswer, Observed | None]:
+    question: RocQuestion, model: etc.EtcModel, asked: searched.AskedStar, band: str
+) -> tuple[EtcAnswer, searched.Observed | None]:
     """Return the programme that shows the planet clearest, at its separation or the best, and the answer for it."""
     place, times = question.separation_arcsec, (question.wall_s, question.visit_time_s)
     if place is None:
         grid = separation_grid(model, band).tolist()
-        place = clearest_place(question, model, asked.target, band, grid, question.planet, question.contrast)
+        place = searched.clearest_place(question, model, asked.target, band, grid, question.planet, question.contrast)
     light: dict[str, Any] = {"planet": question.planet, "contrast": question.contrast}
     light |= {"time_s": times[0], "visit_time_s": times[1]}
     (best,) = etc.signal_to_noise(model, asked.target, separation_arcsec=place, bands=[band], **light)
-    return best, observed(model, asked.target, best)
+    return best, searched.observed(model, asked.target, best)
 
 
-def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
+def _levels(seen: searched.Observed, images: searched.Searched | None) -> list[RocRow]:
     """Return the levels of a search with what is expected of them, and with what the images showed."""
     answer, tail = seen.answer, special().ndtr
     assert answer.contrast is not None  # as every answer about a planet has it
@@ -129,7 +113,7 @@ def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
     return rows
 
 
-def _counted(row: RocRow, images: Searched) -> RocRow:
+def _counted(row: RocRow, images: searched.Searched) -> RocRow:
     """Return a level with the detections of images."""
     false = sum(int(images.detected(peaks, row.sigma).sum()) for peaks in images.alarms)
     peaks = images.planets[0][1][:, 0]

@@ -10,26 +10,13 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import Reason, Status
+from cpic_planner import validation
 from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
-from cpic_planner.validation import (
-    TOO_MANY,
-    ConfirmTask,
-    Frames,
-    albedo_fits,
-    albedo_records,
-    confirm_task,
-    edge_crossed,
-    expected_of,
-    not_observed,
-    position_records,
-    refusals_of,
-    task_of,
-)
 from simulator.config import Scene
 from simulator.imaging import PsfMetrics
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
@@ -43,7 +30,7 @@ class _Work:
     """Prediction, tasks of the bands, and what needs no images."""
 
     model: EtcModel
-    tasks: list[ConfirmTask]
+    tasks: list[validation.ConfirmTask]
     refused: list[BandConfirmation]
 
 
@@ -51,7 +38,7 @@ class _Work:
 class _Programme:
     """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
 
-    frames: Frames | None
+    frames: validation.Frames | None
     chosen_for: str = ""
     unused_s: float | None = None
     refusal: tuple[Status, Reason, str] = Status.OK, Reason.NONE, ""
@@ -64,7 +51,7 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
     prepared = functools.cache(lambda: _work(config))
 
     def work(runner: Runner) -> ConfirmResult:
-        bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
+        bodies = runner.finish(validation.confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, list(bodies.values()))
 
     def write(folder: RunFolder, result: ConfirmResult, bodies: Mapping[str, Any]) -> None:
@@ -117,8 +104,8 @@ def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[
         scene=config.scene.name,
         bands=bands,
         searches=[body["search"] for body in bodies if body["search"] is not None],
-        positions=position_records(config.scene, bands),
-        albedos=albedo_records(albedo_fits(config.scene, config.instrument, bands)),
+        positions=validation.position_records(config.scene, bands),
+        albedos=validation.albedo_records(validation.albedo_fits(config.scene, config.instrument, bands)),
     )
 
 
@@ -157,7 +144,7 @@ def _work(config: ConfirmQuestion) -> _Work:
     refuse_unimaged(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     target = scene_target(config.scene)
-    tasks: list[ConfirmTask] = []
+    tasks: list[validation.ConfirmTask] = []
     refused: list[BandConfirmation] = []
     for band in model.bands:
         every = scene_sources(config.scene, config.instrument, band)
@@ -172,10 +159,12 @@ def _work(config: ConfirmQuestion) -> _Work:
             refused += [_refusal(model, band, planet, *programme.refusal) for planet in shown]
             continue
         predictions = [
-            expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
+            validation.expected_of(
+                model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames
+            )
             for planet in shown
         ]
-        task = task_of(
+        task = validation.task_of(
             model,
             config.scene,
             band,
@@ -186,7 +175,7 @@ def _work(config: ConfirmQuestion) -> _Work:
             **config.image_settings,
         )
         task = replace(task, unused_s=programme.unused_s, chosen_for=programme.chosen_for)
-        answers = refusals_of(task)
+        answers = validation.refusals_of(task)
         refused += answers
         hidden = {answer.planet for answer in answers}
         left = [number for number, name in enumerate(task.planets) if name not in hidden]
@@ -201,7 +190,9 @@ def _programme(
 ) -> _Programme:
     """Return the visits and frames that are given, or those that the calculator chooses for the first planet."""
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
-        return _Programme(Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1))
+        return _Programme(
+            validation.Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1)
+        )
     place, contrast, name = model.metrics[band].zone.middle, _NO_PLANET, f"a planet of {_NO_PLANET:g} in mid-hole"
     if planets:
         first = planets[0]
@@ -220,8 +211,8 @@ def _programme(
     if answer.exposure_s is None or answer.frames_per_visit is None or answer.em_gain is None:
         return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
     if answer.frames_per_visit > MAX_FRAMES:
-        return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, TOO_MANY))
-    frames = Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
+        return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, validation.TOO_MANY))
+    frames = validation.Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
     return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
 
 
@@ -233,7 +224,7 @@ def _inside(metrics: PsfMetrics, planet: Source) -> bool:
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
     metrics = model.metrics[band]
-    reason = edge_crossed(metrics.zone, planet.x_arcsec, planet.y_arcsec, metrics.aperture_radius_arcsec)
+    reason = validation.edge_crossed(metrics.zone, planet.x_arcsec, planet.y_arcsec, metrics.aperture_radius_arcsec)
     return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
 
 
@@ -242,4 +233,4 @@ def _refusal(
 ) -> BandConfirmation:
     separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
     where = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg), "true_contrast": planet.contrast}
-    return not_observed(status, reason, message, band=band, planet=planet.name, **where)
+    return validation.not_observed(status, reason, message, band=band, planet=planet.name, **where)

@@ -8,23 +8,12 @@ from typing import Any
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, special
-from cpic_planner import etc
+from cpic_planner import etc, validation
 from cpic_planner.confirm.stars import refuse_unimaged
 from cpic_planner.jobs import Cost, Runner, Task
 from cpic_planner.queries import ReferencePlanet, SearchedQuestion
 from cpic_planner.results import EtcAnswer, SearchedProgramme
 from cpic_planner.targets import Targets
-from cpic_planner.validation import (
-    ConfirmTask,
-    Frames,
-    SearchTask,
-    gap_s,
-    images_of,
-    search_task,
-    star_scene,
-    task_cost,
-    task_of,
-)
 from cpic_planner.version import __version__
 
 IMAGES_A_TASK = 10
@@ -64,7 +53,7 @@ class Observed:
     model: etc.EtcModel
     star: Targets
     band: str
-    frames: Frames
+    frames: validation.Frames
     answer: EtcAnswer
 
     @property
@@ -85,11 +74,11 @@ class Observed:
         return float(geometry.hole.sum() * (geometry.pixel_scale_arcsec / geometry.lambda_d_arcsec) ** 2)
 
     @functools.cached_property
-    def images(self) -> ConfirmTask:
+    def images(self) -> validation.ConfirmTask:
         """The programme as images of the star without planets."""
         zodis = self.model.instrument.sky.exozodi_zodis
-        scene = star_scene(self.star, (), exozodi_zodis=zodis)
-        return task_of(self.model, scene, self.band, self.frames, [], seed=0, fidelity="standard")
+        scene = validation.star_scene(self.star, (), exozodi_zodis=zodis)
+        return validation.task_of(self.model, scene, self.band, self.frames, [], seed=0, fidelity="standard")
 
     def prospect(self, x: FloatArray, y: FloatArray, contrast: FloatArray, **how: Any) -> etc.Prospect:
         """Return what is expected of planets at offsets, arrays of one length; ``how`` as of `etc.prospect_of`."""
@@ -97,13 +86,13 @@ class Observed:
 
     def prospect_in_images(self, x: FloatArray, y: FloatArray, contrast: FloatArray) -> etc.Prospect:
         """Return what is expected of planets in the images, which show them standing still and hit by no particle."""
-        sums = etc.build_model(images_of(self.model.instrument), [self.band], self.model.strategy)
+        sums = etc.build_model(validation.images_of(self.model.instrument), [self.band], self.model.strategy)
         return self._prospect(sums, x, y, contrast, moving=False)
 
     def _prospect(
         self, model: etc.EtcModel, x: FloatArray, y: FloatArray, contrast: FloatArray, **how: Any
     ) -> etc.Prospect:
-        visits = etc.Programme.of(model.strategy, self.frames.visits, gap_s(model, self.band, self.frames))
+        visits = etc.Programme.of(model.strategy, self.frames.visits, validation.gap_s(model, self.band, self.frames))
         planets = [np.asarray(part, float)[None] for part in (x, y, contrast)]
         place, light = (planets[0], planets[1]), planets[2]
         return etc.prospect_of(model, self.star, self.band, *place, light, self.setting, visits, **how)
@@ -144,7 +133,7 @@ def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed 
         return None
     visits = answer.visits or 1
     fixed = replace(model, strategy=model.strategy.model_copy(update={"visits": visits}))
-    frames = Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, visits)
+    frames = validation.Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, visits)
     return Observed(fixed, star, answer.band, frames, answer)
 
 
@@ -188,7 +177,7 @@ def decided_by(question: SearchedQuestion, asked: AskedStar) -> dict[str, Any]:
 
 def search_tasks(
     question: SearchedQuestion, seen: Observed, places_arcsec: Sequence[float], planets: Planets, until: int
-) -> list[SearchTask]:
+) -> list[validation.SearchTask]:
     """Return the images of a programme as pieces of work.
 
     Parameters
@@ -205,16 +194,18 @@ def search_tasks(
     refuse_unimaged(seen.model.instrument, [seen.band])
     images = replace(seen.images, seed=question.seed).to_dict()
     return [
-        SearchTask(images, first, min(IMAGES_A_TASK, question.images - first), [*places_arcsec], [*planets], until)
+        validation.SearchTask(
+            images, first, min(IMAGES_A_TASK, question.images - first), [*places_arcsec], [*planets], until
+        )
         for first in range(0, question.images, IMAGES_A_TASK)
     ]
 
 
-def search_cost(tasks: Sequence[SearchTask]) -> Cost:
+def search_cost(tasks: Sequence[validation.SearchTask]) -> Cost:
     """Return the expected cost of images and their searches."""
     times, memory_mb, searches = [], 0.0, 0
     for task in tasks:
-        cost = task_cost(replace(ConfirmTask(**task.images), realisations=task.count))
+        cost = validation.task_cost(replace(validation.ConfirmTask(**task.images), realisations=task.count))
         planets = sum(len(contrasts) for _, contrasts, _ in task.planets)
         each = 1 + planets * (task.first < task.planets_until)
         times.append(cost.work_s + _SEARCH_S * task.count * each)
@@ -277,7 +268,9 @@ class Searched:
         return np.asarray(alarms <= self.elements.mean() * special().ndtr(-sigma))
 
 
-def searched(runner: Runner, tasks: Sequence[SearchTask], n_planets: int) -> Searched:
+def searched(runner: Runner, tasks: Sequence[validation.SearchTask], n_planets: int) -> Searched:
     """Draw the images of a programme and search them."""
-    bodies = runner.finish(search_task, [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks])
+    bodies = runner.finish(
+        validation.search_task, [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks]
+    )
     return Searched.of(bodies.values(), n_planets)

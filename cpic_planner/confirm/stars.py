@@ -9,40 +9,12 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import InputError
+from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
-from cpic_planner.queries import (
-    MAX_FRAMES,
-    ImageQuestion,
-    ReferencePlanet,
-    SimulatorOverrides,
-    StarImagesQuestion,
-    audited,
-    refuse_counting,
-)
 from cpic_planner.ranking import rank_targets
-from cpic_planner.results import (
-    BandConfirmation,
-    ConfirmedTarget,
-    RankedTarget,
-    ReferencePlanetRecord,
-    StarImagesResult,
-)
 from cpic_planner.survey import ScheduledVisit
 from cpic_planner.targets import Targets
-from cpic_planner.validation import (
-    ConfirmTask,
-    Frames,
-    ImageSettings,
-    calibrate,
-    confirm_task,
-    images_of,
-    prepare_task,
-    refusals_of,
-    significant_at_place,
-    target_verdict,
-    task_cost,
-)
 from cpic_planner.version import __version__
 from simulator.config import Instrument
 from simulator.imaging import refuse_table
@@ -52,7 +24,9 @@ RESULT_VERSION = 8
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
-def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
+def result_header(
+    config: queries.ImageQuestion, digest: str, measured: Sequence[results.BandConfirmation]
+) -> dict[str, Any]:
     """Return what every result of images says of itself.
 
     Parameters
@@ -63,7 +37,7 @@ def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandCon
     measured : sequence of BandConfirmation
         What predicted over recovered SNR is taken over.
     """
-    mean = calibrate(measured)
+    mean = validation.calibrate(measured)
     return {
         "version": __version__,
         "config_hash": digest,
@@ -78,7 +52,7 @@ def result_header(config: ImageQuestion, digest: str, measured: Sequence[BandCon
         "simulator_overrides": config.simulator_overrides.as_mapping(),
         "calibration": vars(mean),
         "calibration_text": mean.text,
-        "not_modelled": not_modelled(images_of(config.instrument)),
+        "not_modelled": not_modelled(validation.images_of(config.instrument)),
     }
 
 
@@ -103,13 +77,13 @@ def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None
 def plan_tasks(
     model: EtcModel,
     stars: Sequence[Targets],
-    rows: Sequence[RankedTarget],
+    rows: Sequence[results.RankedTarget],
     *,
     time_s: float,
-    planet: ReferencePlanet,
-    overrides: SimulatorOverrides | None = None,
-    **settings: Unpack[ImageSettings],
-) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
+    planet: queries.ReferencePlanet,
+    overrides: queries.SimulatorOverrides | None = None,
+    **settings: Unpack[validation.ImageSettings],
+) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
     """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
     Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
@@ -130,7 +104,7 @@ def plan_tasks(
     """
     ready = [
         [
-            prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
+            validation.prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
             for band in model.bands
         ]
         for star in stars
@@ -139,8 +113,8 @@ def plan_tasks(
 
 
 def tasks_of(
-    rows: Sequence[RankedTarget], ready: Sequence[Sequence[ConfirmTask | BandConfirmation]]
-) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
+    rows: Sequence[results.RankedTarget], ready: Sequence[Sequence[validation.ConfirmTask | results.BandConfirmation]]
+) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
     """Return prepared work as `plan_tasks` does.
 
     Parameters
@@ -149,23 +123,23 @@ def tasks_of(
     ready : sequence of sequence of ConfirmTask or BandConfirmation
         The bands of each star.
     """
-    tasks: list[ConfirmTask] = []
-    refused: dict[str, BandConfirmation] = {}
+    tasks: list[validation.ConfirmTask] = []
+    refused: dict[str, results.BandConfirmation] = {}
     for row, prepared in zip(rows, ready, strict=True):
         own = []
         for item in prepared:
-            answers = [item] if isinstance(item, BandConfirmation) else refusals_of(item)
-            if isinstance(item, ConfirmTask) and not answers:
+            answers = [item] if isinstance(item, results.BandConfirmation) else validation.refusals_of(item)
+            if isinstance(item, validation.ConfirmTask) and not answers:
                 own.append(item)
             else:
                 refused[f"{row.name} {item.band}"] = answers[0]
         margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
         best = margins.index(max(margins)) if own else None
-        tasks.extend(replace(task, audit=i == best and audited(task.dial)) for i, task in enumerate(own))
+        tasks.extend(replace(task, audit=i == best and queries.audited(task.dial)) for i, task in enumerate(own))
     return tasks, refused
 
 
-def why_not_imaged(config: ImageQuestion, visit: ScheduledVisit) -> str:
+def why_not_imaged(config: queries.ImageQuestion, visit: ScheduledVisit) -> str:
     """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some.
 
     Parameters
@@ -180,8 +154,8 @@ def why_not_imaged(config: ImageQuestion, visit: ScheduledVisit) -> str:
         return f"images are measured in {', '.join(visible)}"
     if visit.reference_library not in ("", library):
         return f"its references are those of {visit.reference_library}, the plan's of {library}: give --library"
-    if visit.setting.n_frames > MAX_FRAMES:
-        return f"more than {MAX_FRAMES} frames a visit"
+    if visit.setting.n_frames > queries.MAX_FRAMES:
+        return f"more than {queries.MAX_FRAMES} frames a visit"
     return ""
 
 
@@ -202,9 +176,9 @@ def programme_task(
     band: str,
     visits: Sequence[ScheduledVisit],
     *,
-    planet: ReferencePlanet,
+    planet: queries.ReferencePlanet,
     **settings: Any,
-) -> ConfirmTask | BandConfirmation:
+) -> validation.ConfirmTask | results.BandConfirmation:
     """Return the work of visits of one star and band that are reduced together, in the frames of the first.
 
     Parameters
@@ -225,25 +199,25 @@ def programme_task(
     pauses: what months between visits do is that their wavefronts have forgotten each other.
     """
     exposure_s, n_frames, em_gain = visits[0].setting.frames
-    frames = Frames(exposure_s, int(n_frames), em_gain, sum(visit.visits for visit in visits))
+    frames = validation.Frames(exposure_s, int(n_frames), em_gain, sum(visit.visits for visit in visits))
     days = sorted(visit.mjd for visit in visits if not math.isnan(visit.mjd))
     gap_h = 24.0 * (days[-1] - days[0]) / (len(days) - 1) if len(days) > 1 else model.strategy.visit_gap_h
     strategy = model.strategy.model_copy(update={"visits": frames.visits, "visit_gap_h": min(gap_h, 1e5)})
     visit_s = n_frames * (exposure_s + model.camera(band).readout_s)
     time_s = frames.visits * float(model.time_s(visit_s))
-    return prepare_task(
+    return validation.prepare_task(
         replace(model, strategy=strategy), star, band, time_s=time_s, planet=planet, frames=frames, **settings
     )
 
 
-def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
+def image_tasks(tasks: Sequence[validation.ConfirmTask]) -> list[Task]:
     """Return tasks of `cpic_planner.validation.confirm.confirm_task`."""
     return [Task(task.key, (task.to_dict(),)) for task in tasks]
 
 
-def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
+def images_cost(tasks: Sequence[validation.ConfirmTask], **counts: float) -> Cost:
     """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.modelling`."""
-    known = {id(task): task_cost(task) for task in {id(task): task for task in tasks}.values()}
+    known = {id(task): validation.task_cost(task) for task in {id(task): task for task in tasks}.values()}
     costs = [known[id(task)] for task in tasks]  # a task may stand for others, and is then asked about once
     images = {
         "n_tasks": len(tasks),
@@ -264,11 +238,11 @@ def confirm_stars(
     stars: Sequence[Targets],
     *,
     time_s: float,
-    planet: ReferencePlanet,
+    planet: queries.ReferencePlanet,
     workers: int = 1,
-    overrides: SimulatorOverrides | None = None,
-    **settings: Unpack[ImageSettings],
-) -> list[ConfirmedTarget]:
+    overrides: queries.SimulatorOverrides | None = None,
+    **settings: Unpack[validation.ImageSettings],
+) -> list[results.ConfirmedTarget]:
     """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
 
     Parameters
@@ -285,17 +259,17 @@ def confirm_stars(
     **settings
         `cpic_planner.validation.task.ImageSettings`; at least the seed.
     """
-    refuse_counting(model.strategy)
+    queries.refuse_counting(model.strategy)
     refuse_unimaged(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
-    bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
+    bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))
     return [confirmed_target(model, row, refused, bodies) for row in rows]
 
 
 def star_images_job(
-    question: StarImagesQuestion, model: EtcModel, star: Targets, catalogue: str
-) -> Job[StarImagesResult]:
+    question: queries.StarImagesQuestion, model: EtcModel, star: Targets, catalogue: str
+) -> Job[results.StarImagesResult]:
     """Return the job that simulates one star with its reference planet and measures it, as `confirm_stars` does.
 
     Parameters
@@ -313,18 +287,18 @@ def star_images_job(
     asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}
 
     @functools.cache
-    def prepared() -> tuple[RankedTarget, list[ConfirmTask], dict[str, BandConfirmation]]:
+    def prepared() -> tuple[results.RankedTarget, list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
         refuse_unimaged(model.instrument, model.bands)
         row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
         return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
 
-    def work(runner: Runner) -> StarImagesResult:
+    def work(runner: Runner) -> results.StarImagesResult:
         row, tasks, refused = prepared()
-        target = confirmed_target(model, row, refused, runner.finish(confirm_task, image_tasks(tasks)))
-        return StarImagesResult(
+        target = confirmed_target(model, row, refused, runner.finish(validation.confirm_task, image_tasks(tasks)))
+        return results.StarImagesResult(
             **result_header(question, runner.digest, target.bands),
             time_s=question.time_s,
-            reference_planet=ReferencePlanetRecord.of(question.planet, albedo=question.planet.albedo.label),
+            reference_planet=results.ReferencePlanetRecord.of(question.planet, albedo=question.planet.albedo.label),
             catalogue=catalogue,
             date_utc=star.date_utc,
             targets=[target],
@@ -344,12 +318,12 @@ def star_images_job(
 
 def confirmed_target(
     model: EtcModel,
-    row: RankedTarget,
-    refused: Mapping[str, BandConfirmation],
+    row: results.RankedTarget,
+    refused: Mapping[str, results.BandConfirmation],
     bodies: Mapping[str, Mapping[str, Any]],
     *,
     roll_deg: float | None = None,
-) -> ConfirmedTarget:
+) -> results.ConfirmedTarget:
     """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks.
 
     Parameters
@@ -364,19 +338,19 @@ def confirmed_target(
         That of a schedule.
     """
     bands = [
-        BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
+        results.BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
         for key in (f"{row.name} {band}" for band in model.bands)
         if key in bodies or key in refused
     ]
 
-    def margin(band: BandConfirmation) -> float:
+    def margin(band: results.BandConfirmation) -> float:
         return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
 
     # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
     blind = [band for band in bands if band.detected]
-    best = max(blind or [band for band in bands if significant_at_place(band)], key=margin, default=None)
-    verdict, factor, error = target_verdict(bands)
-    return ConfirmedTarget.of(
+    best = max(blind or [band for band in bands if validation.significant_at_place(band)], key=margin, default=None)
+    verdict, factor, error = validation.target_verdict(bands)
+    return results.ConfirmedTarget.of(
         row,
         ranked=row,
         planet_distance_au=row.ref_planet_distance_au,

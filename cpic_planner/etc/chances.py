@@ -7,14 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, special
-from cpic_planner.etc.detection import (
-    DetectionLaw,
-    detection_probability,
-    half_margin,
-    law_of,
-    law_width,
-    tail_share,
-)
+from cpic_planner.etc import detection
 from cpic_planner.etc.model import EtcModel, Programme
 from cpic_planner.etc.noise import StackNoise
 
@@ -36,7 +29,7 @@ class Chances:
     @classmethod
     def of(
         cls,
-        law: DetectionLaw,
+        law: detection.DetectionLaw,
         margin: FloatArray,
         tails: FloatArray,
         inward: FloatArray,
@@ -47,7 +40,7 @@ class Chances:
         settings: dict[str, Any] = {"tails": np.nan_to_num(tails), "inward": inward}
         settings |= {"visits": visits, "calibration": law.calibration}
         blind = margin / np.asarray(motion, float)
-        found = (detection_probability(law, *of, **settings) for of in ((blind, False), (margin, True)))
+        found = (detection.detection_probability(law, *of, **settings) for of in ((blind, False), (margin, True)))
         return cls(*(np.broadcast_to(chance, blind.shape) for chance in found))
 
 
@@ -80,15 +73,15 @@ def visit_chances(
         Factor on the threshold of a blind search for the motion of planets (`cpic_planner.etc.motion`); at a known
         place the orbit is followed.
     """
-    law, margins = law_of(model, band), np.asarray(margin, float)
+    law, margins = detection.law_of(model, band), np.asarray(margin, float)
     if law is None:
         return Chances(*np.full((2, *margins.shape), np.nan))
-    tails = tail_share(model, band, separation_arcsec, visit_s, noise)
+    tails = detection.tail_share(model, band, separation_arcsec, visit_s, noise)
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
     return Chances.of(law, margins, tails, inward, visits, motion)
 
 
-def least_margin(law: DetectionLaw, inward: ArrayLike, programme: Programme) -> FloatArray:
+def least_margin(law: detection.DetectionLaw, inward: ArrayLike, programme: Programme) -> FloatArray:
     """Return a significance over threshold below which no search reaches `LEAST_PROBABILITY`, at a known place or not.
 
     Parameters
@@ -111,8 +104,8 @@ def least_margin(law: DetectionLaw, inward: ArrayLike, programme: Programme) -> 
     fewest = np.where(visits == references, 1.0, _FEWEST)
     ends = np.stack(np.broadcast_arrays(fewest, np.maximum(visits, references)))
     widths = ((law.blind_width, law.stack_width), (law.known_width, law.known_stack_width))
-    below = [np.exp(far * law_width(*each, ends).max(axis=0)) for each in widths]
-    middles = np.minimum(*(half_margin(law, False, 0.0, inward, end) for end in ends))
+    below = [np.exp(far * detection.law_width(*each, ends).max(axis=0)) for each in widths]
+    middles = np.minimum(*(detection.half_margin(law, False, 0.0, inward, end) for end in ends))
     blind = middles * math.exp(min(law.blind_tails, 0.0) * _FEWEST**-law.blind_visits) * below[0]
     off = math.exp(-_ERRORS * max(law.blind_margin_error, law.known_margin_error))
     most = law.calibration + _ERRORS * law.calibration_error

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from catalogs import TableBytes, astropy_table, star_key
-from cpic_core import InputError, read_file, shortened
+from cpic_core import InputError, listed, read_file, shortened
 from cpic_planner.ranking.sensitivity import tau_b
 from cpic_planner.registry import SCORES
 from cpic_planner.results import (
@@ -338,11 +338,6 @@ def _leaves(tree: Any, above: str = "") -> Iterator[tuple[str, str]]:
         yield above, "none" if tree is None else str(tree)
 
 
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"{', '.join(names[:_NAMED])}{more}"
-
-
 def _statement(found: Mapping[str, Any], moves: Sequence[RankMove], scored: Sequence[RankMove], mover: RankMove) -> str:
     """Return the comparison in words: who moves, which planets are detected, how firm the order is, who moves most."""
     before, after = found["before"], found["after"]
@@ -359,9 +354,9 @@ def _statement(found: Mapping[str, Any], moves: Sequence[RankMove], scored: Sequ
     earlier = "as before" if not found["detected_more"] + found["detected_less"] else f"before around {old}"
     words.append(f"The reference planet is detected around {new} of {_counted(len(moves))}, {earlier}.")
     if found["detected_more"]:
-        words.append(f"It becomes detected around {_listed(found['detected_more'])}.")
+        words.append(f"It becomes detected around {listed(found['detected_more'], _NAMED)}.")
     if found["detected_less"]:
-        words.append(f"It is no longer detected around {_listed(found['detected_less'])}.")
+        words.append(f"It is no longer detected around {listed(found['detected_less'], _NAMED)}.")
     for item in found["agreement"]:
         if item.kendall_tau_b is not None:
             words.append(
@@ -376,5 +371,5 @@ def _statement(found: Mapping[str, Any], moves: Sequence[RankMove], scored: Sequ
         words.append("The rankings are by different scores, {} and {}: only the order is compared.".format(*titles))
     for ranking, names in ((before, found["only_before"]), (after, found["only_after"])):
         if names:
-            words.append(f"Only {ranking.name} holds {_listed(names)}.")
+            words.append(f"Only {ranking.name} holds {listed(names, _NAMED)}.")
     return " ".join(words)

@@ -10,7 +10,6 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner import etc
-from cpic_planner.etc import detection
 from cpic_planner.ranking.programmes import Outlook, picked
 from cpic_planner.results import LimitText
 from simulator.imaging import BandGeometry
@@ -102,7 +101,7 @@ class Places:
         """Return the significance over threshold at which half of such observations detect a planet."""
         model, band, place = self.model, self.band, self.separation_arcsec
         seen = noise or self.noise(choice, programme)
-        tails = np.nan_to_num(detection.tail_share(model, band, place, choice.visit_s, seen))
+        tails = np.nan_to_num(etc.detection.tail_share(model, band, place, choice.visit_s, seen))
         at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
         return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 

@@ -12,9 +12,9 @@ from cpic_planner.report.console import (
     print_planned as print_planned,
     print_simulation as print_simulation,
 )
-from cpic_planner.report.console_both import print_both as print_both
 from cpic_planner.report.console_etc import (
     best_row as best_row,
+    print_both as print_both,
     print_etc as print_etc,
     question_text as question_text,
 )

@@ -11,7 +11,7 @@ from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, outcome_text, overrides_sentence
-from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
+from cpic_planner.report.words import ALBEDO_STATUS, prose, terms
 
 CONFIRM_FIGURES = {
     "spectrum": "Recovered contrasts on the spectrum of the scene",
@@ -241,4 +241,4 @@ def _glossary(report: ConfirmReport) -> Iterator[doc.Block]:
 def _reproduce(report: ConfirmReport) -> Iterator[doc.Block]:
     note = doc.marked(f"Numbers in full: `confirm.json`; {image_figures.MEASURED_NOTE}")
     yield from doc.reproduced_blocks(report.result, note)
-    yield doc.Items(method_credits())
+    yield doc.Items(prose()["credits"])

@@ -7,6 +7,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import cells as tables, numbers, summary
@@ -64,16 +65,13 @@ def print_plan(plan: results.PlanResult, console: Console, *, full: bool = True)
     tables.explain_symbols(console, [row[2].status for row in rows if row[2].status != "ok"])
     bands = [band for target in plan.targets for band in target.bands]
     print_note(console, *filter(None, [numbers.unused_text(bands)]))
-    if not full:
-        print_comparison(plan, console)
-        _print_invalid(bands, console)
-        if left := _left_out_sentence(plan):
-            print_note(console, left)
-        return
-    verdicts = (f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}" for target in plan.targets)
-    print_plain(console, *verdicts)
+    for target in plan.targets if full else ():
+        print_plain(console, f"{numbers.pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
     _print_invalid(bands, console)
+    if not full:
+        print_note(console, *filter(None, [_left_out_sentence(plan)]))
+        return
     print_modelled(bands, console)
     criterion = LIBRARIES[plan.reference_library].found
     print_note(
@@ -325,17 +323,11 @@ def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Co
             Cells("predicted size", lambda row: row.size),
             Cells("", lambda row: row.where, right=False),
         ]
-        print_plain(console, f"Left out of {_shortened(group.members)} for the tolerance:", bold=True)
+        print_plain(console, f"Left out of {listed(group.names, _FEW)} for the tolerance:", bold=True)
         print_table(console, "", cells, gone, last_width=console.width)
         print_note(console, f"Predicted error: {group.errors}.")
         # All of a frame is kept here: what is said of its region does not apply.
         print_note(console, f"Optics: {group.knobs.split('; ', 1)[1]}.")
-
-
-def _shortened(members: str) -> str:
-    names = members.split(", ")
-    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
-    return f"{', '.join(names[:_FEW])}{more}"
 
 
 def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
@@ -343,9 +335,7 @@ def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> li
     if len(sequences) <= _FEW:
         return [str(out / item.file) for item in sequences]
     folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
-    listed = list(folders)[:_FEW]
-    more = f" and {len(folders) - _FEW} more" if len(folders) > _FEW else ""
-    return [f"files in {', '.join(listed)}{more}"]
+    return [f"files in {listed([*folders], _FEW)}"]
 
 
 def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: int = 40) -> None:

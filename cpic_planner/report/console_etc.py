@@ -1,24 +1,18 @@
-"""Answers of the exposure-time calculator on the terminal: table, noise budget, what binds and what would help."""
+"""Answers of the exposure-time calculator on the terminal: table, noise budget, what binds and what would help.
+
+With several instruments, band by band below each other.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from cpic_planner.report import words
-from cpic_planner.report.cells import Cells, print_note, print_table, row_cells
-from cpic_planner.report.numbers import (
-    MISSING,
-    duration_text,
-    full_name,
-    level_text,
-    pretty_name,
-    ratio_text,
-    share_text,
-    significant,
-    unused_text,
-)
+from cpic_planner.report import numbers, words
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.priorities import lacking_lines
 from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
 
@@ -107,9 +101,9 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
+    star = numbers.star_text(result)
     if look is not None:
-        star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
+        star = f"{numbers.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     print_table(console, title, cells, result.answers, explained=True, legend=True)
 
@@ -125,7 +119,7 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
     """Return the cell of a planet's number; of a known one its median and half of the width of 68 % of draws."""
 
     def written(value: float | None) -> str:
-        return MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
+        return numbers.MISSING if value is None else f"{value:.{places}f}" if places else numbers.ratio_text(value)
 
     def text(row: EtcAnswer) -> str:
         if row.known_planet is None:
@@ -139,8 +133,8 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
 
 def _with_error(value: float | None, share: float | None) -> str:
     if value is None or not share:
-        return significant(value)
-    told = significant(value)
+        return numbers.significant(value)
+    told = numbers.significant(value)
     return f"{told} ± {value * share:.{len(told.partition('.')[2])}f}"
 
 
@@ -148,7 +142,7 @@ def _range_text(row: EtcAnswer) -> str:
     """Return the answers that the errors of a known planet leave open."""
     look = row.known_planet
     if look is None or not look.value.answered_share:
-        return MISSING
+        return numbers.MISSING
     middle, low, high = (_value_text(row, getattr(look.value, end)) for end in _ENDS)
     return f"{middle} ({low} to {high})"
 
@@ -174,8 +168,9 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     if best is not None and best.verdict == "measured_not_detected":
         searched = best.verdict_mode == "blind"
         chance = best.detection_probability if searched else best.detection_probability_known_place
-        levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
-        why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
+        significance, threshold = map(numbers.significant, (best.significance, best.threshold))
+        levels = f"the significance is {significance} and the threshold {threshold}"
+        why = levels if chance is None else f"{numbers.share_text(chance)} % of such programmes show the planet"
         inner = (
             "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
             "threshold is highest (a question for a detection takes that into account)"
@@ -188,25 +183,21 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
-    if len(told) < _SENTENCES and (causes := _causes(missed)):
+    if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
+        causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
-    reasons = dict.fromkeys(row.message for row in result.answers if row.message)
-    if len(told) < _SENTENCES and reasons and not explained:
-        parts = []
-        for text in reasons:
-            bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
-            parts.append(f"{bands}: {text}")
-        told.append(f"{'; '.join(parts)}.")
+    if len(told) < _SENTENCES and not explained and (reasons := _bands_of(result.answers, "message")):
+        told.append(f"{'; '.join(f'{bands}: {text}' for text, bands in reasons.items())}.")
     return told
 
 
-def _causes(missed: Sequence[EtcAnswer]) -> str:
-    """Return what limits answers that are no detection, bands of one cause together."""
-    causes = []
-    for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
-        where = ", ".join(dict.fromkeys(row.band for row in missed if row.limited_by == limit))
-        causes.append(f"{where} by {words.LIMITED_BY[limit][1]}")
-    return "; ".join(causes)
+def _bands_of(rows: Sequence[EtcAnswer], name: str) -> dict[str, str]:
+    """Return the bands, with commas, of each value that a field of answers has; of none without one."""
+    found: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if value := getattr(row, name):
+            found.setdefault(value, {})[row.band] = None
+    return {value: ", ".join(bands) for value, bands in found.items()}
 
 
 def _explain(result: EtcResult, console: Console) -> None:
@@ -216,21 +207,19 @@ def _explain(result: EtcResult, console: Console) -> None:
     for row in rated:
         blind, known_place = row.detection_probability, row.detection_probability_known_place
         if blind is not None and known_place is not None:
-            odds.append(f"{answer_name(row)} {share_text(blind)} and {share_text(known_place)} %")
+            odds.append(f"{answer_name(row)} {numbers.share_text(blind)} and {numbers.share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
     needs = [(row, _required_text(row)) for row in rated if row.verdict != "detected"]
     wanted = [f"{answer_name(row)} {needed}" for row, needed in needs if needed]
     if wanted:
         print_note(console, f"One of these alone would make it a detection: {'; '.join(wanted)}.")
-    for text in dict.fromkeys(row.message for row in result.answers if row.message):
-        bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
-        print_note(console, f"{bands}: {text}.")
+    print_note(console, *(f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()))
     if programme := _programme_text(result.answers):
         print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
     days = [row.span_days for row in result.answers if row.span_days is not None]
     if days and (paid := words.orbits_text(result.answers)):
-        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
+        print_note(console, f"They span up to {numbers.significant(max(days), 2)} days; {paid}.")
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
     if look is not None:
         print_note(console, f"Orbit from {look.reference}; {look.planets_table}.")
@@ -242,18 +231,18 @@ def _required_text(row: EtcAnswer) -> str:
     if row.required_visits is not None:
         parts.append(f"{row.required_visits} such visits")
     if row.required_time_s is not None:
-        parts.append(f"{duration_text(row.required_time_s)} in as many visits")
+        parts.append(f"{numbers.duration_text(row.required_time_s)} in as many visits")
     if row.required_drift_factor is not None:
-        parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
+        parts.append(f"{numbers.significant(row.required_drift_factor, 2)} of the drift")
     if row.required_contrast_factor is not None:
-        parts.append(f"a contrast {significant(row.required_contrast_factor, 3)} times as high")
+        parts.append(f"a contrast {numbers.significant(row.required_contrast_factor, 3)} times as high")
     return ", ".join(parts)
 
 
 def _programme_text(rows: list[EtcAnswer]) -> str:
     """Return the visits of the answers, in words."""
     seen = dict.fromkeys(
-        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {duration_text(row.visit_time_s)}"
+        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {numbers.duration_text(row.visit_time_s)}"
         for row in rows
         if row.visits is not None and row.visit_time_s is not None
     )
@@ -264,7 +253,7 @@ def _limits_cell(row: EtcAnswer) -> str:
     """Return what binds exposure and gain, in few words."""
     limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
     parts = [f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit]
-    return ", ".join(parts) or MISSING
+    return ", ".join(parts) or numbers.MISSING
 
 
 def _print_budget(row: EtcAnswer, console: Console) -> None:
@@ -276,15 +265,15 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     largest = max(terms.values())
     cells = [
         Cells("term", words.term_text, right=False),
-        Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
+        Cells("e- rms", lambda name: numbers.significant(terms[name] ** 0.5)),
         Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
     ]
     taken = sum(max(len(cell.header), *(len(cell.text(name)) for name in shown)) + 2 for cell in cells)
     room = min(_BAR_CELLS, console.width - taken)
     if room >= _FEWEST_CELLS:
         cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
-    signal = significant(row.budget.get("signal_e"))
-    title = f"Noise in {answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
+    signal = numbers.significant(row.budget.get("signal_e"))
+    title = f"Noise in {answer_name(row)}: {numbers.significant(total**0.5)} e- rms under a signal of {signal} e-"
     print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
@@ -308,7 +297,7 @@ def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
     if helpful:
         print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
     if explain and row.gain_caps and row.exposure_s is not None:
-        print_note(console, f"In frames of {significant(row.exposure_s)} s:")
+        print_note(console, f"In frames of {numbers.significant(row.exposure_s)} s:")
         for name, gain in row.gain_caps.items():
             print_note(console, f"  {words.cap_sentence(name, gain)}.")
 
@@ -325,7 +314,7 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
     flags = dict.fromkeys(flag for row in rows for flag in row.flags)
     bands = {row.band for row in rows}
     lines = [f"Note: {note}"] if note else []
-    lines += filter(None, [unused_text(rows)])
+    lines += filter(None, [numbers.unused_text(rows)])
     for flag in flags:
         mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
@@ -335,30 +324,25 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
 
 def _quadrant_text(result: EtcResult) -> str:
     """Return the quadrants of the planets, by band where they differ, and the roll."""
-    quadrants = {row.band: row.quadrant for row in result.answers if row.quadrant is not None}
+    quadrants = _bands_of(result.answers, "quadrant")
     if not quadrants:
         return "a quadrant"
-    roll = f"at roll {result.answers[0].roll_deg:g} deg"
-    if len(set(quadrants.values())) == 1:
-        return f"the {next(iter(quadrants.values()))} quadrant {roll}"
-    parts = [
-        f"the {quadrant} ({', '.join(band for band in quadrants if quadrants[band] == quadrant)})"
-        for quadrant in dict.fromkeys(quadrants.values())
-    ]
-    return f"{' and '.join(parts)} quadrant {roll}"
+    several = len(quadrants) > 1
+    parts = [f"the {quadrant}{f' ({bands})' * several}" for quadrant, bands in quadrants.items()]
+    return f"{' and '.join(parts)} quadrant at roll {result.answers[0].roll_deg:g} deg"
 
 
 def _value_text(row: EtcAnswer, value: float | None) -> str:
     """Return a value in the unit of an answer."""
     if row.unit == "s":
-        return "never" if value is None else duration_text(value)
+        return "never" if value is None else numbers.duration_text(value)
     if row.unit == "contrast":
-        return "none" if value is None else ratio_text(value)
-    return significant(value)
+        return "none" if value is None else numbers.ratio_text(value)
+    return numbers.significant(value)
 
 
 def _answer(row: EtcAnswer) -> str:
-    return MISSING if row.value is None else _value_text(row, row.value)
+    return numbers.MISSING if row.value is None else _value_text(row, row.value)
 
 
 ANSWER = Cells("answer", _answer, fields=("value", "unit"))
@@ -371,7 +355,7 @@ _RANGE = Cells(
 )
 _SNR = Cells(
     "SNR",
-    lambda row: significant(row.snr),
+    lambda row: numbers.significant(row.snr),
     legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
     fields=("snr",),
 )
@@ -379,12 +363,12 @@ _SNR = Cells(
 
 def question_text(question: EtcQuestion) -> str:
     """Return what is asked, in words."""
-    level = level_text(question.snr, question.sigma)
+    level = numbers.level_text(question.snr, question.sigma)
     if question.asks_time:
         return f"wall time for {level}"
-    time = duration_text(question.wall_s)
+    time = numbers.duration_text(question.wall_s)
     if question.strategy.visits is not None and question.visit_time_s is not None:
-        time = f"{question.strategy.visits} × {duration_text(question.visit_time_s)}"
+        time = f"{question.strategy.visits} × {numbers.duration_text(question.visit_time_s)}"
     if question.n_frames is not None and question.exposure_s is not None:
         time = f"{question.n_frames} × {question.exposure_s:g} s"
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
@@ -393,3 +377,55 @@ def question_text(question: EtcQuestion) -> str:
 def answer_name(row: EtcAnswer) -> str:
     """Return band and separation of an answer."""
     return f"{row.band} at {row.separation_arcsec:.3f}″"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """An answer, the instrument that it is of, and the first instrument's answer to the same."""
+
+    instrument: str
+    answer: EtcAnswer
+    base: EtcAnswer | None
+
+    @property
+    def ratio(self) -> str:
+        base, own = self.base, self.answer
+        if base is None or not base.value or own.value is None:
+            return numbers.MISSING
+        same = ["separation_arcsec"] + ["contrast"] * (own.question != "contrast_limit")  # there it is the answer
+        alike = all(math.isclose(getattr(own, name), getattr(base, name), rel_tol=_ALIKE) for name in same)
+        return numbers.significant(own.value / base.value, 3) if alike else _UNLIKE
+
+
+_ALIKE = 1e-3
+"""Relative difference up to which two separations or contrasts are the same in every digit that is shown."""
+_UNLIKE = "other planet"
+
+
+def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> None:
+    """Print answers with several instruments, and their ratio to those of the first one.
+
+    Parameters
+    ----------
+    results : sequence of (str, EtcResult)
+        Name of each instrument, and what is answered with it.
+    console : Console
+    """
+    rows = []
+    for band in dict.fromkeys(row.band for _, result in results for row in result.answers):
+        answers = [(name, [row for row in result.answers if row.band == band]) for name, result in results]
+        rows += [_Row(name, row, base) for name, own in answers for row, base in zip_longest(own, answers[0][1]) if row]
+    cells = row_cells(
+        EtcAnswer,
+        "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
+        of=lambda row: row.answer,
+        instrument=Cells("instrument", lambda row: row.instrument, right=False),
+        value=replace(ANSWER, text=lambda row: ANSWER.text(row.answer)),
+        ratio=Cells("ratio", lambda row: row.ratio, legend="answer over that of the first instrument in the same band"),
+        limit=Cells("limit", lambda row: words.LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
+    )
+    title = f"{numbers.full_name(results[0][1].target, results[0][1].hip)} with each instrument"
+    print_table(console, title, cells, rows, explained=True, legend=True)
+    if any(row.ratio == _UNLIKE for row in rows):
+        why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
+        print_plain(console, f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
+from cpic_planner import results
 from cpic_planner.report.cells import (
     Cells,
     explain_symbols,
@@ -17,15 +18,6 @@ from cpic_planner.report.cells import (
 from cpic_planner.report.console_etc import answer_name
 from cpic_planner.report.numbers import MISSING, significant
 from cpic_planner.report.summary import error_text
-from cpic_planner.results import (
-    AnswerFidelity,
-    EtcAnswer,
-    EtcFidelity,
-    EtcResult,
-    ImageCheck,
-    TradeoffResult,
-    TradeoffRow,
-)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,7 +26,7 @@ if TYPE_CHECKING:
 _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 
 
-def print_fidelity(result: EtcResult, console: Console) -> None:
+def print_fidelity(result: results.EtcResult, console: Console) -> None:
     """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``.
 
     Parameters
@@ -61,11 +53,13 @@ def print_fidelity(result: EtcResult, console: Console) -> None:
         print_note(console, "No answer has frames that could be checked in images.")
 
 
-def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswer]], console: Console) -> None:
+def _print_checks(
+    record: results.EtcFidelity, rows: list[tuple[results.AnswerFidelity, results.EtcAnswer]], console: Console
+) -> None:
     cells = [
-        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *row_cells(results.EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
         *row_cells(
-            ImageCheck,
+            results.ImageCheck,
             "predicted_snr snr etc_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
@@ -88,19 +82,19 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswe
     )
 
 
-def _detections(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+def _detections(pair: tuple[results.AnswerFidelity, results.EtcAnswer]) -> str:
     images = pair[0].images
     return MISSING if images is None else f"{images.n_found} of {images.realisations}"
 
 
-def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+def _agreement(pair: tuple[results.AnswerFidelity, results.EtcAnswer]) -> str:
     item = pair[0]
     if item.images is None:
         return status_cell(item.status, item.reason)
     return "agrees" if item.images.agrees else "differs"
 
 
-def print_tradeoff(result: TradeoffResult, console: Console) -> None:
+def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
     """Print one table a scene: every way with its time, memory and errors.
 
     Parameters
@@ -109,12 +103,12 @@ def print_tradeoff(result: TradeoffResult, console: Console) -> None:
     console : Console
     """
 
-    def way(row: TradeoffRow) -> str:
+    def way(row: results.TradeoffRow) -> str:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
         return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
 
     cells = row_cells(
-        TradeoffRow,
+        results.TradeoffRow,
         "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
         flux_error=lambda row: _error(row.flux_error, None),
         snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),

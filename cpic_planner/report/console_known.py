@@ -9,20 +9,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.known_planet_columns import FLAGS
+from cpic_core import listed
+from cpic_planner import results
 from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.numbers import MISSING, count_text, decimals, formatted, full_name, ratio_text
 from cpic_planner.report.priorities import best_window, known_planet_name, lacking_lines
 from cpic_planner.report.summary import pointing_sentence
 from cpic_planner.report.words import BLOCK_WORDS
-from cpic_planner.results import (
-    KnownOrbit,
-    KnownPlanetRow,
-    KnownResult,
-    KnownWindow,
-    Quantiles,
-    VisibilityResult,
-    VisibleTarget,
-)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,7 +26,7 @@ _WINDOWS = 6
 """Windows of a planet that are printed."""
 
 
-def print_known(result: KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
+def print_known(result: results.KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
     """Print the planets, widest on the sky first unless a star was asked for, and what the headings mean.
 
     With ``full`` also every window, orbit and status with its reference, and what the numbers are from.
@@ -87,12 +80,12 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     )
 
 
-def _told(flag: str, row: KnownPlanetRow) -> bool:
+def _told(flag: str, row: results.KnownPlanetRow) -> bool:
     """Return whether a flag says what decides where a planet stands, or what an unused column may tell."""
     return flag in _DECIDES or ("columns_not_used" in row.flags and flag.endswith("_unknown"))
 
 
-def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
+def _caveats(rows: Sequence[results.KnownPlanetRow]) -> str:
     """Return which of these planets have an orbit or a status that is in doubt, in one sentence; empty for none."""
     kinds = (
         ("a later orbit contradicts that of", [row for row in rows if row.superseded_by]),
@@ -103,7 +96,7 @@ def _caveats(rows: Sequence[KnownPlanetRow]) -> str:
     return f"In doubt: {'; '.join(said)} (-v: who says so)." if said else ""
 
 
-def _cells(result: KnownResult) -> list[Cells]:
+def _cells(result: results.KnownResult) -> list[Cells]:
     hole = result.holes[0]
     inside = (
         f"share of the draws between the corners of the dark hole of {hole.band}, {hole.inner_arcsec:.2f} to "
@@ -111,7 +104,7 @@ def _cells(result: KnownResult) -> list[Cells]:
     )
     windows = "" if result.years is None else "window/1 best_day/1 "
     return row_cells(
-        KnownPlanetRow,
+        results.KnownPlanetRow,
         "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
         f"separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/3 {windows}status",
         planet=known_planet_name,
@@ -133,7 +126,7 @@ def _cells(result: KnownResult) -> list[Cells]:
     )
 
 
-def _window(row: KnownPlanetRow) -> str:
+def _window(row: results.KnownPlanetRow) -> str:
     """Return the window of the best day."""
     if not row.windows:
         return MISSING
@@ -141,11 +134,11 @@ def _window(row: KnownPlanetRow) -> str:
     return best.start_utc if best.end_utc == best.start_utc else f"{best.start_utc} to {best.end_utc}"
 
 
-def _best_day(row: KnownPlanetRow) -> str:
+def _best_day(row: results.KnownPlanetRow) -> str:
     return f"{best_window(row).best_utc}, {best_window(row).best_share:.0%}" if row.windows else MISSING
 
 
-def _print_standing(row: KnownPlanetRow, console: Console) -> None:
+def _print_standing(row: results.KnownPlanetRow, console: Console) -> None:
     """Print how sure a planet is, who says so, and where its orbit was published."""
     words = {(False, True): ", not counted unless candidates are asked for", (True, True): ", counted as asked"}
     asked = words.get((row.counted, row.status == "candidate"), "" if row.counted else ", not counted")
@@ -164,32 +157,30 @@ def _print_standing(row: KnownPlanetRow, console: Console) -> None:
     print_plain(console, ". ".join(sentences) + ".")
 
 
-def _with_width(value: Quantiles, digits: int) -> str:
+def _with_width(value: results.Quantiles, digits: int) -> str:
     return f"{value.median:.{digits}f} ± {0.5 * (value.high - value.low):.{digits}f}"
 
 
-def _elements(orbit: KnownOrbit) -> str:
+def _elements(orbit: results.KnownOrbit) -> str:
     """Return period and eccentricity of an orbit in brackets."""
     told = {"P": (orbit.period_days, "d"), "a": (orbit.semi_major_axis_au, "au"), "e": (orbit.eccentricity, "")}
     words = [f"{name} {value:.4g} {unit}".strip() for name, (value, unit) in told.items() if value is not None]
     return f" ({', '.join(words)})" if words else ""
 
 
-def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -> None:
+def _print_windows(row: results.KnownPlanetRow, result: results.KnownResult, console: Console) -> None:
     """Print the days on which the dark hole covers a planet, bands with the same days together."""
     bands: dict[str, list[str]] = {}
     for hole in result.holes:
         mine = [window for window in row.windows if window.band == hole.band]
-        more = f" and {len(mine) - _WINDOWS} more" if len(mine) > _WINDOWS else ""
-        spans = ", ".join(map(_span, mine[:_WINDOWS])) + more
-        bands.setdefault(spans, []).append(hole.band)
+        bands.setdefault(listed([*map(_span, mine)], _WINDOWS), []).append(hole.band)
     for spans, names in bands.items():
         inside = f"more likely than not in the dark hole {spans}" if spans else "at no time more likely than not in it"
         if row.windows:
             print_plain(console, f"{known_planet_name(row)}, {', '.join(names)}: {inside}")
 
 
-def _span(window: KnownWindow) -> str:
+def _span(window: results.KnownWindow) -> str:
     days = f"{window.start_utc} to {window.end_utc}" if window.end_utc != window.start_utc else f"on {window.start_utc}"
     best = f"best {window.best_utc}: " if window.end_utc != window.start_utc else ""
     return f"{days} ({best}{window.best_share:.0%})"
@@ -204,7 +195,7 @@ _ENDS = (
 _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
-def print_visibility(result: VisibilityResult, console: Console, *, full: bool = True) -> None:
+def print_visibility(result: results.VisibilityResult, console: Console, *, full: bool = True) -> None:
     """Print seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out.
 
     Parameters
@@ -235,7 +226,7 @@ def print_visibility(result: VisibilityResult, console: Console, *, full: bool =
     print_note(console, pointing_sentence(result.pointing))
 
 
-def _print_star(result: VisibilityResult, console: Console) -> None:
+def _print_star(result: results.VisibilityResult, console: Console) -> None:
     target = result.targets[0]
     where = f"ecliptic latitude {decimals(target.ecliptic_latitude_deg, 1)} deg"
     print_plain(
@@ -268,7 +259,7 @@ def _visibility_cells(years: bool) -> list[Cells]:
 
     days: dict[str, Any] = {name: blocked(name, header) for name, header in _BLOCKED.items()}
     return row_cells(
-        VisibleTarget,
+        results.VisibleTarget,
         "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "
         "longest_window_s/4 roll_half_range_deg/6 seasons",
         best_utc=lambda row: MISSING if row.best_utc is None else row.best_utc[:10],
@@ -277,8 +268,7 @@ def _visibility_cells(years: bool) -> list[Cells]:
     )
 
 
-def _seasons(target: VisibleTarget, years: bool) -> str:
+def _seasons(target: results.VisibleTarget, years: bool) -> str:
     cut = 0 if years else 5
     seasons = [f"{one.start_utc[:10][cut:]} to {one.end_utc[:10][cut:]}" for one in target.seasons]
-    more = [f"and {len(seasons) - _SEASONS} more"] if len(seasons) > _SEASONS else []
-    return ", ".join([*seasons[:_SEASONS], *more]) or MISSING
+    return listed(seasons, _SEASONS) or MISSING

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.report import summary, words
 from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.files import score_taken
 from cpic_planner.report.numbers import (
@@ -25,27 +26,8 @@ from cpic_planner.report.numbers import (
     significant,
 )
 from cpic_planner.report.priorities import lacking_lines, print_ensemble
-from cpic_planner.report.summary import (
-    detected_sentence,
-    expected_sentence,
-    limits_text,
-    mode_of,
-    population_text,
-    programme_text,
-    velocities_sentence,
-)
 from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
-from cpic_planner.report.words import (
-    SEARCHES,
-    cap_sentence,
-    counted,
-    limit_text,
-    remedies_text,
-    score_number,
-    tau_text,
-    term_text,
-)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,8 +50,10 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, f
     )
     print_table(console, title, cells, shown, explained=True, legend=not full)
     if rank.counts_limited_by:
-        limits = limits_text(rank.counts_limited_by)
-        print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
+        limits = summary.limits_text(rank.counts_limited_by)
+        print_note(
+            console, f"Reference planets in {duration_text(rank.time_s)}, {summary.programme_text(rank)}: {limits}."
+        )
     print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
     print_note(console, *lacking_lines({}, rank.population.columns_not_used))
     if rank.ensemble is not None:
@@ -81,15 +65,16 @@ def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
     planet = rank.reference_planet
     return [
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet looked for "
-        f"at its place; of all %: whatever is known of the star, blind. The score counts {SEARCHES[rank.search]}.",
-        detected_sentence(rank),
-        *filter(None, (expected_sentence(rank), velocities_sentence(rank, limit))),
+        f"Population (compl %): {summary.population_text(rank.population)}, by a blind search; known %: each planet "
+        "looked for at its place; of all %: whatever is known of the star, blind. The score counts "
+        f"{words.SEARCHES[rank.search]}.",
+        summary.detected_sentence(rank),
+        *filter(None, (summary.expected_sentence(rank), summary.velocities_sentence(rank, limit))),
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
         f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        f"Detected: at least half of such observations show the planet {SEARCHES[mode_of(rank)]}; blind %, place %: "
-        "probability that a search finds it that does not know its place, and one that does. "
+        f"Detected: at least half of such observations show the planet {words.SEARCHES[summary.mode_of(rank)]}; "
+        "blind %, place %: probability that a search finds it that does not know its place, and one that does. "
         f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     ]
@@ -107,7 +92,7 @@ def _zeros(rank: results.RankResult) -> str:
 def _score_cells(name: str) -> Cells:
     score = SCORES[name]
     look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (score_taken(name),)}
-    return Cells(score.label, lambda row: score_number(row.score, name), **look)
+    return Cells(score.label, lambda row: words.score_number(row.score, name), **look)
 
 
 def _kept(name: str, first: int) -> Cells:
@@ -135,9 +120,9 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_plain(console, result.statement)
     print_note(
         console,
-        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
-        f"tau of: their number; of {result.first}, of {result.top}: how many of the nominal first stars stay among "
-        "them; biggest fall: of these.",
+        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: "
+        f"{words.tau_text(result.top)}; tau of: their number; of {result.first}, of {result.top}: how many of the "
+        "nominal first stars stay among them; biggest fall: of these.",
     )
 
 
@@ -152,7 +137,7 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
         *row_cells(results.RankMove, "name score_ratio/1 why"),
     ]
     count = len(result.targets)
-    first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else counted(count, "star")
+    first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else words.counted(count, "star")
     print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
     print_table(console, "", cells, rows, last_width=70)
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
@@ -215,7 +200,7 @@ def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> Non
         results.BandStanding,
         "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
         "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
-        dominant=lambda band: term_text(band.dominant),
+        dominant=lambda band: words.term_text(band.dominant),
     )
     title = "Its reference planet and its population, band by band"
     print_table(console, title, cells, bands, explained=True, legend=True)
@@ -228,10 +213,12 @@ def _print_limits(explanation: results.Explanation, console: Console) -> None:
         return
     for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
         if limit:
-            print_note(console, f"{band.band}: the {name} is held by {limit_text(limit)}.")
+            print_note(console, f"{band.band}: the {name} is held by {words.limit_text(limit)}.")
     for name, gain in band.gain_caps.items():
-        print_note(console, f"{band.band}, frames of {significant(band.exposure_s)} s: {cap_sentence(name, gain)}.")
-    if helpful := remedies_text(band.remedies):
+        print_note(
+            console, f"{band.band}, frames of {significant(band.exposure_s)} s: {words.cap_sentence(name, gain)}."
+        )
+    if helpful := words.remedies_text(band.remedies):
         print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
 
 

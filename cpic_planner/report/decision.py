@@ -6,6 +6,7 @@ What the decision rests on, in sentences that are computed from the numbers.
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
+from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report import document as doc, image_figures, summary, words
@@ -20,7 +21,6 @@ from cpic_planner.report.numbers import (
     significant,
 )
 from cpic_planner.report.priorities import TIERS
-from cpic_planner.report.words import counted
 
 _MOST_NAMED, _SEASONS = 6, 3
 Pick = tuple[int, results.ConfirmedTarget, results.BandConfirmation | None]
@@ -71,7 +71,7 @@ def asks_text(star: results.RankedTarget) -> str:
     """Return the least time and visits that a detection of a star's reference planet asks for."""
     if star.detection_time_s is None:
         return "no time is enough"
-    visits = "" if star.detection_visits is None else f" in {counted(star.detection_visits, 'visit')}"
+    visits = "" if star.detection_visits is None else f" in {words.counted(star.detection_visits, 'visit')}"
     return f"{duration_text(star.detection_time_s)}{visits}"
 
 
@@ -86,10 +86,10 @@ def decision_sentences(plan: results.PlanResult) -> list[str]:
         return ["No star was simulated as images, so that none is proposed."]
     ready = [(target, best) for _, target, best in picks_of(plan) if best is not None]
     if not ready:
-        stars = counted(len(plan.targets), "star")
+        stars = words.counted(len(plan.targets), "star")
         return [f"None is proposed: the images of {stars} show the reference planet in no band."]
     (first, best), *others = ready
-    visits = "" if best.visits is None else f"{counted(best.visits, 'visit')}, in all "
+    visits = "" if best.visits is None else f"{words.counted(best.visits, 'visit')}, in all "
     found = [
         f"Observe {pretty_name(first.name)} first, in {best.band}: {visits}{count_text(best.n_frames)} frames of "
         f"{significant(best.exposure_s)} s at EM gain {significant(best.em_gain)}. It takes {_time_text([best])}."
@@ -100,9 +100,8 @@ def decision_sentences(plan: results.PlanResult) -> list[str]:
         found.append("Its images show the planet at a known place, but a blind search does not find it.")
     if others:
         names = [pretty_name(target.name) for target, _ in others]
-        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
         found.append(
-            f"Then {', '.join(names[:_MOST_NAMED])}{more}, as in the table. "
+            f"Then {listed(names, _MOST_NAMED)}, as in the table. "
             f"All {len(ready)} stars together take {_time_text([best for _, best in ready])}."
         )
     return found
@@ -132,7 +131,7 @@ def first_table(plan: results.PlanResult, rank: results.RankResult, n_assumption
     n_assumptions : int
         How many other assumptions the ranking was tried under.
     """
-    doubted = "5 to 95 % of instruments" if rank.ensemble else f"under {counted(n_assumptions, 'assumption')}"
+    doubted = "5 to 95 % of instruments" if rank.ensemble else f"under {words.counted(n_assumptions, 'assumption')}"
     columns: list[doc.Column[Pick]] = [
         doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
         doc.Column(
@@ -220,7 +219,7 @@ def tier_facts(rank: results.RankResult, named: Named) -> list[tuple[doc.Inline,
         for row in rows[:_MOST_NAMED]:
             names += [", " if names else "", named(row)]
         more = f" and {count_text(len(rows) - _MOST_NAMED)} more" if len(rows) > _MOST_NAMED else ""
-        facts.append((f"Tier {tier}: {counted(len(rows), 'star')}", [f"{meaning}: ", names, f"{more}."]))
+        facts.append((f"Tier {tier}: {words.counted(len(rows), 'star')}", [f"{meaning}: ", names, f"{more}."]))
     return facts
 
 
@@ -280,9 +279,9 @@ def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> lis
     searched = LIBRARIES[plan.reference_library].searched
     first = "The first" if plan.schedule is None else "Of the schedule"
     sentences.append(
-        f"{first} {counted(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
+        f"{first} {words.counted(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
         f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {counted(len(measured), 'measurement')}."
+        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {words.counted(len(measured), 'measurement')}."
     )
     if confirmed:
         target, band = confirmed[0]

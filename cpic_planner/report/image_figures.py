@@ -243,7 +243,7 @@ def measure_table(
     first: doc.Column[doc.Column[results.BandConfirmation]] = doc.Column("Quantity", named, look="row left")
     text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
     if any(band.search_threshold is not None for band in bands):
-        text = f"{text} {words.two_statistics()}"
+        text = f"{text} {words.prose()['two_statistics']}"
     return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 

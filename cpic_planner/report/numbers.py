@@ -43,6 +43,11 @@ def full_name(identifier: str, hip: int | None) -> str:
     return name if hip is None or name == f"HIP {hip}" else f"{name} (HIP {hip})"
 
 
+def star_text(result: Any) -> str:
+    """Return name, brightness and distance of the star that a result is about."""
+    return f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
+
+
 def short_name(identifier: str) -> str:
     """Return the readable name of a star, cut to the width of a column."""
     return shortened(pretty_name(identifier))

@@ -8,23 +8,14 @@ from catalogs import data_credits
 from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report import document as doc, image_figures, numbers, summary, words
+from cpic_planner.report import decision, document as doc, image_figures, numbers, summary, words
 from cpic_planner.report.cells import Cells
-from cpic_planner.report.decision import (
-    Pick,
-    decision_blocks,
-    of_band,
-    picks_of,
-    star_cell,
-    summary_sentences,
-    verdict_cell,
-)
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.numbers import decimals, duration_text, pretty_name, significant
 from cpic_planner.report.plan_stars import anchors_of, star_pages
 from cpic_planner.report.priorities import known_blocks, priority_blocks, sensitivity_blocks
-from cpic_planner.report.words import method_credits, terms
+from cpic_planner.report.words import prose, terms
 
 
 @dataclass(frozen=True)
@@ -86,7 +77,7 @@ def plan_document(report: PlanReport) -> doc.Document:
         about="Which nearby stars to observe first, in which band and with which settings; predicted analytically, "
         "and the first of them simulated as images.",
         opening="What to observe first",
-        summary=decision_blocks(plan, report.rank, report.sensitivity, report.named),
+        summary=decision.decision_blocks(plan, report.rank, report.sensitivity, report.named),
     )
 
 
@@ -100,26 +91,26 @@ def _significance(best: results.BandConfirmation) -> str:
 
 
 _NOWHERE = doc.Span("the images show the planet in no band; see its page", 6)
-_IMAGED: tuple[doc.Column[Pick], ...] = (
+_IMAGED: tuple[doc.Column[decision.Pick], ...] = (
     doc.Column(
         "Star",
-        lambda pick: star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
+        lambda pick: decision.star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
         look="row left star",
     ),
     doc.Column("Band", lambda pick: _NOWHERE if pick[2] is None else pick[2].band, look="left"),
-    doc.Column("Separation", of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
-    doc.Column("Contrast", of_band(lambda best: numbers.contrast_text(best.true_contrast))),
-    doc.Column("SNR", of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-    doc.Column("SNR", of_band(_recovered), "recovered"),
-    doc.Column("Significance", of_band(_significance), "/ threshold"),
-    doc.Column("Verdict", verdict_cell, look="left verdict"),
+    doc.Column("Separation", decision.of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
+    doc.Column("Contrast", decision.of_band(lambda best: numbers.contrast_text(best.true_contrast))),
+    doc.Column("SNR", decision.of_band(lambda best: significant(best.predicted_snr)), "predicted"),
+    doc.Column("SNR", decision.of_band(_recovered), "recovered"),
+    doc.Column("Significance", decision.of_band(_significance), "/ threshold"),
+    doc.Column("Verdict", decision.verdict_cell, look="left verdict"),
 )
 
 
 @doc.section_of(PLAN_SECTIONS, "first", "What the images show")
 def _images(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
-    yield doc.Items(summary_sentences(plan, report.rank))
+    yield doc.Items(decision.summary_sentences(plan, report.rank))
     if plan.targets:
         caption = (
             "Targets simulated as images, in order of the ranking; each in the band of highest predicted "
@@ -127,7 +118,7 @@ def _images(report: PlanReport) -> Iterator[doc.Block]:
             f"{plan.realisations} realisations or, without any, among those that show it at its known place. "
             "Separation and contrast are those of the reference planet; the verdict is of all bands."
         )
-        yield doc.table("What the images show", caption, _IMAGED, picks_of(plan))
+        yield doc.table("What the images show", caption, _IMAGED, decision.picks_of(plan))
     else:
         yield doc.Paragraph("No target was simulated as images.")
     for text in (*words.targets_sentences(plan), *words.not_imaged_lines(plan)):
@@ -231,7 +222,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         f"rank {'rank_in_catalogue ' * rank.filtered}name:row,star v_mag sp_type distance_pc score completeness "
         "completeness_unconditional band "
         "separation_arcsec contrast frames em_gain snr detection_margin status:wide flags:flags",
-        name=lambda row: star_cell(report.named(row), row.hip),
+        name=lambda row: decision.star_cell(report.named(row), row.hip),
         distance_pc=lambda row: significant(row.distance_pc, 4),
         score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.written[1]),
         completeness=_completeness,
@@ -263,7 +254,7 @@ def _velocities(report: PlanReport) -> Iterator[doc.Block]:
         columns = doc.row_columns(
             results.RankedTarget,
             "rank name:row,star completeness completeness_unconditional rv_amplitude_m_s ref_planet_distance_au",
-            name=lambda row: star_cell(report.named(row), row.hip),
+            name=lambda row: decision.star_cell(report.named(row), row.hip),
         )
         caption = (
             "Where more radial velocities would change the ranking: stars whose reference planet they do not exclude "
@@ -288,4 +279,4 @@ def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "credits", "Credits")
 def _credits(report: PlanReport) -> Iterator[doc.Block]:
-    yield doc.Items((*data_credits(report.plan.catalogue), *method_credits()))
+    yield doc.Items((*data_credits(report.plan.catalogue), *prose()["credits"]))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpic_core import Registry
+from cpic_planner import results
 from cpic_planner.jobs import RunFolder
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc
@@ -13,22 +14,8 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import duration_text, full_name
 from cpic_planner.report.searched_figures import curve_pictures, roc_pictures
 from cpic_planner.report.searched_words import curve_sentences, roc_sentences
-from cpic_planner.report.words import method_credits, terms
+from cpic_planner.report.words import prose, terms
 from cpic_planner.report.write import page_html
-from cpic_planner.results import (
-    CurveResult,
-    CurveRow,
-    RecoveredRow,
-    Result,
-    RocProgramme,
-    RocResult,
-    RocRow,
-    SearchedProgramme,
-    SearchedResult,
-    csv_text,
-    names_of,
-    values_of,
-)
 
 CURVE_PRODUCTS = ("curve.csv", "completeness.csv", "recovered.csv", "report.html")
 """Names of the files of a report of contrast curves."""
@@ -54,7 +41,7 @@ ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of operating characteristics, in their order."""
 
 
-def write_curve(folder: RunFolder, result: CurveResult) -> None:
+def write_curve(folder: RunFolder, result: results.CurveResult) -> None:
     """Write ``curve.csv``, ``completeness.csv``, ``recovered.csv`` and ``report.html``, each whole.
 
     Parameters
@@ -62,15 +49,15 @@ def write_curve(folder: RunFolder, result: CurveResult) -> None:
     folder : RunFolder
     result : CurveResult
     """
-    folder.write("curve.csv", _csv(CurveRow, result.points))
+    folder.write("curve.csv", _csv(results.CurveRow, result.points))
     folder.write("completeness.csv", completeness_csv(result))
-    folder.write("recovered.csv", _csv(RecoveredRow, result.recovered))
+    folder.write("recovered.csv", _csv(results.RecoveredRow, result.recovered))
     about = "Contrast curves for CPI-C: how faint a planet one programme of the star shows, by separation and band."
     page = SearchedReport(result, curve_pictures(result))
     folder.write("report.html", _page(CURVE_SECTIONS, page, result, "contrast curve", about, curve_sentences(result)))
 
 
-def write_roc(folder: RunFolder, result: RocResult) -> None:
+def write_roc(folder: RunFolder, result: results.RocResult) -> None:
     """Write ``roc.csv`` and ``report.html``, each whole.
 
     Parameters
@@ -78,13 +65,13 @@ def write_roc(folder: RunFolder, result: RocResult) -> None:
     folder : RunFolder
     result : RocResult
     """
-    folder.write("roc.csv", _csv(RocRow, result.levels))
+    folder.write("roc.csv", _csv(results.RocRow, result.levels))
     about = "Operating characteristic for CPI-C: how likely a search finds a planet, against its false alarms."
     page = SearchedReport(result, roc_pictures(result))
     folder.write("report.html", _page(ROC_SECTIONS, page, result, "detection statistics", about, roc_sentences(result)))
 
 
-def completeness_csv(result: CurveResult) -> str:
+def completeness_csv(result: results.CurveResult) -> str:
     """Return the maps of completeness as CSV, one line a band, separation and contrast.
 
     Parameters
@@ -99,17 +86,17 @@ def completeness_csv(result: CurveResult) -> str:
             for cell in zip(one.contrast, *chances, strict=True):
                 contrast, blind, known = cell
                 rows.append(dict(zip(names, (one.band, place, contrast, share, blind, known), strict=True)))
-    return csv_text(names, rows)
+    return results.csv_text(names, rows)
 
 
-def _csv(kind: type[Result], rows: Sequence[Result]) -> str:
-    return csv_text(names_of(kind), [values_of(row) for row in rows])
+def _csv(kind: type[results.Result], rows: Sequence[results.Result]) -> str:
+    return results.csv_text(results.names_of(kind), [results.values_of(row) for row in rows])
 
 
 def _page(
     sections: Registry[doc.Section[doc.D]],
     page: doc.D,
-    result: SearchedResult,
+    result: results.SearchedResult,
     what: str,
     about: str,
     sentences: Sequence[str],
@@ -128,7 +115,10 @@ def _curves(page: SearchedReport) -> Iterator[doc.Block]:
         "measured_limit measured_throughput core_throughput azimuth_share threshold"
     )
     yield doc.table(
-        "Contrast limits", "Limits by band and separation.", doc.row_columns(CurveRow, layout), page.result.points
+        "Contrast limits",
+        "Limits by band and separation.",
+        doc.row_columns(results.CurveRow, layout),
+        page.result.points,
     )
 
 
@@ -148,7 +138,7 @@ def _injected(page: SearchedReport) -> Iterator[doc.Block]:
         "predicted"
     )
     caption = "Planets found by blind searches, with the interval that holds 68 %, and what the law expects."
-    yield doc.table("Injected planets", caption, doc.row_columns(RecoveredRow, layout), page.result.recovered)
+    yield doc.table("Injected planets", caption, doc.row_columns(results.RecoveredRow, layout), page.result.recovered)
 
 
 @doc.section_of(ROC_SECTIONS, "detections", "Detections and false alarms")
@@ -160,7 +150,7 @@ def _detections(page: SearchedReport) -> Iterator[doc.Block]:
         "detection_probability_known_place n_searches n_false n_planets n_detected recovered"
     )
     caption = "Levels of a detection: what the law expects, and what searches of simulated images counted."
-    yield doc.table("Levels", caption, doc.row_columns(RocRow, layout), page.result.levels)
+    yield doc.table("Levels", caption, doc.row_columns(results.RocRow, layout), page.result.levels)
 
 
 @doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
@@ -168,7 +158,7 @@ def _detections(page: SearchedReport) -> Iterator[doc.Block]:
 def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
     """Yield the programme of each band, and what was taken for granted."""
     result = page.result
-    kind = RocProgramme if isinstance(result, RocResult) else SearchedProgramme
+    kind = results.RocProgramme if isinstance(result, results.RocResult) else results.SearchedProgramme
     caption = "The programme that every number of a band is about."
     yield doc.table("Programmes", caption, doc.row_columns(kind, _PROGRAMME), result.bands)
     for one in result.bands:
@@ -195,5 +185,5 @@ def _reproduced(page: SearchedReport) -> Iterator[doc.Block]:
     tables = "`curve.csv`, `completeness.csv`, `recovered.csv`" if page.result.kind == "curve" else "`roc.csv`"
     note = f"Numbers in full: `{page.result.kind}.json`; tables: {tables}."
     yield from doc.reproduced_blocks(page.result, doc.marked(note))
-    yield doc.Items(method_credits())
+    yield doc.Items(prose()["credits"])
     yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])

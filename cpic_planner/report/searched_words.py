@@ -6,19 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from cpic_planner import results
 from cpic_planner.report.cells import print_note, print_table, row_cells
 from cpic_planner.report.console_etc import flag_lines
-from cpic_planner.report.numbers import duration_text, full_name, share_text, significant
+from cpic_planner.report.numbers import duration_text, share_text, significant, star_text
 from cpic_planner.report.words import status_text
-from cpic_planner.results import (
-    CurveResult,
-    CurveRow,
-    RecoveredRow,
-    RocProgramme,
-    RocResult,
-    RocRow,
-    SearchedProgramme,
-)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,7 +19,7 @@ _HALF_STEPS = 2.0
 """Levels of a search that the terminal shows, in each unit."""
 
 
-def curve_sentences(result: CurveResult) -> list[str]:
+def curve_sentences(result: results.CurveResult) -> list[str]:
     """Return what contrast curves say, in sentences.
 
     Parameters
@@ -66,7 +58,7 @@ def curve_sentences(result: CurveResult) -> list[str]:
     return said
 
 
-def roc_sentences(result: RocResult) -> list[str]:
+def roc_sentences(result: results.RocResult) -> list[str]:
     """Return what an operating characteristic says, in sentences.
 
     Parameters
@@ -95,7 +87,7 @@ def roc_sentences(result: RocResult) -> list[str]:
     return said
 
 
-def _programme_text(band: SearchedProgramme) -> str:
+def _programme_text(band: results.SearchedProgramme) -> str:
     """Return a programme in words."""
     if band.time_s is None or band.visits is None:
         return "no programme"
@@ -103,7 +95,7 @@ def _programme_text(band: SearchedProgramme) -> str:
     return f"{visits}, {duration_text(band.time_s)} in all"
 
 
-def print_curve(result: CurveResult, console: Console, *, full: bool = False) -> None:
+def print_curve(result: results.CurveResult, console: Console, *, full: bool = False) -> None:
     """Print contrast limits, recovered planets, and what they say.
 
     Parameters
@@ -113,17 +105,13 @@ def print_curve(result: CurveResult, console: Console, *, full: bool = False) ->
     full : bool
         Also the programme of each band.
     """
-    star = full_name(result.target, result.hip)
-    title = (
-        f"{star}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc; contrast limits at "
-        f"{result.sigma:g}σ in {duration_text(result.time_s)}"
-    )
+    title = f"{star_text(result)}; contrast limits at {result.sigma:g}σ in {duration_text(result.time_s)}"
     measured = any(row.measured_limit is not None for row in result.points)
     layout = (
         "band separation_arcsec contrast_limit_blind contrast_limit_known_place/4 contrast_limit_threshold/3 "
         f"{'measured_limit/1 measured_throughput/5 ' * measured}core_throughput/7 azimuth_share/6 threshold/8 status"
     )
-    cells = row_cells(CurveRow, layout)
+    cells = row_cells(results.CurveRow, layout)
     print_table(console, title, cells, result.points, explained=True, legend=True)
     if result.recovered:
         layout = (
@@ -131,13 +119,13 @@ def print_curve(result: CurveResult, console: Console, *, full: bool = False) ->
             "predicted"
         )
         console.print()
-        print_table(console, "Injected planets", row_cells(RecoveredRow, layout), result.recovered, legend=True)
+        print_table(console, "Injected planets", row_cells(results.RecoveredRow, layout), result.recovered, legend=True)
     if full:
-        _print_programmes(SearchedProgramme, result.bands, console)
+        _print_programmes(results.SearchedProgramme, result.bands, console)
     _print_below(console, curve_sentences(result), flag_lines(result.bands, result.note))
 
 
-def print_roc(result: RocResult, console: Console, *, full: bool = False) -> None:
+def print_roc(result: results.RocResult, console: Console, *, full: bool = False) -> None:
     """Print levels of a search, its false alarms and detections, and what they say.
 
     Parameters
@@ -147,8 +135,7 @@ def print_roc(result: RocResult, console: Console, *, full: bool = False) -> Non
     full : bool
         Also the programme of each band, and every level.
     """
-    star = full_name(result.target, result.hip)
-    title = f"{star}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc; detections and false alarms"
+    title = f"{star_text(result)}; detections and false alarms"
     images = any(row.n_searches for row in result.levels)
     counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
     layout = (
@@ -156,9 +143,9 @@ def print_roc(result: RocResult, console: Console, *, full: bool = False) -> Non
         "detection_probability_known_place/4"
     )
     rows = [row for row in result.levels if full or row.sigma == result.sigma or not row.sigma * _HALF_STEPS % 1.0]
-    print_table(console, title, row_cells(RocRow, layout), rows, legend=True)
+    print_table(console, title, row_cells(results.RocRow, layout), rows, legend=True)
     if full:
-        _print_programmes(RocProgramme, result.bands, console)
+        _print_programmes(results.RocProgramme, result.bands, console)
     _print_below(console, roc_sentences(result), flag_lines(result.bands, result.note))
 
 
@@ -170,7 +157,9 @@ def _print_below(console: Console, said: Sequence[str], flags: Sequence[str]) ->
         print_note(console, *flags)
 
 
-def _print_programmes(kind: type[SearchedProgramme], rows: Sequence[SearchedProgramme], console: Console) -> None:
+def _print_programmes(
+    kind: type[results.SearchedProgramme], rows: Sequence[results.SearchedProgramme], console: Console
+) -> None:
     layout = "band separation_arcsec contrast visits frames em_gain visit_time_s/1 time_s resolution_elements/2"
     console.print()
     print_table(console, "Programmes", row_cells(kind, layout), rows, legend=True)

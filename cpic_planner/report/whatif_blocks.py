@@ -3,24 +3,9 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from cpic_planner.report import document as doc
+from cpic_planner import results
+from cpic_planner.report import document as doc, whatif_words
 from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, significant
-from cpic_planner.report.whatif_words import (
-    change_text,
-    changed_settings,
-    interval_text,
-    planets_text,
-    setting_text,
-)
-from cpic_planner.results import (
-    DifferenceRecord,
-    FactRow,
-    FactsRecord,
-    ImageSample,
-    SettingSource,
-    StrategyOutcome,
-    SurveyTarget,
-)
 
 
 @dataclass(frozen=True)
@@ -29,7 +14,7 @@ class Pair:
 
     first: str
     second: str
-    by: dict[str, DifferenceRecord]
+    by: dict[str, results.DifferenceRecord]
 
     def cell(self, quantity: str, places: int) -> doc.Inline:
         """Return the mean of a difference and its interval."""
@@ -37,7 +22,9 @@ class Pair:
         if item is None:
             return MISSING
         sign = "+" if item.mean > 0 else ""
-        return doc.lines(f"{sign}{decimals(item.mean, places)}", doc.small(interval_text(item.low, item.high, places)))
+        return doc.lines(
+            f"{sign}{decimals(item.mean, places)}", doc.small(whatif_words.interval_text(item.low, item.high, places))
+        )
 
     @property
     def correlation(self) -> str:
@@ -55,7 +42,7 @@ class Pair:
         return doc.badge("invalid", "finds fewer") if item.high < 0 else doc.badge("unreachable", "may be chance")
 
 
-def pairs_of(differences: Iterable[DifferenceRecord]) -> list[Pair]:
+def pairs_of(differences: Iterable[results.DifferenceRecord]) -> list[Pair]:
     """Return the pairs of strategies that differences are of, in their order."""
     pairs: dict[tuple[str, str], Pair] = {}
     for item in differences:
@@ -90,7 +77,9 @@ _COUNTED = {"planets": "Planets found", "new_planets": "New planets", "known_pla
 
 
 def fact_tables(
-    named: Callable[[StrategyOutcome], doc.Inline], strategies: Sequence[StrategyOutcome], facts: FactsRecord
+    named: Callable[[results.StrategyOutcome], doc.Inline],
+    strategies: Sequence[results.StrategyOutcome],
+    facts: results.FactsRecord,
 ) -> Iterator[doc.Block]:
     """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets.
 
@@ -103,19 +92,19 @@ def fact_tables(
     """
     rows = {(row.strategy, row.fact): row for row in facts.rows}
 
-    def without(fact: str, quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
-        def cell(item: StrategyOutcome) -> doc.Inline:
-            row: FactRow = rows[item.name, fact]
+    def without(fact: str, quantity: str) -> Callable[[results.StrategyOutcome], doc.Inline]:
+        def cell(item: results.StrategyOutcome) -> doc.Inline:
+            row: results.FactRow = rows[item.name, fact]
             change = getattr(row, f"{quantity}_change")
-            ends = f"({interval_text(change.low, change.high, 3)})"
+            ends = f"({whatif_words.interval_text(change.low, change.high, 3)})"
             sure = change.low > 0.0 or change.high < 0.0
-            said = change_text(change.mean)
+            said = whatif_words.change_text(change.mean)
             mean = decimals(getattr(row, quantity).mean, 2)
             return doc.lines(mean, doc.strong(said) if sure else said, doc.small(ends))
 
         return cell
 
-    def with_all(quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
+    def with_all(quantity: str) -> Callable[[results.StrategyOutcome], doc.Inline]:
         return lambda item: decimals(getattr(item, quantity).mean, 2)
 
     for quantity, title in _COUNTED.items():
@@ -133,21 +122,22 @@ def fact_tables(
         yield doc.table(f"{title} without each fact", caption, columns, strategies)
 
 
-def _correction(images: ImageSample) -> doc.Inline:
-    ends = "" if images.low is None or images.high is None else interval_text(images.low, images.high)
+def _correction(images: results.ImageSample) -> doc.Inline:
+    ends = "" if images.low is None or images.high is None else whatif_words.interval_text(images.low, images.high)
     return doc.lines(decimals(images.correction, 2), doc.small(ends))
 
 
 def image_table(
-    named: Callable[[StrategyOutcome], doc.Inline], confirmed: Sequence[tuple[StrategyOutcome, ImageSample]]
+    named: Callable[[results.StrategyOutcome], doc.Inline],
+    confirmed: Sequence[tuple[results.StrategyOutcome, results.ImageSample]],
 ) -> doc.Table:
     """Return what images say of the detections of strategies; ``named`` writes their names."""
 
-    def corrected(row: tuple[StrategyOutcome, ImageSample]) -> str:
+    def corrected(row: tuple[results.StrategyOutcome, results.ImageSample]) -> str:
         correction = row[1].correction
         return MISSING if correction is None else decimals(correction * row[0].planets.mean, 2)
 
-    columns: tuple[doc.Column[tuple[StrategyOutcome, ImageSample]], ...] = (
+    columns: tuple[doc.Column[tuple[results.StrategyOutcome, results.ImageSample]], ...] = (
         doc.Column("Strategy", lambda row: named(row[0]), look="row left star"),
         doc.Column("Detections", lambda row: count_text(row[1].detections), "sampled"),
         doc.Column("Sequences", lambda row: count_text(row[1].images), "simulated"),
@@ -165,20 +155,20 @@ def image_table(
     return doc.table("Confirmed by images", caption, columns, confirmed)
 
 
-def _star_columns() -> list[doc.Column[SurveyTarget]]:
+def _star_columns() -> list[doc.Column[results.SurveyTarget]]:
     return doc.row_columns(
-        SurveyTarget,
+        results.SurveyTarget,
         "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
         "follow_up_h alarm_h new_planets known_seen planets_per_100h",
         name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
         distance_pc=lambda star: significant(star.distance_pc, 4),
         first_utc=lambda star: star.first_utc or MISSING,
-        new_planets=lambda star: planets_text(star.new_planets),
-        known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
+        new_planets=lambda star: whatif_words.planets_text(star.new_planets),
+        known_seen=lambda star: whatif_words.planets_text(star.known_seen) if star.known_planets else MISSING,
     )
 
 
-def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterator[doc.Block]:
+def strategy_blocks(item: results.StrategyOutcome, reference: results.StrategyOutcome) -> Iterator[doc.Block]:
     """Yield what there is to say of one strategy: how it differs from the reference, and its stars.
 
     Parameters
@@ -189,7 +179,7 @@ def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterat
         yield doc.Paragraph(f"{item.description}.")
     if item.name != reference.name:
         differences: list[doc.Inline] = [f"Set as {reference.name} is."]
-        if changed := changed_settings(item.settings, reference.settings):
+        if changed := whatif_words.changed_settings(item.settings, reference.settings):
             differences = [f"Set otherwise than in {reference.name}: "]
             for number, (key, own, other) in enumerate(changed, 1):
                 differences += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
@@ -205,18 +195,18 @@ def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterat
     yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
 
 
-def _value(item: SettingSource) -> doc.Inline:
-    text = setting_text(item.value, "" if item.unit else item.key)
+def _value(item: results.SettingSource) -> doc.Inline:
+    text = whatif_words.setting_text(item.value, "" if item.unit else item.key)
     return [text, " ", doc.small(item.unit)] if item.unit else text
 
 
-def source_table(sources: Sequence[SettingSource], n_strategies: int) -> doc.Table:
+def source_table(sources: Sequence[results.SettingSource], n_strategies: int) -> doc.Table:
     """Return where settings are from, each for the strategies that have it."""
 
-    def used_by(item: SettingSource) -> str:
+    def used_by(item: results.SettingSource) -> str:
         return "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies)
 
-    columns: tuple[doc.Column[SettingSource], ...] = (
+    columns: tuple[doc.Column[results.SettingSource], ...] = (
         doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
         doc.Column("Value", _value),
         doc.Column("Standing", lambda item: item.confidence, look="left"),

@@ -6,29 +6,12 @@ from functools import cached_property
 
 from catalogs import PLANET_CREDITS, data_credits, split_source
 from cpic_core import Registry
-from cpic_planner.report import document as doc, whatif_words as words
+from cpic_planner.report import document as doc, numbers, whatif_blocks, whatif_words as words
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.numbers import (
-    MISSING,
-    count_text,
-    decimals,
-    percent_text,
-    pretty_name,
-    share_text,
-    significant,
-)
-from cpic_planner.report.whatif_blocks import (
-    difference_table,
-    fact_tables,
-    image_table,
-    pairs_of,
-    source_table,
-    strategy_blocks,
-)
 from cpic_planner.report.whatif_doubt import doubt_blocks
 from cpic_planner.report.whatif_maps import shown_rows
-from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
+from cpic_planner.report.words import prose, terms
 from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
 
 _OPEN_CHANGES = 5
@@ -86,7 +69,7 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
         title=f"CPI-C survey strategies{named}, configuration {result.config_hash}",
         heading=result.name or "Survey strategies",
         about=f"{description}Survey strategies for CPI-C: {words.extent_text(result)}, played in the same "
-        f"{count_text(result.n_universes)} synthetic universes with real stars.",
+        f"{numbers.count_text(result.n_universes)} synthetic universes with real stars.",
         summary=[doc.Paragraph(doc.strong(first), "lead"), *(doc.Paragraph(text, "lead") for text in others)],
     )
 
@@ -108,7 +91,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
             estimate = getattr(item, name)
             one = {"planets": words.hanging_text, "new_planets": words.occurrence_text}.get(name, lambda _: "")(item)
             interval = doc.small(words.interval_text(estimate.low, estimate.high))
-            return doc.lines(decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
+            return doc.lines(numbers.decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
 
         return cell
 
@@ -121,9 +104,9 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
         doc.Column("Orbits known", counted("orbits_known")),
-        doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
-        doc.Column("Chance of a new one", lambda item: share_text(item.any_new_planet), "%"),
-        doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
+        doc.Column("Chance of any", lambda item: numbers.share_text(item.any_planet), "%"),
+        doc.Column("Chance of a new one", lambda item: numbers.share_text(item.any_new_planet), "%"),
+        doc.Column("Telescope time", lambda item: numbers.decimals(item.hours.mean, 0), "h"),
     )
     caption = (
         "Planets that one survey finds: mean over universes, with the 90 % interval of the mean. One survey: 5 % of "
@@ -138,13 +121,13 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "differences", "Differences")
 def _differences(report: WhatIfReport) -> Iterator[doc.Block]:
-    pairs, first = pairs_of(report.result.differences), report.reference.name
+    pairs, first = whatif_blocks.pairs_of(report.result.differences), report.reference.name
     with_first = [pair for pair in pairs if pair.second == first]
     if not with_first:
         return
-    yield difference_table(with_first)
+    yield whatif_blocks.difference_table(with_first)
     if others := [pair for pair in pairs if pair.second != first]:
-        yield doc.Fold(f"All other pairs ({len(others)})", [difference_table(others)])
+        yield doc.Fold(f"All other pairs ({len(others)})", [whatif_blocks.difference_table(others)])
     yield from report.drawn("differences")
 
 
@@ -154,7 +137,7 @@ def _facts(report: WhatIfReport) -> Iterator[doc.Block]:
     if facts is None or not facts.facts:
         return
     yield doc.Paragraph(facts.statement)
-    yield from fact_tables(report.named, report.result.strategies, facts)
+    yield from whatif_blocks.fact_tables(report.named, report.result.strategies, facts)
 
 
 @doc.section_of(WHATIF_SECTIONS, "doubt", "Planned for one value, played under another")
@@ -168,12 +151,12 @@ def _doubt(report: WhatIfReport) -> Iterator[doc.Block]:
 
 
 def _hourly(item: StrategyOutcome) -> str:
-    return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
+    return numbers.significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else numbers.MISSING
 
 
 def _hours(item: StrategyOutcome) -> doc.Inline:
     ends = words.interval_text(item.hours.survey_low, item.hours.survey_high, 0)
-    return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
+    return doc.lines(numbers.decimals(item.hours.mean, 0), doc.small(f"({ends})"))
 
 
 def _alarms(item: StrategyOutcome) -> str:
@@ -181,12 +164,14 @@ def _alarms(item: StrategyOutcome) -> str:
 
 
 def _budget(item: StrategyOutcome) -> doc.Inline:
-    return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(f"({percent_text(item.time_use.budget_share)})"))
+    return doc.lines(
+        numbers.decimals(item.time_use.budget_h, 0), doc.small(f"({numbers.percent_text(item.time_use.budget_share)})")
+    )
 
 
 def _visits(item: StrategyOutcome) -> str:
     reserve = item.schedule.reserve_visits
-    return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
+    return numbers.count_text(item.schedule.visits) + (f" + {numbers.count_text(reserve)}" if reserve else "")
 
 
 @doc.section_of(WHATIF_SECTIONS, "cost", "Time and cost")
@@ -198,10 +183,10 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Planets", _hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
         doc.Column("Visits planned", _visits, "and in reserve"),
-        doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
-        doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
+        doc.Column("Visits made", lambda item: numbers.decimals(sum(star.visits for star in item.targets), 1), "mean"),
+        doc.Column("From the bound", lambda item: numbers.decimals(100 * item.schedule.distance, 1), "%"),
         doc.Column("False alarms", _alarms, "noise; background"),
-        doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
+        doc.Column("Spent on false alarms", lambda item: numbers.decimals(item.time_use.alarm_h, 1), "h"),
     )
     caption = (
         "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
@@ -237,7 +222,7 @@ def _changes(report: WhatIfReport) -> Iterator[doc.Block]:
         "of each strategy. Planets are those found at the star, mean of a survey."
     )
     columns: tuple[doc.Column[RankChange], ...] = (
-        doc.Column("Star", lambda change: pretty_name(change.star), look="row left star"),
+        doc.Column("Star", lambda change: numbers.pretty_name(change.star), look="row left star"),
         doc.Column("Rank in", lambda change: _rank_of(change.first_rank), reference),
         doc.Column("Rank here", lambda change: _rank_of(change.rank)),
         doc.Column("Why", lambda change: change.why, look="left wide"),
@@ -261,7 +246,7 @@ def _images(report: WhatIfReport) -> Iterator[doc.Block]:
         none = "No images were asked for: detections are those of the analytic model with the detection law that stands"
         yield doc.Paragraph([f"{none} under ", doc.link("assumptions", "Assumptions"), "."])
         return
-    yield image_table(report.named, confirmed)
+    yield whatif_blocks.image_table(report.named, confirmed)
 
 
 @doc.section_of(WHATIF_SECTIONS, "details", "Each strategy")
@@ -271,12 +256,14 @@ def _details(report: WhatIfReport) -> Iterator[doc.Block]:
         most = f"The first strategy and the {len(shown) - 1} that find most; `targets.csv` has the stars of all {n}."
         yield doc.Paragraph(doc.marked(most), "note")
     for item in shown:
-        yield doc.Group(report.anchors[item.name], item.name, list(strategy_blocks(item, report.reference)))
+        yield doc.Group(
+            report.anchors[item.name], item.name, list(whatif_blocks.strategy_blocks(item, report.reference))
+        )
 
 
 @doc.section_of(WHATIF_SECTIONS, "reading", "How to read this")
 def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Items(reading())
+    yield doc.Items(prose()["reading"])
 
 
 @doc.section_of(WHATIF_SECTIONS, "assumptions", "Assumptions")
@@ -289,7 +276,7 @@ def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     yield doc.Facts(words.shared_facts(reference.settings, reference.instrument))
     if not result.sources:
         return
-    rows = source_table(result.sources, len(result.strategies))
+    rows = whatif_blocks.source_table(result.sources, len(result.strategies))
     yield doc.Fold(f"Where these numbers are from ({len(result.sources)})", [rows])
 
 
@@ -301,7 +288,7 @@ def _missing(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "glossary", "Glossary")
 def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Facts([*whatif_terms(), *terms(_WORDS)])
+    yield doc.Facts([*prose()["whatif_terms"].items(), *terms(_WORDS)])
 
 
 @doc.section_of(WHATIF_SECTIONS, "reproduce", "Reproducing this")
@@ -315,4 +302,4 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
-    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *method_credits()))
+    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *prose()["credits"]))

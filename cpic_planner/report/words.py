@@ -321,35 +321,16 @@ def dec_text(dec_deg: float | None) -> str:
 
 
 @functools.cache
-def _prose() -> dict[str, Any]:
+def prose() -> Mapping[str, Any]:
+    """Return paragraphs, lists and terms of reports by their names in ``prose.yaml``, which says what each is."""
     text = resources.files("cpic_planner.report").joinpath("templates/prose.yaml").read_text(encoding="utf-8")
     return dict(parse_yaml(text, where="prose.yaml"))
 
 
 def terms(words: str = "") -> list[tuple[str, str]]:
     """Return terms and their meanings in the order of the glossary: all, or those named, with ``; `` between them."""
-    named = words.split("; ") if words else _prose()["terms"]
-    return [(word, text) for word, text in _prose()["terms"].items() if word in named]
-
-
-def whatif_terms() -> list[tuple[str, str]]:
-    """Return the terms of comparisons of survey strategies, besides those of all reports."""
-    return list(_prose()["whatif_terms"].items())
-
-
-def reading() -> list[str]:
-    """Return how to read the intervals of a comparison of survey strategies."""
-    return list(_prose()["reading"])
-
-
-def method_credits() -> list[str]:
-    """Return what to cite besides the data."""
-    return list(_prose()["credits"])
-
-
-def two_statistics() -> str:
-    """Return why a planet can be found blind and not be significant at its known place, and which of them decides."""
-    return str(_prose()["two_statistics"])
+    named = words.split("; ") if words else prose()["terms"]
+    return [(word, text) for word, text in prose()["terms"].items() if word in named]
 
 
 def counted(count: float, noun: str) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import visible
+from cpic_planner import results
 from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
@@ -25,15 +26,6 @@ from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.results import (
-    ConfirmResult,
-    KnownResult,
-    PlanResult,
-    RankResult,
-    SensitivityResult,
-    StarImagesResult,
-    WhatIfResult,
-)
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
@@ -44,14 +36,14 @@ if TYPE_CHECKING:
 
 
 def plan_html(
-    plan: PlanResult,
-    rank: RankResult,
+    plan: results.PlanResult,
+    rank: results.RankResult,
     *,
     panels: Mapping[str, Panels],
     limits: Sequence[LimitCurve] = (),
     holes: Sequence[HoleEdges] = (),
-    sensitivity: SensitivityResult | None = None,
-    known: KnownResult | None = None,
+    sensitivity: results.SensitivityResult | None = None,
+    known: results.KnownResult | None = None,
     top_rows: int = 50,
 ) -> str:
     """Draw the figures of a plan and render its report.
@@ -124,7 +116,7 @@ N_LIMIT_POINTS = 24
 MAX_LIMITS = 3
 
 
-def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = None) -> list[LimitCurve]:
+def limit_curves(plan: results.PlanResult, model: EtcModel, targets: Targets | None = None) -> list[LimitCurve]:
     """Return the contrast limit against separation for the first confirmed targets, each in its ranked band and time.
 
     `targets` are the ranked stars; without them the stars are those of the snapshot.
@@ -208,13 +200,13 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
 
 def write_report(
     folder: RunFolder,
-    plan: PlanResult,
-    rank: RankResult,
+    plan: results.PlanResult,
+    rank: results.RankResult,
     model: EtcModel,
     bodies: Mapping[tuple[str, str], Mapping[str, Any]],
     targets: Targets,
-    sensitivity: SensitivityResult | None = None,
-    known: KnownResult | None = None,
+    sensitivity: results.SensitivityResult | None = None,
+    known: results.KnownResult | None = None,
 ) -> None:
     """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
 
@@ -238,7 +230,7 @@ def products_of(bands: Iterable[str]) -> list[str]:
 
 def write_star_images(
     folder: RunFolder,
-    result: StarImagesResult,
+    result: results.StarImagesResult,
     model: EtcModel,
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
@@ -269,7 +261,11 @@ def _png(picture: Picture) -> bytes:
 
 
 def write_confirm_report(
-    folder: RunFolder, result: ConfirmResult, model: EtcModel, scene: Scene, bodies: Mapping[str, Mapping[str, Any]]
+    folder: RunFolder,
+    result: results.ConfirmResult,
+    model: EtcModel,
+    scene: Scene,
+    bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
     """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
 
@@ -312,7 +308,7 @@ def _albedo_picture(fitted: FittedAlbedo) -> Picture:
     return albedo_picture(fitted.fit, fitted.model, spectrum=(light.wavelength_nm, light.contrast), truth=truth)
 
 
-def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
+def write_whatif(folder: RunFolder, result: results.WhatIfResult) -> None:
     """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result.
 
     Parameters

@@ -10,17 +10,6 @@ from pydantic import Field
 from cpic_planner.results.base import Result, Row, column
 
 
-class EstimateRecord(Result):
-    """Mean over universes."""
-
-    mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
-    survey_low: float = Field(description="5 % of the surveys find fewer")
-    survey_high: float = Field(description="5 % of the surveys find more")
-
-
 class CurvePoint(Result):
     """One point of a curve with its band."""
 
@@ -37,6 +26,13 @@ class ChangeRecord(Result):
     error: float = Field(description="standard error of the mean, of the number of universes")
     low: float = Field(description="lower end of the 90 % interval of the mean")
     high: float = Field(description="upper end of it")
+
+
+class EstimateRecord(ChangeRecord):
+    """Mean over universes."""
+
+    survey_low: float = Field(description="5 % of the surveys find fewer")
+    survey_high: float = Field(description="5 % of the surveys find more")
 
 
 class DoubtValue(Result):

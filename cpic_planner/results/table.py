@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
@@ -24,7 +25,7 @@ R = TypeVar("R", bound=Result)
 FLAG_SEPARATOR = "|"
 """What stands between the flags of a ranked star in a file."""
 _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
-_MIDDLE = ("mean", "median")
+_MIDDLE = re.compile("_(mean|median)$")
 
 
 @dataclass(frozen=True)
@@ -76,16 +77,11 @@ def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callab
     if record is None or len(parts) < len(record.model_fields) or not all(part.right for part in parts):
         return []
     held = [item for part in parts for item in _flat(record, part.name, path, column.look.unit or "", of)]
-    ends = tuple(f"_{word}" for word in _MIDDLE)
     return [
-        replace(item, column=replace(item.column, name=_without(item.column.name, ends), description=said))
+        replace(item, column=replace(item.column, name=_MIDDLE.sub("", item.column.name), description=said))
         for item, part in zip(held, parts, strict=True)
         for said in ["; ".join(filter(None, (column.description, part.description or part.name.replace("_", " "))))]
     ]
-
-
-def _without(name: str, ends: tuple[str, ...]) -> str:
-    return name.rpartition("_")[0] if name.endswith(ends) else name
 
 
 def _record(kind: type[Result], name: str) -> type[Result] | None:

@@ -5,15 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray
-from cpic_planner.etc import (
-    EtcModel,
-    Programme,
-    aperture_rates,
-    effective_of,
-    stack_noise,
-    tail_share,
-    threshold_array,
-)
+from cpic_planner import etc
 from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.detection import Setting, faintest_of, half_margin
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
@@ -79,7 +71,9 @@ def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: A
     return np.asarray(disc / projection ** (3.0 - 5.0 * gamma) + spheroid)
 
 
-def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+def background_alarms(
+    model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule
+) -> FloatArray:
     """Return the expected background stars that one visit of each star detects in the dark quadrants, shape ``(n,)``.
 
     Parameters
@@ -111,13 +105,13 @@ def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Settin
         return expected
     exposure, frames, gain = (np.array(part)[:, None] for part in zip(*(settings[k].frames for k in some), strict=True))
     visit_s = frames * (exposure + camera.readout_s)
-    rates = aperture_rates(model, chosen, band, x[None], y[None], np.full((len(some), x.size), _PROBE))
-    made = Programme.of(model.strategy, visit_time_s=model.time_s(visit_s))
-    noise = stack_noise(rates, exposure, frames, gain, camera, model.strategy, made)
+    rates = etc.aperture_rates(model, chosen, band, x[None], y[None], np.full((len(some), x.size), _PROBE))
+    made = etc.Programme.of(model.strategy, visit_time_s=model.time_s(visit_s))
+    noise = etc.stack_noise(rates, exposure, frames, gain, camera, model.strategy, made)
     separation = np.hypot(x, y)
-    threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    tails, inward = tail_share(model, band, separation[None], visit_s, noise), metrics.lambda_d_arcsec / separation
-    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, effective_of(made, rates.speckle))
+    threshold = etc.threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
+    tails, inward = etc.tail_share(model, band, separation[None], visit_s, noise), metrics.lambda_d_arcsec / separation
+    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, etc.effective_of(made, rates.speckle))
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance
     good = np.isfinite(faintest) & (faintest > 0.0)
@@ -128,7 +122,7 @@ def background_alarms(model: EtcModel, stars: Targets, settings: Sequence[Settin
     return expected
 
 
-def noise_alarms(model: EtcModel, band: str) -> float:
+def noise_alarms(model: etc.EtcModel, band: str) -> float:
     """Return the expected noise peaks of one visit above the threshold of a blind search.
 
     The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
@@ -153,7 +147,7 @@ _Rates = tuple[tuple[float, ...], ...]
 
 
 def alarms(
-    universe: UniverseConfig, strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: Ways
+    universe: UniverseConfig, strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
 ) -> tuple[_Rates, _Rates]:
     """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
 
@@ -192,7 +186,7 @@ def by_band(targets: Targets, options: Ways) -> Iterator[tuple[list[tuple[int, i
 
 
 def faintest_by_way(
-    strategy: SurveyStrategy, model: EtcModel, targets: Targets, options: Ways
+    strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
 ) -> tuple[tuple[FloatArray, ...], ...]:
     """Return the contrast below which a visit shows no planet, by star, option and ring.
 

@@ -8,18 +8,7 @@ import numpy as np
 
 from catalogs import OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
-from cpic_planner.etc import (
-    EtcModel,
-    Programme,
-    SearchMotion,
-    StackNoise,
-    aperture_rates,
-    detection,
-    effective_of,
-    mixture_contrast,
-    stack_noise,
-    threshold_array,
-)
+from cpic_planner import etc
 from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import PlanetSample
@@ -78,7 +67,7 @@ class ExpectedSignals:
     motion: FloatArray = field(default_factory=lambda: np.ones(()))
 
 
-def programme_of(model: EtcModel, setting: Setting) -> Programme:
+def programme_of(model: etc.EtcModel, setting: Setting) -> etc.Programme:
     """Return the visits of a setting that are reduced together, each begun after the one before it.
 
     Parameters
@@ -87,15 +76,15 @@ def programme_of(model: EtcModel, setting: Setting) -> Programme:
         Its strategy says how many there are, and how long the telescope waits between them.
     setting : Setting
     """
-    return Programme.of(model.strategy, visit_time_s=model.time_s(_visit_s(model, setting)))
+    return etc.Programme.of(model.strategy, visit_time_s=model.time_s(_visit_s(model, setting)))
 
 
-def _visit_s(model: EtcModel, setting: Setting) -> float:
+def _visit_s(model: etc.EtcModel, setting: Setting) -> float:
     """Return the length of the science part of a visit."""
     return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
-def faintest_of(model: EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
     """Return the contrast below which a visit detects no planet, by star and ring; see `faintest_contrast`.
 
     Parameters
@@ -151,7 +140,7 @@ class Pairs:
 
 
 def pair_signals(
-    model: EtcModel,
+    model: etc.EtcModel,
     star: Targets,
     setting: Setting,
     planets: PlanetSample,
@@ -185,7 +174,7 @@ def pair_signals(
         planet = pairs.planet[some]
         kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
         distance, phase = pairs.distance_au[some][None], pairs.phase_deg[some][None]
-        contrast[some] = mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
+        contrast[some] = etc.mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
         if faintest is not None:
             some = some[contrast[some] >= faintest[ring_of(metrics.zone, separation[some])]]
     if some.size:
@@ -206,22 +195,22 @@ def pair_signals(
             real = np.arange(count.max()) < count[:, None]
             put = at[real]
             dust = None if zodis is None else zodis[pairs.planet[at]]
-            rates = aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
-            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
+            rates = etc.aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
+            noise = etc.stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
-            moving = SearchMotion.of(model, rolls, band, separation[at])
-            margin[put] = (noise.significance / threshold_array(elements, model.strategy.sigma))[real]
+            moving = etc.SearchMotion.of(model, rolls, band, separation[at])
+            margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
             tails[put] = tail_share(model, setting, separation[at], noise)[real]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[real]
-            visits[put] = np.broadcast_to(effective_of(made, rates.speckle), real.shape)[real]
+            visits[put] = np.broadcast_to(etc.effective_of(made, rates.speckle), real.shape)[real]
             motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
     others = pairs.distance_au, pairs.phase_deg, visits, motion
     return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
 
 
 def expected_signals(
-    model: EtcModel,
+    model: etc.EtcModel,
     star: Targets,
     setting: Setting,
     planets: PlanetSample,
@@ -271,7 +260,7 @@ def expected_signals(
 
 
 def on_detector(
-    model: EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
+    model: etc.EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the places of planets on the detector, and whether a visit can see them there.
 
@@ -299,7 +288,7 @@ def on_detector(
     return *places[0], usable
 
 
-def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
+def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:
     """Return the projected distances at which some band can show a planet of a star: corners of its dark hole.
 
     Parameters
@@ -313,9 +302,11 @@ def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
     return inner * distance_pc, outer * distance_pc
 
 
-def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: StackNoise) -> FloatArray:
+def tail_share(
+    model: etc.EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: etc.StackNoise
+) -> FloatArray:
     """Return `cpic_planner.etc.tail_share` of the noise of a setting, at projected separations in arcsec."""
-    return detection.tail_share(model, setting.band, separation_arcsec, _visit_s(model, setting), noise)
+    return etc.detection.tail_share(model, setting.band, separation_arcsec, _visit_s(model, setting), noise)
 
 
 def half_margin(
@@ -334,7 +325,7 @@ def half_margin(
     """
     if rule.rule == "expected":
         return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
-    return detection.half_margin(rule, _at_place(rule, known), tails, inward, visits)
+    return etc.detection.half_margin(rule, _at_place(rule, known), tails, inward, visits)
 
 
 def detection_chance(
@@ -363,7 +354,9 @@ def detection_chance(
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
     at_place = _at_place(rule, known)
     expected = seen.margin / np.where(at_place, 1.0, seen.motion), at_place, seen.tails, seen.inward
-    return detection.detection_probability(rule, *expected, visits=seen.visits, shift=shift, calibration=calibration)
+    return etc.detection.detection_probability(
+        rule, *expected, visits=seen.visits, shift=shift, calibration=calibration
+    )
 
 
 def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:

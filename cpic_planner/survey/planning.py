@@ -6,7 +6,6 @@ import functools
 import hashlib
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -297,7 +296,7 @@ class PlanningView:
     def _shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
         samples: list[PlanetSample] = []
         columns, seen = [], []
-        faintest = [functools.cache(partial(self._faintest, host.star, option)) for option in looks.options]
+        faintest = [functools.cache(functools.partial(self._faintest, host.star, option)) for option in looks.options]
         for part in host.parts():
             content = _content(part)
             planets = self._sky.of_part(part, content, epoch_mjd)

@@ -6,18 +6,8 @@ from typing import Self
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray
-from cpic_planner import validation
+from cpic_planner import etc, validation
 from cpic_planner.confirm import scene_target
-from cpic_planner.etc import (
-    EtcModel,
-    Programme,
-    StackNoise,
-    aperture_rates,
-    build_model,
-    planet_offsets,
-    stack_noise,
-    with_modes,
-)
 from cpic_planner.targets import Targets
 from cpic_planner.tradeoff.setup import ANNULUS_LAMBDA_D, PLANET, SEED, FixedScene, Setup, visit
 from cpic_planner.validation.task import gap_s
@@ -101,25 +91,25 @@ _NOT_PLACE = ("background_mean",)
 class ClosedForm:
     """A fixed scene as the calculator sees it: a star, its planet's contrast and place, and the frames."""
 
-    model: EtcModel
+    model: etc.EtcModel
     target: Targets
     case: FixedScene
     x_arcsec: float
     y_arcsec: float
     contrast: float
 
-    def noise(self, n_cases: int = 1) -> StackNoise:
+    def noise(self, n_cases: int = 1) -> etc.StackNoise:
         """Return one question, or as many at once, of planets that differ."""
         case, place = self.case, np.ones((1, n_cases))
         x, y, contrast = self.x_arcsec * place, self.y_arcsec * place, self.contrast * np.linspace(1.0, 2.0, n_cases)
-        rates = aperture_rates(self.model, self.target, case.band, x, y, contrast[None])
+        rates = etc.aperture_rates(self.model, self.target, case.band, x, y, contrast[None])
         frames, camera = (case.exposure_s, case.n_frames, case.em_gain), self.model.camera(case.band)
         if not case.is_programme:
-            return stack_noise(rates, *frames, camera)
+            return etc.stack_noise(rates, *frames, camera)
         gap = gap_s(self.model, case.band, validation.Frames(*frames, case.visits))
-        visits = Programme.of(case.how, case.visits, gap)
-        programme = with_modes(self.model, case.band, np.hypot(x, y), rates, visits, *frames)
-        return stack_noise(rates, *frames, camera, case.how, programme)
+        visits = etc.Programme.of(case.how, case.visits, gap)
+        programme = etc.with_modes(self.model, case.band, np.hypot(x, y), rates, visits, *frames)
+        return etc.stack_noise(rates, *frames, camera, case.how, programme)
 
     def answer(self) -> dict[str, float]:
         """Return the flux and variance of the visit, e- and e-^2, as the images are measured.
@@ -139,11 +129,11 @@ def closed_form(case: FixedScene) -> ClosedForm:
     """Prepare the calculator for a fixed scene."""
     # Programmes are drawn as sums of frames, which no particle hits.
     instrument = validation.images_of(case.instrument) if case.is_programme else case.instrument
-    model, target = build_model(instrument, [case.band], case.how), scene_target(case.scene)
+    model, target = etc.build_model(instrument, [case.band], case.how), scene_target(case.scene)
     planet = next(item for item in scene_sources(case.scene, case.instrument, case.band) if item.kind == "planet")
     x, y = planet.x_arcsec, planet.y_arcsec
     if case.is_programme:  # one of two rolls stands for both
-        x, y = planet_offsets(model, target, case.band, float(np.hypot(x, y)))
+        x, y = etc.planet_offsets(model, target, case.band, float(np.hypot(x, y)))
     return ClosedForm(model, target, case, float(x), float(y), planet.contrast or 0.0)
 
 
@@ -217,7 +207,7 @@ def images_of_programme(
         If the tier is too coarse for the scene, or sums cannot stand for its frames.
     """
     closed, frames = closed_form(case), validation.Frames(case.exposure_s, case.n_frames, case.em_gain, case.visits)
-    model = build_model(case.instrument, [case.band], case.how)
+    model = etc.build_model(case.instrument, [case.band], case.how)
     place = closed.x_arcsec, closed.y_arcsec
     expected = validation.expected_of(model, closed.target, case.band, place, closed.contrast, frames)
     dial: validation.ImageSettings = {"seed": SEED, "fidelity": fidelity, "tolerance": tolerance}

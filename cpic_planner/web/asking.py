@@ -15,23 +15,10 @@ from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 from urllib.parse import urlencode
 
 from cpic_core import InputError, was_sent
-from cpic_planner.queries import (
-    EtcQuestion,
-    Option,
-    Question,
-    RankQuestion,
-    StarImagesQuestion,
-    by_depth,
-    called_as,
-    is_optical,
-    long_key,
-    options_of,
-    seconds_text,
-    tree_of,
-)
+from cpic_planner import queries
 from simulator.config import nearest
 
-Q = TypeVar("Q", bound=Question)
+Q = TypeVar("Q", bound=queries.Question)
 Pairs = tuple[tuple[str, str], ...]
 """Parameters of an address with their values, in order."""
 
@@ -64,14 +51,14 @@ class Asking(Generic[Q]):
     left_out: frozenset[str]
 
     @cached_property
-    def options(self) -> tuple[Option, ...]:
+    def options(self) -> tuple[queries.Option, ...]:
         """All options of the question."""
-        return tuple(options_of(self.model))
+        return tuple(queries.options_of(self.model))
 
     @cached_property
-    def by_name(self) -> dict[str, Option]:
+    def by_name(self) -> dict[str, queries.Option]:
         """Options by the names of their parameters: the field, and what else it is called."""
-        found: dict[str, Option] = {}
+        found: dict[str, queries.Option] = {}
         for name in (parameter, _dotted, _word, _last):
             for option in self.options:
                 found.setdefault(name(option), option)
@@ -81,7 +68,7 @@ class Asking(Generic[Q]):
     def names(self) -> dict[str, str]:
         """The parameter by what refusals call a field."""
         found: dict[str, str] = {}
-        for option in by_depth(self.options):
+        for option in queries.by_depth(self.options):
             for depth in range(1, len(option.path) + 1):
                 found.setdefault(".".join(option.path[:depth]), parameter(option))
         found |= {name: parameter(option) for name, option in self.by_name.items()}
@@ -111,7 +98,7 @@ class Asking(Generic[Q]):
             if known is None:
                 raise self._unknown(name)
             if parameter(known).endswith("_s") and (name != parameter(known) or not _is_number(text)):
-                text = seconds_text(name, text).removesuffix(".0")
+                text = queries.seconds_text(name, text).removesuffix(".0")
             if known.flag in self.left_out:
                 raise InputError(parameter(known), "given", allowed=_ON_THE_COMMAND_LINE)
             values.setdefault(known.name, []).extend(_split(known, text))
@@ -163,12 +150,12 @@ class Asking(Generic[Q]):
         InputError
             For the first fault, naming the parameter.
         """
-        with called_as(self.names):
+        with queries.called_as(self.names):
             return self.model.of(self.tree(pairs))
 
     def tree(self, pairs: Pairs) -> dict[str, Any]:
         """Return what an address answers, as a tree of fields."""
-        return tree_of(self.options, self.given(pairs), {}, self.names)
+        return queries.tree_of(self.options, self.given(pairs), {}, self.names)
 
     def command_line(self, pairs: Pairs) -> str:
         """Return the command that asks the same."""
@@ -199,31 +186,31 @@ class Asking(Generic[Q]):
         return f"{self.page}{ending}{'?' * bool(asked)}{asked}"
 
 
-def parameter(option: Option) -> str:
+def parameter(option: queries.Option) -> str:
     """Return the parameter of an option: the field of the question, or the option's word for what is inside a field."""
     return option.path[0] if len(option.path) == 1 else _word(option)
 
 
-def _word(option: Option) -> str:
+def _word(option: queries.Option) -> str:
     return option.flag.lstrip("-").replace("-", "_").lower()
 
 
-def _dotted(option: Option) -> str:
+def _dotted(option: queries.Option) -> str:
     return ".".join(option.path)
 
 
-def _last(option: Option) -> str:
+def _last(option: queries.Option) -> str:
     return option.path[-1]
 
 
-def _split(option: Option, text: str) -> list[str]:
+def _split(option: queries.Option, text: str) -> list[str]:
     """Split a text in which several numbers may stand between commas."""
     if not option.several or option.kind is not float:
         return [text]
     return [part for part in re.split(r"[,;\s]+", text) if part]
 
 
-def _value(name: str, text: str, option: Option) -> Any:
+def _value(name: str, text: str, option: queries.Option) -> Any:
     """Return a text as the value that the command line makes of it."""
     kind = option.kind
     if option.path[-1] == "changes":
@@ -252,7 +239,7 @@ def _change(name: str, text: str) -> str:
     if found is None or "file" in found[1] or "*" in found[1].rpartition(".")[2]:
         allowed = "KEY=VALUE with a number, a number with a unit, a factor as x0.7, on or off"
         raise InputError(name, "another change", allowed=allowed)
-    if is_optical(long_key(found[1])):
+    if queries.is_optical(queries.long_key(found[1])):
         raise InputError(name, text, allowed="keys that leave the optics", hint="cpic etc --set computes optics anew")
     return text
 
@@ -267,13 +254,15 @@ def _is_number(text: str) -> bool:
 
 _IMAGES = frozenset(("--fidelity", "--tolerance", "--realisations", "--seed"))
 _MODES = frozenset(("--n-modes", "--choose-modes"))
-ETC = Asking(EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
+ETC = Asking(queries.EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
 """Questions to the calculator; images and modes are left out, they take seconds to minutes."""
-RANK = Asking(RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"})
+RANK = Asking(
+    queries.RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"}
+)
 """Rankings; those under many instruments are left out, and lists of stars, which can be files."""
 
 IMAGES = Asking(
-    StarImagesQuestion,
+    queries.StarImagesQuestion,
     "images",
     "/jobs",
     _MODES | {"--simulator-overrides", "--catalog", "--workers", "--scheduler", "--force"},
@@ -295,7 +284,7 @@ def image_lines(pairs: Pairs) -> str:
     return "\n".join(["from cpic_planner import confirm_targets", *imports, "", call])
 
 
-def python_lines(question: EtcQuestion, pairs: Pairs) -> str:
+def python_lines(question: queries.EtcQuestion, pairs: Pairs) -> str:
     """Return lines of Python that give the answers of an address, as a list.
 
     Parameters

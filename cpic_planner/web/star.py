@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
@@ -195,10 +194,10 @@ def star_figure(pairs: Pairs, which: str, form: answers.FigureForm) -> bytes:
     """
     answer = star_answer(pairs)
     if which == "seasons":
-        return answers.drawn(partial(report.visibility_figure, answer.seasons), form)
+        return answers.drawn(functools.partial(report.visibility_figure, answer.seasons), form)
     if answer.known is None or not _followed(answer.known):
         raise InputError("name", dict(pairs)["name"], allowed="a star with a planet that is counted")
-    return answers.drawn(partial(report.known_figure, answer.known), form)
+    return answers.drawn(functools.partial(report.known_figure, answer.known), form)
 
 
 def _followed(known: KnownResult) -> bool:
@@ -263,7 +262,7 @@ def _priority(answer: StarAnswer) -> Iterator[report.Block]:
     if why.star.tier is not None:
         yield report.Paragraph(f"Tier {why.star.tier}: {report.TIERS[why.star.tier]}.", "lead")
     yield from report.priority_blocks(rank, [why.star])
-    yield from blocks_of(partial(report.print_explanation, why))
+    yield from blocks_of(functools.partial(report.print_explanation, why))
     yield from _velocities(answer.name, why.star)
 
 
@@ -290,7 +289,7 @@ def _planets(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
         return
     if any(row.counted and row.windows for row in known.planets):
         yield from report.known_blocks(known)
-    yield from blocks_of(partial(report.print_known, known))
+    yield from blocks_of(functools.partial(report.print_known, known))
     if _followed(known):
         alt = f"Separation of the known planets of {report.pretty_name(answer.name)} against time, with the dark holes"
         yield report.Figure(report.Picture(_address(pairs, "planets"), alt, f"{alt}."))
@@ -298,7 +297,7 @@ def _planets(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
 
 def _seasons(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
     yield report.Heading("When it is seen")
-    yield from blocks_of(partial(report.print_visibility, answer.seasons))
+    yield from blocks_of(functools.partial(report.print_visibility, answer.seasons))
     alt = f"Time per orbit in which {report.pretty_name(answer.name)} is seen, day by day, and the angles"
     yield report.Figure(report.Picture(_address(pairs, "seasons"), alt, f"{alt}."))
 

@@ -109,7 +109,7 @@ def test_beside_a_bright_companion_images_find_more_than_predicted():
 
 
 def test_frames_that_sums_cannot_stand_for_have_no_images(monkeypatch):
-    monkeypatch.setattr("cpic_planner.confirm.searched.search_task", lambda tree: {"refused": "they saturate"})
+    monkeypatch.setattr("cpic_planner.validation.search_task", lambda tree: {"refused": "they saturate"})
     found = roc_curve(**PLANET, time_s=7200.0, images=2)
     assert found.bands[0].images == 0
     assert found.bands[0].images_message == "they saturate"
