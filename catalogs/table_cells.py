@@ -28,8 +28,8 @@ class Column:
     unit : str
         Unit in which it is kept (astropy's spelling); of a column that names none, the unit that is assumed.
     aliases : str
-        Other headings as reduced by :func:`heading`, blanks between them. One with a capital letter is meant as it is
-        written: ``Omega`` is another angle than ``omega``.
+        Other headings as reduced by `catalogs.table_cells.heading`, blanks between them. One with a capital letter is
+        meant as it is written: ``Omega`` is another angle than ``omega``.
     low, high : float
         Range that is believed, inclusive.
     decimals : int
@@ -93,8 +93,8 @@ class Columns(dict[str, Column]):
     ----------
     *columns : Column
     cased : mapping of str to str, optional
-        Headings as reduced by :func:`heading` that mean something else with a capital letter, and the names of the
-        columns that may be meant.
+        Headings as reduced by `catalogs.table_cells.heading` that mean something else with a capital letter, and the
+        names of the columns that may be meant.
     """
 
     def __init__(self, *columns: Column, cased: Mapping[str, str] | None = None) -> None:
