@@ -73,7 +73,10 @@ class ImageCheck(Row):
     )
     snr_error: float = Field(description="1 sigma")
     etc_ratio: float | None = optional(
-        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed", format=".2f ± .2f"
+        "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed",
+        label="predicted over recovered SNR",
+        short="pred/rec",
+        format=".2f ± .2f",
     )
     etc_ratio_error: float | None = optional("1 sigma, of the images alone; at least what is expected of so many draws")
     predicted_significance: float = Field(description="closed form, of noise without the planet's own")

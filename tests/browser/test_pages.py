@@ -157,7 +157,7 @@ def test_downloads_are_what_the_links_say(context):
     for name, begins in (
         ("JSON", "{"),
         ("CSV", "band"),
-        ("LaTeX", "% "),
+        ("LaTeX", r"\begin{table}"),
         ("SVG", "<?xml"),
         ("PNG", "\x89PNG"),
     ):

@@ -321,7 +321,7 @@ def test_standard_checks_every_answer_in_images(call):
     assert other["fidelity"]["answers"][0]["images"]["snr"] != record["images"]["snr"]
     status, text, err = call(*asked)
     assert (status, err) == (0, "")
-    for word in ("Checked in images (standard: sums of frames)", "flux / true", "images / SNR"):
+    for word in ("Checked in images (standard: sums of frames)", "flux / true", "pred/rec"):
         assert word in text
     assert re.search(r" 2  \d of 2 ", text)
 
