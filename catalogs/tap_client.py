@@ -29,7 +29,7 @@ from cpic_core import InputError
 
 _PAUSE_FACTOR = 2.0
 IDLE_S = 5.0
-"""How long the process that asks waits for another question, s."""
+"""Time that the process that asks waits for another question, s."""
 _LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
 _REMEDY = "check the network or the address, or try later; tables already here stay as they are"
 

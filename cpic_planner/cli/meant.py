@@ -33,7 +33,7 @@ _WORDS = {
     "--band": "filter filters wavelength",
     "--planets": "draws samples n-planets",
 }
-"""What people call options, in tools of the field and elsewhere."""
+"""Names that options have in tools of the field and elsewhere, with the options that they mean here."""
 
 
 def meant(name: str, command: Any, arguments: Sequence[str]) -> str:

@@ -69,7 +69,7 @@ class Calibration:
 
     @property
     def standing(self) -> str:
-        """Whether the ETC agrees, or by how much it is optimistic or pessimistic: beyond two standard errors only."""
+        """Say that the ETC agrees, or by how much it is optimistic or pessimistic: beyond two standard errors only."""
         if self.etc_ratio is None or self.etc_ratio_error is None:
             return "too faint to measure the ETC by" if self.etc_ratio_least is None else "ETC optimistic"
         if abs(self.etc_ratio - 1.0) <= 2.0 * self.etc_ratio_error:

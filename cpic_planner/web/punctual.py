@@ -42,7 +42,7 @@ class Punctual(H11Protocol):
 
     @property
     def idle(self) -> bool:
-        """Whether no request is under way."""
+        """Tell whether no request is under way."""
         return self._cycle is None or bool(self._cycle.response_complete)
 
     def data_received(self, data: bytes) -> None:
