@@ -564,21 +564,25 @@ def read_rows(
     given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
     given.refuse_lacking(required)
     reading = _Reading(raw, strict, given.left_out)
+    for item in raw.rejects:
+        if strict:
+            raise InputError(f"{raw.name} row {item.row}", item.value, allowed=item.reason, hint="a stray separator?")
+        given.left_out.append(LeftOut(item.row, "", item.column, item.value, f"allowed: {item.reason}", ROW_OUT))
     values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
     reading.names = values.get(about, reading.names)
     values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
-    other = {i for i, cell in enumerate(values.pop(DEFAULT_ROW, ()), start=1) if cell == 0.0}
+    numbers = raw.numbers.tolist()
+    other = {number for number, cell in zip(numbers, values.pop(DEFAULT_ROW, ()), strict=False) if cell is False}
     if other:
         reading.notes.append(f"{raw.name}: {len(other)} rows are not the default solution of a planet: not read")
         given.left_out[:] = [item for item in given.left_out if item.row not in other]
     lost = other | {item.row for item in given.left_out if item.done == ROW_OUT}
-    given.numbers[:] = [number for number in range(1, len(raw) + 1) if number not in lost]
     order = list(values)
-    cells = list(zip(*values.values(), strict=True)) if values else [()] * len(raw)
-    given.rows[:] = [
-        {name: cell for name, cell in zip(order, cells[number - 1], strict=True) if cell is not None}
-        for number in given.numbers
-    ]
+    cells = zip(*values.values(), strict=True) if values else iter([()] * len(raw))
+    for number, line in zip(numbers, cells, strict=True):
+        if number not in lost:
+            given.numbers.append(number)
+            given.rows.append({name: cell for name, cell in zip(order, line, strict=True) if cell is not None})
     if (epoch := _EPOCHS.get(next((use.convention for use in uses if use.quantity == "ra_deg"), ""))) is not None:
         for row in given.rows:
             row.setdefault("epoch_yr", epoch)
@@ -599,7 +603,7 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
             meant = columns.meant_by(column.heading, others)
         except InputError as error:
             raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
-        own = RawColumn(column.heading, column.unit or meant.unit, _arr(column.cells))
+        own = RawColumn(column.heading, column.unit or meant.unit, column.cells)
         unused = Use(column.heading or "(no heading)", "", own.unit)
         if meant.column is None:
             uses.append(replace(unused, why="not known"))
@@ -626,6 +630,7 @@ class _Reading:
 
     def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
         self.raw, self.strict, self.left = raw, strict, left
+        self.numbers = raw.numbers
         self.names: list[Any] = [None] * len(raw)
         self.notes: list[str] = []
 
@@ -680,17 +685,17 @@ class _Reading:
 
     def _leave_out(self, column: Column, given: RawColumn, place: int, *, fill: bool) -> None:
         """Put a cell that is not accepted on the list; refuse it where the table is strict."""
-        cell, name = given.cells[place], self.names[place]
+        cell, name, number = given.cells[place], self.names[place], int(self.numbers[place])
         unit = (given.unit or column.unit) if column.kind in ("float", "whole") else ""
         hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
         if self.strict:
             who = "" if name is None else f" ({name})"
-            key = f"{self.raw.name} row {place + 1}{who} column {given.heading}"
+            key = f"{self.raw.name} row {number}{who} column {given.heading}"
             hint += ": leave the cell empty" if fill else ""
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT
-        self.left.append(LeftOut(place + 1, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+        self.left.append(LeftOut(number, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
 def _by_convention(numbers: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
@@ -812,10 +817,3 @@ def _converter(
         return lambda values: 10.0**values * factor
     return lambda values: values * factor
 
-
-def _arr(cells):
-    if isinstance(cells, list):
-        data = np.empty(len(cells), object)
-        data[:] = cells
-        return np.ma.array(data, mask=[c is None for c in cells])
-    return cells
