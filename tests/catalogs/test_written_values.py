@@ -116,7 +116,7 @@ SLOPE = [
 ]
 
 
-@pytest.mark.parametrize("unit", ["", "h", "hourangle", '"h:m:s"', "h:m:s", "deg"])
+@pytest.mark.parametrize("unit", ["", "h", "hourangle", '"h:m:s"', "h:m:s", "hh mm ss.s", "hms", "deg"])
 @pytest.mark.parametrize("text", CLOCK)
 def test_right_ascensions_against_astropy(text, unit):
     read = read_angles([text], unit, clock=True)
@@ -124,7 +124,7 @@ def test_right_ascensions_against_astropy(text, unit):
     assert not read.refused.any()
 
 
-@pytest.mark.parametrize("unit", ["", "deg", '"d:m:s"'])
+@pytest.mark.parametrize("unit", ["", "deg", '"d:m:s"', "dd:mm:ss"])
 @pytest.mark.parametrize("text", SLOPE)
 def test_declinations_against_astropy(text, unit):
     read = read_angles([text, text.replace("-", "−")], unit)
@@ -141,6 +141,7 @@ def test_declinations_against_astropy(text, unit):
         ("1.5", "h", 22.5),
         (1.5, "hourangle", 22.5),
         ("1.5", "h:m:s", 22.5),
+        (26.017, "d:m:s", 26.017),
         ("0.5", "rad", math.degrees(0.5)),
         ("1.5h", "", 22.5),
         ("26.017°", "", 26.017),
@@ -322,7 +323,7 @@ UNITS = {
     u.lyr: "ly lyr light-years",
     u.AU: "AU au a.u.",
     u.K: "K Kelvin [K]",
-    u.hourangle: 'hourangle h h:m:s "h:m:s"',
+    u.hourangle: "hourangle h",
     u.rad: "rad radians",
     u.erg: "ergs erg",
 }
