@@ -328,6 +328,12 @@ def converted(read: Written, text: str, own: str) -> Written:
     own : str
         Our unit, in the same spellings; ``dex(cm/s2)`` and ``dex`` are logarithms.
 
+    Returns
+    -------
+    Written
+        Refused are numbers below 0 of which we keep the logarithm. Errors are nan where a number becomes a logarithm or
+        the other way round.
+
     Raises
     ------
     InputError
@@ -340,17 +346,13 @@ def converted(read: Written, text: str, own: str) -> Written:
 
     def scaled(numbers: FloatArray) -> FloatArray:
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            if given_log and kept_log:
-                return numbers + math.log10(factor)
-            linear = (10.0**numbers if given_log else numbers) * factor
-            return np.log10(linear) if kept_log else linear
+            linear = factor * (10.0**numbers if given_log else numbers)
+            return np.asarray(np.log10(linear) if kept_log else linear)
 
-    values, errors = scaled(read.values), read.errors
-    if not given_log and not kept_log:
-        errors = errors * factor
-    elif given_log != kept_log:  # d log10(x) = dx / (x ln 10)
-        slope = values if given_log else 1.0 / (read.values * factor)
-        errors = errors * factor * slope * math.log(10.0) ** (1 if given_log else -1)
+    if given_log and kept_log and factor == 1.0:
+        return read
+    values = scaled(read.values)
+    errors = np.full_like(values, np.nan) if given_log != kept_log else read.errors * (1.0 if kept_log else factor)
     lost = np.isfinite(read.values) & ~np.isfinite(values)
     values[lost] = np.nan
     return read._replace(values=values, bounds=scaled(read.bounds), errors=errors, refused=read.refused | lost)
@@ -364,14 +366,15 @@ def _meanings(text: str) -> Iterator[tuple["UnitBase | None", bool]]:
     inner = re.sub(r"^[\[(](.*)[\])]$", r"\1", plain).strip()
     logged = re.fullmatch(r"(?:dex|log_?10|log|lg)(?:\s*[\[(](.*)[\])]|\s+(.*))", inner, re.IGNORECASE)
     inner = (logged[1] or logged[2]).strip() if logged else inner
-    bracketed = (units.cm / units.s**2, units.solLum, units.dimensionless_unscaled) if plain[:1] == "[" else ()
+    bracketed = plain[:1] == "["
     spelled = re.sub(r"[^\W\d]+|''|[\"″”'′°]", lambda word: _single(word[0]), inner)
     for word in _words().get(_squeezed(inner), [spelled, inner]):
         for form in ("generic", "cds") if word else ():
             with contextlib.suppress(ValueError, TypeError):
                 unit = units.Unit(word, format=form)
                 physical = getattr(unit, "physical_unit", unit)
-                yield physical, bool(logged) or physical is not unit or unit in bracketed
+                at_cds = unit in (units.solLum, units.one) or unit.physical_type == "acceleration"
+                yield physical, bool(logged) or physical is not unit or (bracketed and at_cds)
                 break
         if not word:
             yield None, True
