@@ -9,6 +9,7 @@ import csv
 import functools
 import math
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -307,7 +308,7 @@ def unit_of(text: str, own: str = "") -> WrittenUnit:
     from astropy import units
 
     target = unit_of(own) if own else WrittenUnit(units.dimensionless_unscaled, False)
-    if not text.strip("- "):
+    if not text.strip("-[]() "):
         return target
     for unit, is_log10 in _meanings(text):
         if unit is None:
@@ -339,7 +340,7 @@ def converted(read: Written, text: str, own: str) -> Written:
     InputError
         If the unit is not understood, or none of the quantity.
     """
-    if text.strip("- ") in ("", own) or _words().get(_squeezed(text)) == [own]:
+    if text.strip("-[]() ") in ("", own) or _words().get(_squeezed(text)) == [own]:
         return read
     (unit, given_log), (kept, kept_log) = unit_of(text, own), unit_of(own)
     factor = float((1.0 * unit).to_value(kept))
@@ -362,10 +363,11 @@ def _meanings(text: str) -> Iterator[tuple["UnitBase | None", bool]]:
     """Yield what a unit may mean, the likeliest first; None for a logarithm of whatever the quantity is."""
     from astropy import units
 
-    plain = re.sub(r"[$\\{}]|\brm\b", "", text).strip()
+    plain = unicodedata.normalize("NFKC", text.replace("″", '"')).replace("−", "-").replace("·", ".")
+    plain = re.sub(r"\\?(?:mathrm|text|rm\b)|[$\\{}]", "", plain).strip(" .")
     inner = re.sub(r"^[\[(](.*)[\])]$", r"\1", plain).strip()
-    logged = re.fullmatch(r"(?:dex|log_?10|log|lg)(?:\s*[\[(](.*)[\])]|\s+(.*))", inner, re.IGNORECASE)
-    inner = (logged[1] or logged[2]).strip() if logged else inner
+    logged = re.fullmatch(r"(?:dex|log_?10|log|lg)\s*[\[(]?\s*(.+?)\s*[\])]?", inner, re.IGNORECASE)
+    inner = logged[1] if logged else inner
     bracketed = plain[:1] == "["
     spelled = re.sub(r"[^\W\d]+|''|[\"″”'′°]", lambda word: _single(word[0]), inner)
     for word in _words().get(_squeezed(inner), [spelled, inner]):
@@ -394,7 +396,7 @@ def _words() -> dict[str, list[str]]:
 
 
 def _squeezed(text: str) -> str:
-    return re.sub(r"[\s_.]|(?<=[A-Za-z])-(?=[A-Za-z])", "", text).lower()
+    return re.sub(r"[\s_.()]|(?<=[A-Za-z])-(?=[A-Za-z])", "", text).lower()
 
 
 def _written(values: FloatArray) -> Written:
