@@ -233,21 +233,19 @@ def _system_others(key: str, star: str) -> list[str]:
 
 
 def _refusal(name: str, key: str) -> InputError:
-    outsiders = _outsiders()
-    base, letter = split_component(key)
-    for form in (key, base, f"{key} a") if letter in ("", "a") else (key,):
-        if form in outsiders:
-            allowed = "F, G or K within 40 pc and V <= 7.5"
-            return InputError("star", name, allowed=allowed, hint=f"{_reason(outsiders[form])}; {_WAY_OUT}")
-    if letter and base in outsiders:
-        hint = f"component {letter.upper()} is not in the catalogue, nor is {name.strip()[:-1].strip()}; {_WAY_OUT}"
-        return InputError("star", name, allowed=_ALLOWED, hint=hint)
-    if letter and (star := _find(base)):
+    outsiders, (base, letter) = _outsiders(), split_component(key)
+    known = [form for form in ((key, base, f"{key} a") if letter in ("", "a") else (key,)) if form in outsiders]
+    allowed, hint = _ALLOWED, f"component {letter.upper()} is not in the catalogue"
+    if known:
+        allowed, hint = "F, G or K within 40 pc and V <= 7.5", f"{_reason(outsiders[known[0]])}; {_WAY_OUT}"
+    elif letter and base in outsiders:
+        hint += f", nor is {name.strip()[:-1].strip()}; {_WAY_OUT}"
+    elif letter and (star := _find(base)):
         listed = _component(star[0])
-        shown = f"{star[0]} (component {listed})" if listed else star[0]
-        hint = f"component {letter.upper()} is not in the catalogue; {shown} is"
-        return InputError("star", name, allowed=_ALLOWED, hint=hint)
-    return InputError("star", name, allowed=_ALLOWED, hint=_nearest(key))
+        hint += f"; {star[0]}{f' (component {listed})' * bool(listed)} is"
+    else:
+        hint = _nearest(key)
+    return InputError("star", name, allowed=allowed, hint=hint)
 
 
 def _nearest(key: str) -> str:
@@ -269,13 +267,7 @@ def _reason(code: str) -> str:
     """Turn the coded reason of ``known_stars.csv`` into words."""
     word, _, value = code.partition("=")
     if word == "parallax":
-        if float(value) > 1.0:
-            return f"beyond 40 pc: parallax {value} mas, {1000.0 / float(value):.0f} pc"
-        return f"beyond 40 pc: parallax {value} mas"
-    if word == "v":
-        return f"too faint: V = {value}"
-    if word == "type":
-        if value:
-            return f"not an F, G or K star: spectral type {value}"
-        return "not among the F, G and K stars of the source"
-    return f"left out: {value}"
+        far = f", {1000.0 / float(value):.0f} pc" if float(value) > 1.0 else ""
+        return f"beyond 40 pc: parallax {value} mas{far}"
+    kind = f"an F, G or K star: spectral type {value}" if value else "among the F, G and K stars of the source"
+    return {"v": f"too faint: V = {value}", "type": f"not {kind}"}.get(word, f"left out: {value}")

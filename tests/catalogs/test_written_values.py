@@ -303,7 +303,9 @@ def test_times_that_may_be_another_day_are_refused_with_the_reason(cell, convent
 
 UNITS = {
     u.mag: "mag mags MAG magnitudes",
-    u.jupiterMass: "jovMass Mjup M_J MJ M_jup MJup jupiterMass Jupiter~mass [Jupiter~mass] $M_{\\rm~Jup}$ M_{Jup} M$_\\mathrm{J}$",
+    u.jupiterMass: (
+        "jovMass Mjup M_J MJ M_jup MJup jupiterMass Jupiter~mass [Jupiter~mass] $M_{\\rm~Jup}$ M_{Jup} M$_\\mathrm{J}$"
+    ),
     u.earthMass: "M_E Me Mearth M⊕ Earth~mass M_earth $M_\\oplus$",
     u.jupiterRad: "Rjup R_J RJ [Jupiter~radii] Rjupiter",
     u.earthRad: "R_E Rearth R⊕ [Earth~radii] Re",
@@ -315,8 +317,10 @@ UNITS = {
     u.deg: "degrees deg deg. [deg] ° degree degree(s) $^\\circ$",
     u.arcsec: "as arcsec \" '' arc-second arcseconds",
     u.mas: "mas MAS milliarcsec",
-    u.mas
-    / u.yr: "mas/year mas/yr mas.yr-1 mas~yr**-1 mas.yr**-1 MAS/YR mas~yr^-1 mas~yr$^{-1}$ mas·yr⁻¹ mas~yr−1 mas/yr. (mas/yr)",
+    u.mas / u.yr: (
+        "mas/year mas/yr mas.yr-1 mas~yr**-1 mas.yr**-1 MAS/YR "
+        "mas~yr^-1 mas~yr$^{-1}$ mas·yr⁻¹ mas~yr−1 mas/yr. (mas/yr)"
+    ),
     u.arcsec / u.yr: '"/yr arcsec/yr as/yr ″/yr',
     u.km / u.s: "km/sec km/s KM/S km.s-1 km~s-1 km~s^-1 km~s$^{-1}$ kms-1",
     u.m / u.s: "m/s m/sec m~s**-1",
@@ -330,10 +334,14 @@ UNITS = {
     u.erg: "ergs erg",
 }
 LOGARITHMS = {
-    u.solLum: "log(Lsun) log10(Solar) [log(Solar)] dex(Lsun) [Lsun] log10(L/Lsun) dex(solLum) log~Lsun logLsun $\\log(L/L_\\odot)$",
-    u.cm
-    / u.s
-    ** 2: "[cm/s2] log(cm/s**2) dex(cm/s2) [log10(cm/s**2)] dex(cm~/~s2) log(cm.s**-2) [cm~s-2] log10(cm/s^2) log_{10}(cm~s$^{-2}$) log(cm/s²)",
+    u.solLum: (
+        "log(Lsun) log10(Solar) [log(Solar)] dex(Lsun) [Lsun] "
+        "log10(L/Lsun) dex(solLum) log~Lsun logLsun $\\log(L/L_\\odot)$"
+    ),
+    u.cm / u.s**2: (
+        "[cm/s2] log(cm/s**2) dex(cm/s2) [log10(cm/s**2)] dex(cm~/~s2) "
+        "log(cm.s**-2) [cm~s-2] log10(cm/s^2) log_{10}(cm~s$^{-2}$) log(cm/s²)"
+    ),
     u.dimensionless_unscaled: "dex [Fe/H] [dex] [M/H]",
 }
 
