@@ -2,7 +2,8 @@
 
 Accepted are HIP, HD, HR, GJ/Gl, LHS, LTT, BD and SAO numbers, Bayer and Flamsteed designations (Greek letters, English
 or SIMBAD spelling, genitives, superscripts), variable-star and proper names, and SIMBAD's main identifiers, with or
-without component letters. Case matters only for Latin Bayer letters (``e Eri``).
+without component letters; in a table of a user's own, TIC, TOI and Gaia numbers and names of surveys too. Case matters
+only for Latin Bayer letters (``e Eri``).
 
 A name of a whole system (``61 Cyg``, ``alpha Cen``) gives its brightest catalogue star and a note. A well-known star
 that is not in the catalogue is refused with the reason.

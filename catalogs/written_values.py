@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _UNITS = Path(__file__).resolve().parent / "data" / "units.csv"
 _MINUS = "-−–‒﹣－"
-_SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+_SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 #: Limit, number, digits of an error behind it, or the error, or that upwards and downwards.
 _NUMBER = (
     rf"([<>≤≥]?)=? ?(?:[~≈]|sim)? ?([-+]?{_SIZE}) ?(?:\((\d{{1,9}})\)|(?:±|pm|\+/?-) ?({_SIZE})"
@@ -43,6 +43,7 @@ _PAIRS = (
     r"(\S+ \S+ [^\s,;]+) ?[ ,;] ?(\S+ \S+ \S+)",
     r"([^\s,;]+) ?[ ,;] ?([^\s,;]+)",
 )
+_NO_UNIT = re.compile(r"[\[(]?[-\s]*[\])]?|none", re.IGNORECASE)
 _ZEROS = {
     "bkjd": 2454833.0,
     "btjd": 2457000.0,
@@ -249,7 +250,7 @@ def read_dates(cells: Any, convention: str = "") -> Written:
     given = np.ma.asanyarray(cells)
     read, words = read_numbers(given), re.sub(r"[\s_,]", "", convention.lower())
     values = read.values
-    if counted := re.search(rf"jd\w*?\)?[{_MINUS}]?\(?(24\d{{5}}(?:\.\d+)?)", words):
+    if counted := re.search(rf"jd\w{{0,9}}?\)?[{_MINUS}]?\(?(24\d{{5}}(?:\.\d+)?)", words):
         values = values + float(counted[1])
     elif named := re.search("|".join(_ZEROS), words):
         values = values + _ZEROS[named[0]]
@@ -308,7 +309,7 @@ def unit_of(text: str, own: str = "") -> WrittenUnit:
     from astropy import units
 
     target = unit_of(own) if own else WrittenUnit(units.dimensionless_unscaled, False)
-    if not text.strip("-[]() "):
+    if _NO_UNIT.fullmatch(text.strip()):
         return target
     for unit, is_log10 in _meanings(text):
         if unit is None:
@@ -340,7 +341,7 @@ def converted(read: Written, text: str, own: str) -> Written:
     InputError
         If the unit is not understood, or none of the quantity.
     """
-    if text.strip("-[]() ") in ("", own) or _words().get(_squeezed(text)) == [own]:
+    if text == own or _NO_UNIT.fullmatch(text.strip()) or _words().get(_squeezed(text)) == [own]:
         return read
     (unit, given_log), (kept, kept_log) = unit_of(text, own), unit_of(own)
     factor = float((1.0 * unit).to_value(kept))
@@ -364,7 +365,7 @@ def _meanings(text: str) -> Iterator[tuple["UnitBase | None", bool]]:
     from astropy import units
 
     plain = unicodedata.normalize("NFKC", text.replace("″", '"')).replace("−", "-").replace("·", ".")
-    plain = re.sub(r"\\?(?:mathrm|text|rm\b)|[$\\{}]", "", plain).strip(" .")
+    plain = re.sub(r"\\?(?:mathrm|text|rm\b)|[$\\{}]", "", " ".join(plain.split())).strip(" .")
     inner = re.sub(r"^[\[(](.*)[\])]$", r"\1", plain).strip()
     logged = re.fullmatch(r"(?:dex|log_?10|log|lg)\s*[\[(]?\s*(.+?)\s*[\])]?", inner, re.IGNORECASE)
     inner = logged[1] if logged else inner

@@ -451,6 +451,21 @@ def test_sexagesimal_texts_of_astropy(sign, degrees, minutes, seconds):
     assert_allclose(read_angles(hours, clock=True).values, [abs(angle).deg] * 4, rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.parametrize(
+    "text", ["1" * 30000 + "x", "1," * 30000, "1 " * 30000, "-" * 30000, "1.5" * 20000, "(" * 30000]
+)
+def test_long_cells_are_refused_in_time_that_grows_as_their_length(text):
+    """The square of this length would take minutes."""
+    columns = [read_numbers([text]), read_angles([text]), read_dates([text]), *read_positions([text])]
+    assert all(read.refused[0] for read in columns)
+
+
+@pytest.mark.parametrize("text", ["log" + " " * 30000 + "x", "[" * 30000, "x" + "." * 30000, "jd" * 20000])
+def test_long_units_and_conventions_are_refused_likewise(refused, text):
+    refused("a unit like mas", unit_of, text, "mas")
+    assert read_dates([2455000.5], text).values[0] == 2455000.5
+
+
 def test_columns_of_a_catalogue():
     seconds = np.random.default_rng(5).uniform(0.0, 86399.0, 20000)
     texts = [f"{int(s // 3600):02d}:{int(s // 60 % 60):02d}:{s % 60:08.5f}" for s in seconds]
