@@ -46,7 +46,7 @@ _NUMBERS = {"hip": "HIP", "hd": "HD", "gj": "GJ", "hr": "HR", "tic": "TIC", "gai
 _WHOLE_FLOAT = 2.0**53
 _PLANET = re.compile(
     r"(.*\S) ([b-z])|(.*\d(?:[A-E]|\([A-E]{1,3}\))?)([b-z])|(.*[\d )][A-E])([b-z])"
-    r"|((?:C?TOI|TIC|KOI|KIC|EPIC)[- ]?\d+|K\d{5})\.(\d\d)"
+    r"|((?:C?TOI|TIC|KOI|KIC|EPIC)[- ]?\d+|K\d{5}|(?:HD|HIP|GJ|Gl|Gliese) ?\d+(?=\.0))\.(\d\d)"
 )
 _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 
@@ -198,7 +198,7 @@ def host_of_planet(name: str) -> tuple[str, str] | None:
     ----------
     name : str
         ``HD 154857 b``, ``HD 10647b``, ``GJ 15 A b``, ``Kepler-16 (AB) b``, ``TOI-700.01``. A planet around two stars
-        (``(AB)``) is of the system; one around ``(A)`` or ``(B)`` of that component.
+        (``(AB)``, ``AB``) is of the system; one around ``(A)`` or ``(B)`` of that component.
 
     Returns
     -------
@@ -217,4 +217,5 @@ def host_of_planet(name: str) -> tuple[str, str] | None:
         return None
     star, part = filter(None, found.groups())
     star = re.sub(r"^K0*(?=\d+$)", "KOI-", star)
-    return re.sub(r" ?\(([A-E])([A-E]*)\)$", lambda pair: "" if pair[2] else f" {pair[1]}", star), part
+    star = re.sub(r" ?\(([A-E]+)\)$", r" \1", star)
+    return re.sub(r" [A-E]{2,}$", "", star), part

@@ -36,7 +36,7 @@ _OPEN_COMMA = re.compile(r"[^\d,]*[1-9]\d{0,2},\d{3}(?![\d,.])")
 #: Sign, hours or degrees, the mark behind them, minutes, seconds.
 _SEXAGESIMAL = (
     rf"([{_MINUS}+]?) ?(\d{{1,3}}(?:\.\d*)?) ?([: hHdD°º]) ?"
-    r"(?:(\d{1,2}(?:\.\d*)?) ?(?:[: mM'′’] ?(\d{1,2}(?:\.\d*)?))? ?(?:[mMsS\"″”'′’]|'')?)?"
+    r"(?:(\d{1,2}(?:\.\d*)?) ?(?:[: mM'′’] ?(\d{1,2}(?:\.\d*)?|\.\d+))? ?(?:[mMsS\"″”'′’]|'')?)?"
 )
 _PAIRS = (
     rf"\+?([^{_MINUS}+,;\n]*[^{_MINUS}+,; \n]) ?[,;]? ?([{_MINUS}+].*)",

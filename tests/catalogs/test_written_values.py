@@ -104,7 +104,16 @@ def test_empty_cells_are_no_values_and_not_refused():
     assert read_numbers([]).values.shape == read_angles(np.array([], object)).values.shape == (0,)
 
 
-CLOCK = ["01:44:04.08", "01 44 04.08", "1h44m4.08s", "01h 44m 04.1s", "23:59:59.999999", "12 30.5", "12h30m", "0:0:0"]
+CLOCK = [
+    "01:44:04.08",
+    "01 44 04.08",
+    "1h44m4.08s",
+    "01h 44m 04.1s",
+    "23:59:59.999999",
+    "12 30.5",
+    "12h30m",
+    "17 54 .19",
+]
 SLOPE = [
     "-00 12 34.5",
     "+15 56 14.9",
