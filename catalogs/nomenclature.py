@@ -36,6 +36,7 @@ _CATALOGUE = re.compile(
     re.IGNORECASE,
 )
 _ZONE = re.compile(r"(bd|cd|cpd) ?([-+]) ?(\d{1,2}) ?[°d ] ?0*(\d+[a-e]?)(?: ([a-e]))?", re.IGNORECASE)
+_BRACKETED = re.compile(r" ?\(([A-E]{1,3})\)$")
 _COMPONENT = re.compile(r"[A-Ea-e]{1,3}")
 _LETTER_INDEX = re.compile(r"([^\W\d]+)\.?[\s-]*0*(\d{0,2})")
 _NUMBER = re.compile(r"0*(\d{1,3})")
@@ -53,9 +54,10 @@ _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 
 def _plain(text: str) -> str:
     """Fold compatibility forms (superscripts, thin spaces) and accents; keep Greek letters."""
-    folded = unicodedata.normalize("NFKC", text.replace("µ", "μ"))
-    stripped = "".join(c for c in unicodedata.normalize("NFD", folded) if unicodedata.category(c) not in ("Mn", "Cf"))
-    return " ".join(stripped.replace("_", " ").replace("−", "-").split())
+    if not text.isascii():
+        folded = unicodedata.normalize("NFD", unicodedata.normalize("NFKC", text.replace("µ", "μ").replace("−", "-")))
+        text = "".join(letter for letter in folded if unicodedata.category(letter) not in ("Mn", "Cf"))
+    return " ".join(text.replace("_", " ").split())
 
 
 def _head_key(head: str) -> str:
@@ -108,7 +110,8 @@ def designation_key(text: str) -> str:
     lead = _LEAD.match(name)
     if lead:
         name = name[lead.end() :]
-    name = re.sub(r" ?\(([A-E]{1,3})\)$", r" \1", name)
+    if name.endswith(")"):
+        name = _BRACKETED.sub(r" \1", name)
     if found := _CATALOGUE.fullmatch(name):
         return " ".join(filter(None, (_LISTS[found[1].lower()], found[2], found[3].lower())))
     if found := _ZONE.fullmatch(name):
@@ -217,5 +220,5 @@ def host_of_planet(name: str) -> tuple[str, str] | None:
         return None
     star, part = filter(None, found.groups())
     star = re.sub(r"^K0*(?=\d+$)", "KOI-", star)
-    star = re.sub(r" ?\(([A-E]+)\)$", r" \1", star)
+    star = _BRACKETED.sub(r" \1", star)
     return re.sub(r" [A-E]{2,}$", "", star), part
