@@ -44,14 +44,7 @@ _PAIRS = (
     r"([^\s,;]+) ?[ ,;] ?([^\s,;]+)",
 )
 _NO_UNIT = re.compile(r"[\[(]?[-\s]*[\])]?|none", re.IGNORECASE)
-_ZEROS = {
-    "bkjd": 2454833.0,
-    "btjd": 2457000.0,
-    "mjd": 2400000.5,
-    "rjd": 2400000.0,
-    "modified": 2400000.5,
-    "reduced": 2.4e6,
-}
+_ZEROS = {"bkjd": 2454833.0, "btjd": 2457000.0, "mjd": 2400000.5, "rjd": 2.4e6, "modif": 2400000.5, "reduced": 2.4e6}
 _CALENDAR = ("%Y %b %d", "%d %b %Y", "%Y %B %d", "%d %B %Y", "%Y-%b-%d", "%d-%b-%Y", "%Y/%m/%d", "%Y/%m/%d %H:%M:%S")
 _JULIAN = (2.3e6, 2.5e6)
 _DATES = (
@@ -86,7 +79,7 @@ class Written(NamedTuple):
     limits: NDArray[np.int8]
     bounds: FloatArray
     errors: FloatArray
-    reason: str
+    reason: str = "a number with a decimal point"
 
 
 class WrittenUnit(NamedTuple):
@@ -341,7 +334,7 @@ def converted(read: Written, text: str, own: str) -> Written:
     InputError
         If the unit is not understood, or none of the quantity.
     """
-    if text == own or _NO_UNIT.fullmatch(text.strip()) or _words().get(_squeezed(text)) == [own]:
+    if text == own or _NO_UNIT.fullmatch(text.strip()) or _single(text) == _single(own):
         return read
     (unit, given_log), (kept, kept_log) = unit_of(text, own), unit_of(own)
     factor = float((1.0 * unit).to_value(kept))
@@ -403,9 +396,8 @@ def _squeezed(text: str) -> str:
 def _written(values: FloatArray) -> Written:
     """Return numbers that need no reading; infinite ones are refused."""
     refused, none = np.isinf(values), np.full(values.shape, np.nan)
-    return Written(
-        np.where(refused, np.nan, values), refused, np.zeros(values.shape, np.int8), none, none.copy(), "a number"
-    )
+    limits = np.zeros(values.shape, np.int8)
+    return Written(np.where(refused, np.nan, values), refused, limits, none, none.copy())
 
 
 def _texts(given: Any) -> list[str]:
