@@ -9,19 +9,17 @@ A name of a whole system (``61 Cyg``, ``alpha Cen``) gives its brightest catalog
 that is not in the catalogue is refused with the reason.
 """
 
-import csv
 import difflib
 import functools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from catalogs.nomenclature import GREEK, designation_key, split_component
+from catalogs.shipped_tables import shipped_lines
 from catalogs.stars import StarTable, load_stars
 from cpic_core import InputError
 
-_DATA = Path(__file__).resolve().parent / "data"
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
 _SUGGESTIONS = 4
 _LATIN_BAYER = re.compile(r"[A-Za-z]\d* [a-z]{3}(?: [a-e])?")
@@ -58,7 +56,7 @@ class StarMatch:
 @functools.cache
 def snapshot_aliases() -> dict[str, tuple[str, int]]:
     """Return key -> (star name, kind); kind 1 is a name of the whole system."""
-    return {key: (name, int(kind)) for key, name, kind in _lines("aliases.csv")}
+    return {key: (name, int(kind)) for key, name, kind in shipped_lines("aliases.csv")[1:]}
 
 
 _WAY_OUT = "cpic etc answers with --v-mag, --sp-type or --teff-k, and --distance-pc; rankings, with a table of yours"
@@ -67,13 +65,7 @@ _WAY_OUT = "cpic etc answers with --v-mag, --sp-type or --teff-k, and --distance
 @functools.cache
 def _outsiders() -> dict[str, str]:
     """Return key -> coded reason of well-known stars outside the catalogue."""
-    return {key: reason for keys, reason in _lines("known_stars.csv") for key in keys.split("|")}
-
-
-def _lines(file: str) -> list[list[str]]:
-    """Return the lines of a shipped file below its heading."""
-    with (_DATA / file).open(encoding="utf-8", newline="") as stream:
-        return list(csv.reader(stream))[1:]
+    return {key: reason for keys, reason in shipped_lines("known_stars.csv")[1:] for key in keys.split("|")}
 
 
 def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:

@@ -6,15 +6,14 @@ would be different stars. Greek letters take SIMBAD's three-letter forms (``alf`
 the IAU abbreviations.
 """
 
-import csv
 import re
 import unicodedata
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-with (Path(__file__).resolve().parent / "data" / "designations.csv").open(encoding="utf-8", newline="") as _stream:
-    _ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in csv.DictReader(_stream)]
+from catalogs.shipped_tables import shipped_rows
+
+_ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in shipped_rows("designations.csv")]
 GREEK: dict[str, tuple[str, tuple[str, ...]]] = {
     key: (forms[0], forms[1:]) for kind, key, forms in _ROWS if kind == "letter"
 }

@@ -5,24 +5,22 @@ else than a value is marked as refused, and so is one that may mean two numbers:
 """
 
 import contextlib
-import csv
 import functools
 import math
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from catalogs.shipped_tables import shipped_rows
 from cpic_core import BoolArray, FloatArray, InputError, NDArray
 
 if TYPE_CHECKING:
     from astropy.units import UnitBase
 
-_UNITS = Path(__file__).resolve().parent / "data" / "units.csv"
 _MINUS = "-−–‒﹣－"
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 #: Limit, number, digits of an error behind it, or the error, or that upwards and downwards.
@@ -385,8 +383,8 @@ def _single(word: str) -> str:
 @functools.cache
 def _words() -> dict[str, list[str]]:
     """Return the units that each word of the shipped list may mean."""
-    with _UNITS.open(encoding="utf-8", newline="") as stream:
-        return {word: row["units"].split() or [""] for row in csv.DictReader(stream) for word in row["written"].split()}
+    rows = shipped_rows("units.csv")
+    return {word: row["units"].split() or [""] for row in rows for word in row["written"].split()}
 
 
 def _squeezed(text: str) -> str:
