@@ -27,7 +27,6 @@ ALLOWED = {
     "catalogs/shipped_tables.py": "shipped tables",
     "catalogs/spectra.py": "shipped tables",
     "catalogs/stars.py": "shipped tables",
-    "catalogs/velocity_limits.py": "shipped tables",
     "catalogs/known_planets.py": "shipped table; a user's goes through table_files",
     "catalogs/table_files.py": "parses bytes that were read",
     "cpic_core/cache.py": "entries of our own cache",
