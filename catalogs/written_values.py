@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 _MINUS = "-−–‒﹣－"
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
-#: Limit, number, digits of an error behind it, or the error, or that upwards and downwards.
+#: Limit, number, digits of an error behind it, or the error, or that upwards and downwards in either order.
 _NUMBER = (
-    rf"([<>≤≥]?)=? ?(?:[~≈]|sim)? ?([-+]?{_SIZE}) ?(?:\((\d{{1,9}})\)|(?:±|pm|\+/?-) ?({_SIZE})"
-    rf"|\+ ?({_SIZE}) ?[,/]? ?- ?({_SIZE}))? ?[*:?†‡]*"
+    rf"([<>≤≥]?)=? ?(?:[~≈]|sim)? ?([-+]?{_SIZE}) ?(?:\((\d{{1,9}})\)|\((\d*\.\d+)\)|(?:±|pm|\+/?-) ?({_SIZE})"
+    rf"|\+ ?({_SIZE}) ?[,/]? ?- ?({_SIZE})|- ?({_SIZE}) ?[,/]? ?\+ ?({_SIZE}))? ?[*:?†‡]*"
 )
 #: A comma between groups of three digits, and one that may be that or the decimal sign.
 _GROUPED = re.compile(r"[^\d,]*\d{1,3}(?:(?:,\d{3})+\.\d|(?:,\d{3}){2,}(?![\d,]))")
@@ -117,7 +117,7 @@ def _numbers(texts: list[str]) -> Written:
     if odd.size:
         found = _fields(_with_points([texts[i] for i in odd], any("." in text for text in texts)), _NUMBER)
         limit = np.array([(row[0] in "<≤") - 1 * (row[0] in ">≥") if row[0] else 0 for row in found], np.int8)
-        number, digits, *errors = (_column(found, place) for place in range(1, 6))
+        number, digits, *errors = (_column(found, place) for place in range(1, 9))
         decimals = [len(re.sub(r"^[^.]*\.?|[eE].*", "", row[1])) if row[2] else 0 for row in found]
         read.values[odd], read.bounds[odd] = np.where(limit, (np.nan * number, number), (number, np.nan * number))
         read.errors[odd] = np.fmax.reduce([*errors, digits * 10.0 ** -np.array(decimals, float)])
