@@ -36,10 +36,10 @@ _SEXAGESIMAL = (
     rf"([{_MINUS}+]?) ?(\d{{1,3}}(?:\.\d*)?) ?([: hHdD°º]) ?"
     r"(?:(\d{1,2}(?:\.\d*)?) ?(?:[: mM'′’] ?(\d{1,2}(?:\.\d*)?|\.\d+))? ?(?:[mMsS\"″”'′’]|'')?)?"
 )
-_PAIRS = (
-    rf"\+?([^{_MINUS}+,;\n]*[^{_MINUS}+,; \n]) ?[,;]? ?([{_MINUS}+].*)",
-    r"(\S+ \S+ [^\s,;]+) ?[ ,;] ?(\S+ \S+ \S+)",
-    r"([^\s,;]+) ?[ ,;] ?([^\s,;]+)",
+#: Two angles, of which the second has a sign, or both three parts or one.
+_PAIR = (
+    rf"\+?([^{_MINUS}+,;\n]*[^{_MINUS}+,; \n]) ?[,;]? ?([{_MINUS}+].*)"
+    r"|(\S+ \S+ [^\s,;]+) ?[ ,;] ?(\S+ \S+ \S+)|([^\s,;]+) ?[ ,;] ?([^\s,;]+)"
 )
 _NO_UNIT = re.compile(r"[\[(]?[-\s]*[\])]?|none", re.IGNORECASE)
 _ZEROS = {"bkjd": 2454833.0, "btjd": 2457000.0, "mjd": 2400000.5, "rjd": 2.4e6, "modif": 2400000.5, "reduced": 2.4e6}
@@ -185,8 +185,8 @@ def read_positions(cells: Any) -> tuple[Written, Written]:
         As of :func:`read_angles`; both are refused where a cell is no pair.
     """
     texts = _texts(np.ma.asanyarray(cells))
-    found = zip(texts, *(_fields(texts, pattern) for pattern in _PAIRS), strict=True)
-    pairs = [next(filter(any, halves), (text, text and "no pair")) for text, *halves in found]
+    found = zip(texts, _fields(texts, _PAIR), strict=True)
+    pairs = [(*filter(None, row), *[text and "no pair"] * 2)[:2] for text, row in found]
     ra, dec = (np.array([pair[place] for pair in pairs], object) for place in (0, 1))
     return read_angles(ra, clock=True), read_angles(dec)
 
