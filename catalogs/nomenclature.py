@@ -35,7 +35,7 @@ _CATALOGUE = re.compile(
     re.IGNORECASE,
 )
 _ZONE = re.compile(r"(bd|cd|cpd) ?([-+]) ?(\d{1,2}) ?[°d ] ?0*(\d+[a-e]?)(?: ([a-e]))?", re.IGNORECASE)
-_BRACKETED = re.compile(r" ?\(([A-E]{1,3})\)$")
+_BRACKETED = re.compile(r"(?<=.) ?\(([A-E]{1,3})\)$")
 _COMPONENT = re.compile(r"[A-Ea-e]{1,3}")
 _LETTER_INDEX = re.compile(r"([^\W\d]+)\.?[\s-]*0*(\d{0,2})")
 _NUMBER = re.compile(r"0*(\d{1,3})")
