@@ -299,7 +299,7 @@ def _plain_text(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
     parted = None if slow else _parted_by_arrow(data, start, mark, len(heading))
     if parted is None:
         body, *others = re.split(rb"[\r\n]#(?:RESOURCE=|Table\t)", data[start:])  # of VizieR
-        notes += (f"{name} holds several tables: the first is read",) if others else ()
+        notes += _several(name, 1 + len(others))
         parted = _parted(_split(name, filter(_is_content, _lines(body)), mark), len(heading))
     told = {label: (about, ucd) for label, about, ucd in _VIZIER.findall(said)}
     return _table(name, heading, units, parted, notes, told, commas=mark != ",")
@@ -583,10 +583,14 @@ def _excel(file: TableBytes) -> RawTable:
 
 def _of_rows(name: str, rows: list[list[str]], notes: tuple[str, ...], tables: int) -> RawTable:
     """Return a table of rows of cells, the first of them the headings and the second perhaps the units."""
-    notes += (f"{name} holds several tables: the first is read",) if tables > 1 else ()
+    notes += _several(name, tables)
     units = _units_of(rows[1:_LOOKED_AT])
     heading = rows[0] if rows else []
     return _table(name, heading, units, _parted(rows[2 if units else 1 :], len(heading)), notes, {}, commas=False)
+
+
+def _several(name: str, tables: int) -> tuple[str, ...]:
+    return (f"{name} holds several tables: the first is read",) if tables > 1 else ()
 
 
 def _refuse_large(name: str, size: int) -> None:
@@ -623,20 +627,21 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
+        tables = 1
         if kind == "votable":
             parsed, said = votable_document(file)
-            several = sum(1 for _ in parsed.iter_tables()) > 1
-            notes = (f"{file.name} holds several tables: the first is read",) if several else ()
-            return parsed.get_first_table().to_table(use_names_over_ids=True), remarks(file.name, said) + notes
-        if kind == "fits":
-            table = _fits_table(file.data)
+            tables = sum(1 for _ in parsed.iter_tables())
+            table = parsed.get_first_table().to_table(use_names_over_ids=True)
+        elif kind == "fits":
+            table, tables = _fits_table(file.data)
+            said = repr(table.meta)
         else:
             from astropy.io import ascii as text_tables
 
             # As lines: a text without an end of line would be taken for the name of a file.
-            lines = [line.rstrip("\r\n") for line in _lines(file.data)]
-            table = text_tables.read(lines, format=kind)
-        return table, remarks(file.name, repr(table.meta))
+            table = text_tables.read([line.rstrip("\r\n") for line in _lines(file.data)], format=kind)
+            said = repr(table.meta)
+        return table, remarks(file.name, said) + _several(file.name, tables)
 
 
 def votable_document(file: TableBytes) -> tuple[Any, str]:
@@ -657,52 +662,73 @@ def votable_document(file: TableBytes) -> tuple[Any, str]:
 
     parsed = parse(io.BytesIO(file.data))
     first = next(parsed.iter_tables(), None)
-    if first is not None and (nulls := _nulls(file.data, first.fields)) is not None:
-        first.array.mask = nulls
+    if first is not None and (stream := _BINARY2.search(file.data)) is not None and stream[1] is not None:
+        _mask_texts(first, io.BytesIO(base64.b64decode(stream[1])))
     return parsed, said
 
 
-def _fits_table(data: bytes) -> Any:
-    """Return the first table of a FITS file, masked where the integers of the file are those of TNULL.
+def _fits_table(data: bytes) -> tuple[Any, int]:
+    """Return the first table of a FITS file, masked where the file has its nulls, and the number of tables.
 
-    The standard (FITS 4.0, section 7.3.2) compares them before TSCAL and TZERO; astropy does so without these alone.
+    In binary tables the standard (FITS 4.0, sections 7.2.2 and 7.3.2) compares TNULL with integers before TSCAL and
+    TZERO; astropy does so without these alone. In ASCII tables it is a text, with which Table.read fails.
     """
     from astropy.io import fits
     from astropy.table import MaskedColumn, Table
 
-    with fits.open(bounded_fits(io.BytesIO(data))) as units:
-        unit = next(item for item in units if isinstance(item, fits.BinTableHDU | fits.TableHDU))
-        table, written = Table.read(unit, format="fits"), unit.data.view(np.ndarray)
-        for column in unit.columns:
+    with fits.open(bounded_fits(io.BytesIO(data)), character_as_bytes=True) as units:
+        tables = [item for item in units if isinstance(item, fits.BinTableHDU | fits.TableHDU)]
+        unit, text = tables[0], isinstance(tables[0], fits.TableHDU)
+        table = Table() if text else Table.read(unit, format="fits")
+        written = unit.data.view(np.ndarray)
+        for i, column in enumerate(unit.columns, start=1):
             raw = written[column.name]
-            if isinstance(column.null, int) and raw.dtype.kind in "iu" and raw.ndim == 1:
+            if text:
+                gone = np.isin(np.char.strip(raw), [str(column.null).strip().encode(), b""])
+                table[column.name] = MaskedColumn(np.asarray(unit.data[column.name]), mask=gone, unit=column.unit)
+            elif isinstance(column.null, int) and (column.bscale or column.bzero) and raw.ndim == 1:
                 found = table[column.name]
                 gone = np.ma.getmaskarray(found) | (raw == column.null)
                 table[column.name] = MaskedColumn(np.asarray(found), mask=gone, unit=found.unit)
-    return table
+            if ucd := unit.header.get(f"TUCD{i}"):  # as TOPCAT writes it
+                table[column.name].meta["ucd"] = ucd
+    return table, len(tables)
 
 
-_BINARY2 = re.compile(
-    rb"<(?:\w+:)?DATA\b[^>]*>(?:\s*<(?:\w+:)?BINARY2\b[^>]*>\s*<(?:\w+:)?STREAM\b[^>]*>(.*?)</)?", re.DOTALL
-)
+_BINARY2 = re.compile(rb"<(?:\w+:)?DATA\b[^>]*>(?:\s*<(?:\w+:)?BINARY2\b[^>]*>\s*<(?:\w+:)?STREAM\b[^>]*>([^<]*)</)?")
 
 
-def _nulls(xml: bytes, fields: Any) -> NDArray[np.generic] | None:
-    """Return the null flags of a VOTable's first table if it is BINARY2, else None; astropy leaves out those of texts.
+def _mask_texts(table: Any, stream: io.BytesIO) -> None:
+    """Mask the null texts of a table of BINARY2, which astropy leaves out.
 
     Each row begins with one bit for each field, the highest first (IVOA VOTable 1.4, section 6.4).
     """
-    from astropy.io.votable.converters import bitarray_to_bool
+    texts = [i for i, field in enumerate(table.fields) if field.datatype in ("char", "unicodeChar")]
+    if not texts or not len(table.array):
+        return
+    size = (len(table.fields) + 7) // 8
+    steps: list[Any] = [size]
+    stream.seek(size)
+    for field in table.fields:
+        start = stream.tell()
+        field.converter.binparse(stream.read)
+        if "*" in (field.arraysize or ""):
+            steps += [field.converter.binparse, 0]
+        else:
+            steps[-1] += stream.tell() - start
+    flags = []
+    stream.seek(0)
+    for _ in range(len(table.array)):
+        flags.append(stream.read(steps[0])[:size])
+        for parse, plain in zip(steps[1::2], steps[2::2], strict=True):
+            parse(stream.read)
+            stream.seek(plain, io.SEEK_CUR)
+    nulls = np.unpackbits(np.frombuffer(b"".join(flags), np.uint8).reshape(-1, size), axis=1).astype(bool)
+    for i in texts:
+        table.array.mask[table.fields[i].ID] |= nulls[:, i]
 
-    if (found := _BINARY2.search(xml)) is None or found[1] is None:
-        return None
-    stream = io.BytesIO(base64.b64decode(found[1]))
-    rows = []
-    while flags := stream.read((len(fields) + 7) // 8):
-        rows.append(tuple(bitarray_to_bool(flags, len(fields))))
-        for field in fields:
-            field.converter.binparse(stream.read)
-    return np.array(rows, [(field.ID, bool) for field in fields])
+
+_CELL_TAGS = (b"<TR>", b"</TR>", b"<TD>", b"</TD>", b"<TD/>")
 
 
 class _Reference(Exception):
@@ -720,6 +746,10 @@ def _outside_and_said(xml: bytes) -> tuple[str, str]:
 
     if xml.startswith(_PACKED):
         return "packed data", ""
+    start, tag, rest = xml.partition(b"<TABLEDATA>")
+    cells, tag_end, end = rest.partition(b"</TABLEDATA>")
+    if cells.count(b"<") == cells.count(b">") == sum(map(cells.count, _CELL_TAGS)):  # cells of plain text: most of it
+        xml = start + tag + tag_end + end
     said: list[str] = []
 
     def element(name: str, attributes: dict[str, str]) -> None:
