@@ -361,7 +361,11 @@ def _fit(lines: list[str], mark: str) -> tuple[float, bool, int]:
     except InputError:
         first, *rest = [line.split(mark) for line in lines]
     fitting = [len(row) >= len(first) and not any(row[len(first) :]) for row in rest]
-    return (sum(fitting) / len(rest) if rest else 1.0) * (len(first) > 1), mark.strip(" ") != "", len(first)
+    return (
+        (sum(fitting) / len(rest) if rest else 1.0) * (len(first) > 1),
+        len(first) > 1 and mark.strip(" ") != "",
+        len(first),
+    )
 
 
 def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -416,16 +420,16 @@ def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> Any:
     from pyarrow import csv as tables
 
     rejects: list[Reject] = []
-    simple = data.find(b"\n" + mark.encode() * (width - 1), start) < 0
+    quoted = data.find(b'"', start) >= 0
+    simple = data.find(b"\n" + mark.encode() * (width - 1), start) < 0 and not (quoted and mark in "\t|")
 
     def rejected(row: tables.InvalidRow) -> str:
         nonlocal simple
-        simple = simple and any(row.text.split(mark)[width:] or ["short"])
+        simple = simple and _is_content(row.text) and any(row.text.split(mark)[width:] or ["short"])
         rejects.append(_rejected(row.number, row.actual_columns, width))
         return "skip"
 
     names = list(map(str, range(width)))
-    quoted = data.find(b'"', start) >= 0
     found = tables.read_csv(
         pa.py_buffer(memoryview(data)[start:]),
         tables.ReadOptions(column_names=names, use_threads=False, block_size=2**22),
@@ -604,7 +608,7 @@ def _astropy(file: TableBytes, kind: str, notes: tuple[str, ...] = ()) -> RawTab
     columns = [table[name] for name in table.colnames]
     plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
     left = _left_out(file.name, [column.info.name for column in columns if getattr(column, "ndim", 1) > 1])
-    guarded = kind not in ("fits", "votable")
+    guarded = kind not in ("fits", "votable", "parquet")
     raw = [raw_column(file.name, column.info.name, column, guarded=guarded) for column in plain]
     return RawTable(file.name, raw, notes + said + left)
 
@@ -615,7 +619,7 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
     Parameters
     ----------
     file : TableBytes
-    kind : {"votable", "fits", "ecsv", "cds", "ipac"}
+    kind : {"votable", "fits", "parquet", "ecsv", "cds", "ipac"}
         What its content says that it is.
 
     Raises
@@ -635,6 +639,10 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
         elif kind == "fits":
             table, tables = _fits_table(file.data)
             said = repr(table.meta)
+        elif kind == "parquet":
+            from astropy.table import Table
+
+            table, said = Table.read(io.BytesIO(file.data), format="parquet"), ""
         else:
             from astropy.io import ascii as text_tables
 
@@ -818,7 +826,10 @@ def _parquet(file: TableBytes) -> RawTable:
         shown = f"{about.num_rows} rows of {about.num_columns} columns, {unpacked / 1e9:.1f} GB unpacked"
         allowed = f"up to {_MAX_UNPACKED_BYTES / 1e9:.0f} GB and {_MAX_CELLS:.0e} cells"
         raise InputError(file.name, shown, allowed=allowed)
-    kinds = {field.name: field.type for field in about.schema.to_arrow_schema()}
+    schema = about.schema.to_arrow_schema()
+    if b"table_meta_yaml" in (schema.metadata or {}):  # by astropy, which keeps units and gaps in its own way
+        return _astropy(file, "parquet")
+    kinds = {field.name: field.type for field in schema}
     plain = [name for name, kind in kinds.items() if not pa.types.is_nested(kind)]
     texts = [name for name in plain if pa.types.is_string(kinds[name]) or pa.types.is_large_string(kinds[name])]
     table = parquet.read_table(pa.BufferReader(file.data), columns=plain, read_dictionary=texts, use_threads=False)
