@@ -259,7 +259,9 @@ def _in_utf8(file: TableBytes) -> tuple[TableBytes, tuple[str, ...]]:
     except UnicodeDecodeError:
         encoding, text = "Windows-1252", file.data.decode("cp1252", "replace")
     if "\0" in text or (encoding != "UTF-8" and _CONTROL.search(text)):
-        raise InputError(file.name, "binary", allowed=f"a table ({_FORMATS})", hint="save it as CSV in UTF-8")
+        packed = file.data.startswith(_PACKED)
+        hint = "unpack it first" if packed else "save it as CSV in UTF-8"
+        raise InputError(file.name, "packed" if packed else "binary", allowed=f"a table ({_FORMATS})", hint=hint)
     if encoding == "UTF-8":
         return replace(file, data=file.data.removeprefix(b"\xef\xbb\xbf")), ()
     bare = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)  # which names the other encoding
@@ -540,8 +542,10 @@ def _html(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
     from bs4 import BeautifulSoup
 
     _refuse_large(file.name, len(file.data))
-    tables = BeautifulSoup(file.data.decode(), "html.parser").find_all("table")
-    lines = [[row.find_all(["th", "td"]) for row in table.find_all("tr")] for table in tables]
+    tables = BeautifulSoup(file.data.decode(), "html5lib").find_all("table")
+    lines = [
+        [row.find_all(["th", "td"]) for row in table.find_all("tr")] for table in tables if not table.find("table")
+    ]
     found = [[[cell.get_text(" ", strip=True) for cell in row] for row in rows] for rows in lines if len(rows) > 1]
     if not found:
         raise InputError(file.name, "no table", allowed="a page with a table of rows and columns")
