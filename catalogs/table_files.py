@@ -10,7 +10,6 @@ import hashlib
 import io
 import re
 import warnings
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -42,7 +41,7 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMENT = re.compile(rb"(?:^|[\r\n])[ \t]*(#[^\r\n]*)")
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffd]")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$")
-_RULE = re.compile(r"(?=.*(?:--|==|\|:?-))[-=+|:;, \t]+|\(\d+ rows?\)")  # psql ends with the number of rows
+_RULE = re.compile(r"(?=[-=+|:;, \t]+$).*(?:--|==|\|:?-).*|\(\d+ rows?\)")  # psql ends with the number of rows
 _DESCRIBED = re.compile(r"^Byte-by-byte Description of file", re.MULTILINE | re.IGNORECASE)
 _IPAC = re.compile(r"(?:(?:\\.*|[ \t]*)\r?\n)*(?:\|.*\|[ \t]*\r?\n){1,4}(?=[ \t]+[^|\s+])")
 _VIZIER = re.compile(r"^#Column\s+(\S+)\s+\(\S+\)[ \t]+(.*?)[ \t]*(?:\[ucd=(.*?)\])?[ \t]*$", re.MULTILINE)
@@ -358,16 +357,14 @@ def _layout(name: str, lines: list[str]) -> tuple[list[str], list[str], int, _Ma
 
 def _fit(lines: list[str], mark: str) -> tuple[float, bool, int]:
     """Return how well a mark parts lines: the share with as many cells as the heading, and how many these are."""
+    if mark not in lines[0].strip():
+        return 0.0, False, 0
     try:
         first, *rest = _split("", lines, mark)
     except InputError:
         first, *rest = [line.split(mark) for line in lines]
     fitting = [len(row) >= len(first) and not any(row[len(first) :]) for row in rest]
-    return (
-        (sum(fitting) / len(rest) if rest else 1.0) * (len(first) > 1),
-        len(first) > 1 and mark.strip(" ") != "",
-        len(first),
-    )
+    return sum(fitting) / len(rest) if rest else 1.0, mark.strip(" ") != "", len(first)
 
 
 def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -570,6 +567,8 @@ def _plain_latex(cell: str) -> str:
 
 def _excel(file: TableBytes) -> RawTable:
     """Read the first sheet of a workbook; a formula is what was last computed of it."""
+    import zipfile
+
     from openpyxl import load_workbook
 
     with zipfile.ZipFile(io.BytesIO(file.data)) as archive:
