@@ -10,7 +10,7 @@ import hashlib
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
@@ -34,7 +34,10 @@ _FORMATS = "CSV, ECSV, VOTable, FITS, MRT, IPAC, Parquet, Excel, HTML, LaTeX or 
 _PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
 _NAMES = "names of columns in the first line"
 _FAILED = re.compile(r"QUERY_STATUS\W+(?:value\W+)?ERROR\b", re.IGNORECASE)
-_CUT_OFF = re.compile(r"\bOVERFLOW\b|\btruncated\b", re.IGNORECASE)
+_CUT_OFF = re.compile(  # a curve may be "truncated at 1 %"
+    r"\bOVERFLOW\b|\b(?:result|answer|table|output|rows)\b[^\n]*\btruncated\b|\btruncated\b[^\n]*\brows\b",
+    re.IGNORECASE,
+)
 _CUT = "was cut off, as it says itself: rows are missing"
 _MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "<na>", "nat", "--", "---", "-", "…", "...", "~", r"\n"))
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -47,17 +50,18 @@ _IPAC = re.compile(r"(?:(?:\\.*|[ \t]*)\r?\n)*(?:\|.*\|[ \t]*\r?\n){1,4}(?=[ \t]
 _VIZIER = re.compile(r"^#Column\s+(\S+)\s+\(\S+\)[ \t]+(.*?)[ \t]*(?:\[ucd=(.*?)\])?[ \t]*$", re.MULTILINE)
 _TABLEHEAD = re.compile(r"\\tablehead\{(.*?)\}\s*\\startdata(.*?)\\enddata", re.DOTALL)
 _TABULAR = re.compile(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}[^\n]*()\n(.*?)\\end\{", re.DOTALL)
+_GREEK = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
 _LATEX_WORDS = (
     (r"\\frac\{(.*?)\}\{(.*?)\}", r"\1/\2"),
     (r"\^\{?\\circ\}?", "deg"),
     (r"\\(?:nodata|[clv]?dots)(?![A-Za-z])|\\(?:tablenotemark|tablefootmark|cite[a-z]*)\{.*?\}", ""),
-    (
-        r"\\(alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|phi|chi|psi|omega)",
-        r"\1",
-    ),
+    (rf"\\({_GREEK.replace(' ', '|')})(?![a-z])", r"\1"),
     (r"\\[,;:! ]|~", " "),
     (r"\\([_#%&])|\\[A-Za-z]+\*?(?:\[.*?\])?|[${}^]", r"\1"),
 )
+_Notes = tuple[str, ...]
+_Parted = tuple[Sequence[Any], tuple["Reject", ...]]
+"""Columns of cells, and the rows that have another number of them than the heading."""
 _Mark = str | tuple[tuple[int, int | None], ...]
 """What stands between cells; or, of tables of fixed width, where each begins and ends."""
 
@@ -123,7 +127,7 @@ class RawTable:
 
     name: str
     columns: Sequence[RawColumn]
-    notes: tuple[str, ...] = ()
+    notes: _Notes = ()
     rejects: tuple[Reject, ...] = ()
 
     def __len__(self) -> int:
@@ -225,7 +229,7 @@ def _reader(file: TableBytes) -> tuple[str, Callable[[], RawTable]]:
         return "Excel workbook", partial(_excel, file)
     if start.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(file.name, "an old Excel file (.xls)", allowed=_FORMATS, hint="save it as .xlsx or CSV")
-    notes: tuple[str, ...] = ()
+    notes: _Notes = ()
     if not _is_votable(start):
         file, notes = _in_utf8(file)
     text = file.data[:_HEAD_BYTES].decode("utf-8", "ignore").lstrip()
@@ -287,7 +291,7 @@ def remarks(name: str, said: str) -> tuple[str, ...]:
     return (f"{name} {_CUT}",) if _CUT_OFF.search(said) else ()
 
 
-def _plain_text(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+def _plain_text(file: TableBytes, notes: _Notes) -> RawTable:
     """Read columns apart by commas, semicolons, tabs, bars or blanks, or of fixed width, every cell as a text."""
     name, data = file.name, file.data
     small = len(data) <= _SMALL_BYTES
@@ -302,8 +306,7 @@ def _plain_text(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
         body, *others = re.split(rb"[\r\n]#(?:RESOURCE=|Table\t)", data[start:])  # of VizieR
         notes += _several(name, 1 + len(others))
         parted = _parted(_split(name, filter(_is_content, _lines(body)), mark), len(heading))
-    told = {label: (about, ucd) for label, about, ucd in _VIZIER.findall(said)}
-    return _table(name, heading, units, parted, notes, told, commas=mark != ",")
+    return _table(name, heading, units, parted, notes, said, mark != ",")
 
 
 def _lines(data: bytes) -> list[str]:
@@ -331,7 +334,8 @@ def _layout(name: str, lines: list[str]) -> tuple[list[str], list[str], int, _Ma
         above = [list(row) for row in _split(name, [text for text in lines[max(i - 2, 0) : i] if text.strip()], mark)]
         if len(above[-1]) > 1 and (mark == "|" or not lines[i - 1].startswith("#")):
             with_units = len(above) > 1 and len(above[0]) == len(above[1]) and _is_content(lines[i - 2])
-            return above[-2] if with_units else above[-1], above[-1] if with_units else [], i + 1, mark
+            heading, units = above if with_units else (above[-1], [])
+            return heading, units, i + 1, mark
     places = [i for i, line in enumerate(lines) if _is_content(line)]
     if not places:
         raise InputError(name, "no heading", allowed="a heading line and rows")
@@ -364,7 +368,8 @@ def _fit(lines: list[str], mark: str) -> tuple[float, bool, int]:
     except InputError:
         first, *rest = [line.split(mark) for line in lines]
     fitting = [len(row) >= len(first) and not any(row[len(first) :]) for row in rest]
-    return sum(fitting) / len(rest) if rest else 1.0, mark.strip(" ") != "", len(first)
+    share, blanks = sum(fitting) / len(rest) if rest else 1.0, not mark.strip(" ")
+    return (0.0, False, 0) if blanks and share < 0.5 else (share, not blanks, len(first))  # prose has blanks, too
 
 
 def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -400,7 +405,7 @@ def _split(name: str, lines: Iterable[str], mark: _Mark) -> Iterator[list[str]]:
     return ([cell.strip() for cell in row] for row in rows)
 
 
-def _parted(rows: Iterable[Sequence[str]], width: int) -> tuple[Sequence[Any], tuple[Reject, ...]]:
+def _parted(rows: Iterable[list[str]], width: int) -> _Parted:
     """Return the columns of rows, and those rows that have other numbers of cells than the heading."""
     filled = [row for row in rows if any(row)]  # spreadsheets write blank rows as separators alone
     good = [len(row) >= width and not any(row[width:]) for row in filled]
@@ -413,7 +418,7 @@ def _rejected(row: int, cells: int, width: int) -> Reject:
     return Reject(row, "", f"{cells} cells", f"{width} cells, as in the heading")
 
 
-def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> Any:
+def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> _Parted | None:
     """Return what `_parted` returns of a large file, with columns of Arrow; None if it is none of the simple ones."""
     import pyarrow as pa
     from pyarrow import csv as tables
@@ -441,17 +446,17 @@ def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> Any:
 
 def _table(
     name: str,
-    heading: Sequence[str],
-    units: Sequence[str],
-    parted: tuple[Sequence[Any], tuple[Reject, ...]],
-    notes: tuple[str, ...],
-    told: Mapping[str, tuple[str, str]],
-    *,
-    commas: bool,
+    heading: list[str],
+    units: list[str],
+    parted: _Parted,
+    notes: _Notes,
+    said: str = "",
+    commas: bool = False,
 ) -> RawTable:
     """Return a table of columns of texts; those without heading and content are left out."""
     if not any(heading):
         raise InputError(f"{name} heading", "empty", allowed=_NAMES)
+    told = {label: (about, ucd) for label, about, ucd in _VIZIER.findall(said)}
     columns, pointed = [], []
     for i, text in enumerate(heading):
         point = commas and _has_commas(_given(parted[0][i]))
@@ -534,22 +539,22 @@ def _masked(data: Any, gone: Any, heading: str, *, guarded: bool = False) -> "np
     return texts
 
 
-def _html(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+def _html(file: TableBytes, notes: _Notes) -> RawTable:
     """Read the first table of a page that has more than one row."""
     from bs4 import BeautifulSoup
 
     _refuse_large(file.name, len(file.data))
     tables = BeautifulSoup(file.data.decode(), "html5lib").find_all("table")
-    lines = [
-        [row.find_all(["th", "td"]) for row in table.find_all("tr")] for table in tables if not table.find("table")
+    plain = [table.find_all("tr") for table in tables if not table.find("table")]  # others arrange a page
+    found = [
+        [[cell.get_text(" ", strip=True) for cell in row(["th", "td"])] for row in rows] for rows in plain if rows[1:]
     ]
-    found = [[[cell.get_text(" ", strip=True) for cell in row] for row in rows] for rows in lines if len(rows) > 1]
     if not found:
         raise InputError(file.name, "no table", allowed="a page with a table of rows and columns")
     return _of_rows(file.name, found[0], notes, len(found))
 
 
-def _latex(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+def _latex(file: TableBytes, notes: _Notes) -> RawTable:
     """Read the first table of a text in LaTeX or AASTeX; its commands are taken as text, and none is followed."""
     _refuse_large(file.name, len(file.data))
     text = re.sub(r"(?<!\\)%.*", "", file.data.decode())
@@ -593,7 +598,7 @@ def _of_rows(name: str, rows: list[list[str]], notes: tuple[str, ...], tables: i
     notes += _several(name, tables)
     units = _units_of(rows[1:_LOOKED_AT])
     heading = rows[0] if rows else []
-    return _table(name, heading, units, _parted(rows[2 if units else 1 :], len(heading)), notes, {}, commas=False)
+    return _table(name, heading, units, _parted(rows[2 if units else 1 :], len(heading)), notes)
 
 
 def _several(name: str, tables: int) -> tuple[str, ...]:
@@ -606,7 +611,7 @@ def _refuse_large(name: str, size: int) -> None:
         raise InputError(name, f"{size / 1e6:.0f} MB unpacked", allowed=allowed, hint="save it as CSV")
 
 
-def _astropy(file: TableBytes, kind: str, notes: tuple[str, ...] = ()) -> RawTable:
+def _astropy(file: TableBytes, kind: str, notes: _Notes = ()) -> RawTable:
     table, said = astropy_table(file, kind)
     columns = [table[name] for name in table.colnames]
     plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
@@ -689,6 +694,8 @@ def _fits_table(data: bytes) -> tuple[Any, int]:
 
     with fits.open(bounded_fits(io.BytesIO(data)), character_as_bytes=True) as units:
         tables = [item for item in units if isinstance(item, fits.BinTableHDU | fits.TableHDU)]
+        if not tables:
+            raise ValueError("it has no table extension")
         unit, text = tables[0], isinstance(tables[0], fits.TableHDU)
         table = Table() if text else Table.read(unit, format="fits")
         written = unit.data.view(np.ndarray)
@@ -698,9 +705,7 @@ def _fits_table(data: bytes) -> tuple[Any, int]:
                 gone = np.isin(np.char.strip(raw), [str(column.null).strip().encode(), b""])
                 table[column.name] = MaskedColumn(np.asarray(unit.data[column.name]), mask=gone, unit=column.unit)
             elif isinstance(column.null, int) and (column.bscale or column.bzero) and raw.ndim == 1:
-                found = table[column.name]
-                gone = np.ma.getmaskarray(found) | (raw == column.null)
-                table[column.name] = MaskedColumn(np.asarray(found), mask=gone, unit=found.unit)
+                table[column.name] = MaskedColumn(table[column.name], mask=raw == column.null)
             if ucd := unit.header.get(f"TUCD{i}"):  # as TOPCAT writes it
                 table[column.name].meta["ucd"] = ucd
     return table, len(tables)
@@ -827,8 +832,7 @@ def _parquet(file: TableBytes) -> RawTable:
     unpacked = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
     if unpacked > _MAX_UNPACKED_BYTES or about.num_rows * about.num_columns > _MAX_CELLS:
         shown = f"{about.num_rows} rows of {about.num_columns} columns, {unpacked / 1e9:.1f} GB unpacked"
-        allowed = f"up to {_MAX_UNPACKED_BYTES / 1e9:.0f} GB and {_MAX_CELLS:.0e} cells"
-        raise InputError(file.name, shown, allowed=allowed)
+        raise InputError(file.name, shown, allowed=f"up to 4 GB and {_MAX_CELLS:.0e} cells")
     schema = about.schema.to_arrow_schema()
     if b"table_meta_yaml" in (schema.metadata or {}):  # by astropy, which keeps units and gaps in its own way
         return _astropy(file, "parquet")

@@ -158,7 +158,15 @@ def test_a_table_whose_query_failed_is_refused(refused, data):
     refused("^mine.dat = QUERY_STATUS ERROR", parsed, data)
 
 
-@pytest.mark.parametrize("data", [votable("OK", "<TABLE>"), text("csv", "whole"), text("ecsv", "a: b")])
+@pytest.mark.parametrize(
+    "data",
+    [
+        votable("OK", "<TABLE>"),
+        text("csv", "whole"),
+        text("csv", "Truncated at T<1% due to noise"),
+        text("ecsv", "a: b"),
+    ],
+)
 def test_other_tables_are_whole(tmp_path, data):
     (tmp_path / "mine").write_bytes(data)
     made = open_catalogue(tmp_path / "mine")
@@ -408,6 +416,8 @@ def flat_parquet():
         (workbook(("a", b"b")), "unreadable: .*a whole Excel workbook"),
         (b"PAR1" + bytes(40), "unreadable: .*a whole Parquet file"),
         (b"<html><p>no rows</p></html>", "no table"),
+        (fits.PrimaryHDU().header.tostring().encode().ljust(2880), "it has no table extension"),
+        (b"Some words of prose\nthat say\nnothing at all of any star\n", "heading = one column"),
         (b"\\startdata\nx\n\\begin{tabular}{c}\na & b\n", "heading = one column|no table"),
         (b"<html><table><tr><td></td></tr><tr><td>1</td></tr></table>", "heading = empty"),
     ],
