@@ -15,6 +15,7 @@ from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
 from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
 from catalogs.stars import StarTable, load_stars, with_updates
+from catalogs.table_cells import LeftOut, Use
 from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -158,6 +159,10 @@ class Catalogue:
         Whether companions follow the orbits of `catalogs.binaries`.
     notes : tuple of str
         Remarks on the reading, for the person who asked.
+    uses : tuple of Use
+        What each column of a user's file was taken for.
+    left_out : tuple of LeftOut
+        Rows and cells of it that were not used.
     """
 
     table: StarTable
@@ -167,9 +172,11 @@ class Catalogue:
     ranked_v_mag: float | None
     orbits: bool
     notes: tuple[str, ...] = ()
+    uses: tuple[Use, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
 
-def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
+def open_catalogue(source: str | Path = "snapshot", *, strict: bool = False) -> Catalogue:
     """Return a star table.
 
     Parameters
@@ -177,8 +184,10 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     source : str or Path
         ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without
         orbits), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
-        data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
-        these three names is written with its folder: ``./latest``.
+        data folder), or a file: a table of a user's own, or a refreshed one. A file of one of these three names is
+        written with its folder: ``./latest``.
+    strict : bool
+        Refuse a user's table for the first row or cell that cannot be used, instead of leaving it out with a remark.
 
     Raises
     ------
@@ -200,7 +209,7 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
         from catalogs.refreshed_tables import latest_table
 
         source = latest_table("simbad", key="catalog", instead="snapshot", command="cpic catalog refresh")
-    return _from_file(source)
+    return _from_file(source, strict)
 
 
 def checked_table_name(source: object) -> str | Path:
@@ -275,7 +284,7 @@ def data_credits(provenance: str) -> tuple[str, ...]:
     return MODEL_CREDITS if provenance.startswith(_USER) else (*STAR_CREDITS, *MODEL_CREDITS)
 
 
-def _from_file(path: str | Path) -> Catalogue:
+def _from_file(path: str | Path, strict: bool) -> Catalogue:
     from catalogs.table_files import parse_table, read_bytes
 
     file = read_bytes(path)
@@ -299,7 +308,7 @@ def _from_file(path: str | Path) -> Catalogue:
     from catalogs.user_table import user_table
 
     raw = parse_table(file)
-    made = user_table(raw)
+    made = user_table(raw, strict=strict)
     return Catalogue(
         table=made.table,
         kind="file",
@@ -308,6 +317,8 @@ def _from_file(path: str | Path) -> Catalogue:
         ranked_v_mag=None,
         orbits=False,
         notes=made.notes,
+        uses=made.uses,
+        left_out=made.left_out,
     )
 
 

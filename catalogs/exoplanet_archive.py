@@ -196,7 +196,7 @@ def _known_columns(answer: RawTable) -> tuple[RawTable, tuple[str, ...]]:
     """
     columns, notes = [], []
     for given in answer.columns:
-        meant, _ = ARCHIVE.meant_by(given.heading)
+        meant = ARCHIVE.meant_by(given.heading).column
         if meant is None:
             continue
         unit = given.unit if meant.unit else ""
@@ -206,7 +206,7 @@ def _known_columns(answer: RawTable) -> tuple[RawTable, tuple[str, ...]]:
         if given.heading.lower() != meant.name:
             notes.append(f"{meant.name} is called {given.heading}")
         columns.append(replace(given, unit=unit))
-    found = {meant.name for item in columns if (meant := ARCHIVE.meant_by(item.heading)[0])}
+    found = {meant.name for item in columns if (meant := ARCHIVE.meant_by(item.heading).column)}
     if lacking := [name for name in _NEEDED if name not in found]:
         raise RefreshError(f"the archive's table has no column {', '.join(lacking)}", _REMEDY)
     if lacking := [name for name in ARCHIVE if name not in found]:

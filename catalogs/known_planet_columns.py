@@ -8,33 +8,8 @@ import math
 import re
 from collections.abc import Mapping
 
-from catalogs.table_cells import Column, Columns
+from catalogs.table_cells import Columns, columns_of, synonyms_of
 from cpic_core import InputError
-
-
-def _text(name: str, aliases: str, description: str) -> Column:
-    return Column(name, description, aliases=aliases)
-
-
-def _float(name: str, unit: str, believed: tuple[float, float], aliases: str, description: str) -> Column:
-    return Column(name, description, "float", unit, aliases, *believed)
-
-
-def _angle(name: str, aliases: str, description: str) -> Column:
-    return Column(name, description, "float", "deg", aliases, -360.0, 720.0, fills=True)
-
-
-def _date(name: str, aliases: str, description: str) -> Column:
-    return _float(name, "d", (2.4e6, 2.5e6), aliases, description)
-
-
-def _mass(name: str, aliases: str, description: str) -> Column:
-    return _float(name, "jupiterMass", (1e-5, 1000.0), aliases, description)
-
-
-def _error(name: str, unit: str, high: float, aliases: str) -> Column:
-    return _float(name, unit, (0.0, high), aliases, "its error")
-
 
 LOOKALIKES: dict[str, tuple[str, tuple[str, ...]]] = {
     "period_days": (r"(?<!rot)(?<!rotation)period|orbper", ()),
@@ -50,77 +25,8 @@ LOOKALIKES: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 """Headings that look like those of a column and are none of its names, and columns that say the same instead of it."""
 COLUMNS = Columns(
-    _text("star", "hostname plhostname host starname", "name of the star"),
-    _text("planet", "planetname plname name", "name of the planet, unique"),
-    _text("discovery_method", "discoverymethod pldiscmethod method", "how it was found"),
-    _float("period_days", "d", (0.01, 1e8), "period plorbper per p", "orbital period"),
-    _error("period_err_days", "d", 1e8, "perr perioderr perioderror plorbpererr1"),
-    _date(
-        "periastron_jd", "tperiastron timeperiastron plorbtper tp tperi", "Julian date of a passage of the periastron"
-    ),
-    _error("periastron_err_days", "d", 1e6, "plorbtpererr1 tperr periastronerr"),
-    _date(
-        "conjunction_jd",
-        "tconj tc pltranmid timeconjunction t0transit",
-        "Julian date of an inferior conjunction, the planet between star and observer",
-    ),
-    _error("conjunction_err_days", "d", 1e6, "pltranmiderr1 tcerr tconjerr conjunctionerr"),
-    _float("eccentricity", "", (0.0, 0.99), "ecc e plorbeccen", "eccentricity"),
-    _error("eccentricity_err", "", 1.0, "eerr eccerr plorbeccenerr1"),
-    _angle(
-        "omega_star_deg",
-        "omega plorblper omegastar argperi",
-        "argument of periastron of the STAR's orbit, as radial velocities have it; the planet's is 180 deg more",
-    ),
-    _angle("omega_planet_deg", "omegaplanet", "the planet's own argument of periastron, instead of omega_star_deg"),
-    _error("omega_err_deg", "deg", 360.0, "omegaerr omegastarerr plorblpererr1"),
-    _float("semi_major_axis_au", "AU", (0.001, 1e5), "a sma semimajoraxis plorbsmax", "semi-major axis"),
-    _error("semi_major_axis_err_au", "AU", 1e5, "aerr semimajoraxiserr plorbsmaxerr1"),
-    _mass("mass_mjup", "mass plmassj m", "true mass"),
-    _error("mass_err_mjup", "jupiterMass", 1000.0, "masserr plmassjerr1"),
-    _mass("msini_mjup", "msini plmsinij minimummass", "minimum mass m sin i"),
-    _error("msini_err_mjup", "jupiterMass", 1000.0, "msinierr plmsinijerr1"),
-    _float(
-        "inclination_deg",
-        "deg",
-        (0.0, 180.0),
-        "inclination inc i plorbincl",
-        "inclination of the orbit, 90 deg edge-on",
-    ),
-    _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
-    _angle(
-        "node_deg",
-        "node bigomega ascendingnode Omega",
-        "position angle of the node where the planet moves away from the observer, east of north",
-    ),
-    _error("node_err_deg", "deg", 360.0, "nodeerr Omegaerr"),
-    _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
-    _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
-    _float("star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"),
-    _error("star_mass_err_msun", "solMass", 100.0, "starmasserr stmasserr1"),
-    _float(
-        "solution_weight",
-        "",
-        (1e-3, 1e3),
-        "weight",
-        "weight of this orbit among the several published ones of its planet, each in a row of its own",
-    ),
-    _text("reference", "plrefname plorbitreference", "where the orbit was published"),
-    _mass("best_mass_mjup", "plbmassj", "the archive's best mass, instead of mass_mjup and msini_mjup"),
-    _error("best_mass_err_mjup", "jupiterMass", 1000.0, "plbmassjerr1"),
-    _text("best_mass_kind", "plbmassprov", "what it is: Mass, Msini, Msin(i)/sin(i) or M-R relationship"),
-    _float("best_mass_limit", "", (-1.0, 1.0), "plbmassjlim", "1 upper limit, -1 lower limit, 0 a value"),
-    _float("eccentricity_limit", "", (-1.0, 1.0), "plorbeccenlim", "the same of the eccentricity"),
-    _float("controversial", "", (0.0, 1.0), "plcontrovflag", "1 where the archive says so"),
-    _text("flags", "remarks", "words joined by ';': what is missing, see the list of flags"),
-    _text(
-        "status",
-        "planetstatus",
-        "confirmed, controversial, candidate or refuted; candidates count only when asked for, refuted planets never",
-    ),
-    _text("status_reference", "", "where the status was published, if not where the orbit was"),
-    _text("updated", "", "date on which the row was last changed"),
-    _text("note", "", "a remark on the planet"),
+    *columns_of("planets"),
+    synonyms=lambda: synonyms_of("planets"),
     cased={
         "omega": "omega_star_deg, omega_planet_deg or node_deg",
         "omegaerr": "omega_err_deg or node_err_deg",
@@ -132,8 +38,7 @@ STANDING = ("status", "status_reference", "updated", "note")
 """Columns that say how sure a planet is."""
 UPDATES_ONLY = ("solution_weight", *STANDING)
 """Columns that the table of 2019 does not have, and what is laid over it may."""
-_BEST = tuple(f"best_mass_{what}" for what in ("mjup", "err_mjup", "kind", "limit"))
-INPUT_ONLY = ("omega_planet_deg", *_BEST, "eccentricity_limit", "controversial")
+INPUT_ONLY = tuple(column.name for column in columns_of("planets", only="input"))
 """Columns that a table of a user's own may have; reading turns them into the others."""
 STATUSES: dict[str, str] = {
     "confirmed": "a planet that nobody disputes: counted",

@@ -10,6 +10,7 @@ import numpy as np
 from catalogs.known_planet_columns import CANDIDATE, COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
+from catalogs.table_cells import LeftOut, Use
 from cpic_core import ArrayLike, InputError, NDArray
 
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
@@ -41,6 +42,10 @@ class KnownPlanetTable:
         Whether candidates are counted as well.
     unused : tuple of str
         Headings of a user's file that were not used; its planets have the flag ``columns_not_used``.
+    uses : tuple of Use
+        What each column of a user's file was taken for.
+    left_out : tuple of LeftOut
+        Rows and cells of it that were not used.
     """
 
     columns: Mapping[str, NDArray[np.generic]]
@@ -50,6 +55,8 @@ class KnownPlanetTable:
     solutions: Mapping[str, "KnownPlanetTable"] = field(default_factory=dict)
     candidates: bool = False
     unused: tuple[str, ...] = ()
+    uses: tuple[Use, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of planets, counted or not."""

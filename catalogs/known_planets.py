@@ -16,7 +16,7 @@ import functools
 import hashlib
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,9 +42,10 @@ from catalogs.known_planet_table import (
     star_key as star_key,
     table_of,
 )
-from catalogs.table_cells import Row, Rows, heading, listed, read_rows
+from catalogs.shim_tmp import host_of_planet, star_name_of
+from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
-from cpic_core import InputError, NDArray, check_flag
+from cpic_core import InputError, NDArray, check_flag, listed
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -63,11 +64,17 @@ _EDGE_ON = 0.99
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
-_NAMED = (("star",), ("planet",))
+_HOSTS = ("hip", "hd", "tic", "gaia")
+_NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
+_NAMES = (("star",), ("planet",))
+_STATUS_WORDS = {"retracted": "refuted", "unconfirmed": "candidate"}
+"""Statuses of exoplanet.eu in our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 
 
-def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = False) -> KnownPlanetTable:
+def load_known_planets(
+    source: str | Path = "snapshot", *, candidates: bool = False, strict: bool = False
+) -> KnownPlanetTable:
     """Return a table of known planets.
 
     Parameters
@@ -76,11 +83,13 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
         ``"snapshot"``: the archive's table of 2019 with the updates that are shipped; ``"archive_2019"``: without them;
         ``"latest"``: the newest table of the archive that ``cpic catalog refresh --planets`` left in the data folder,
         with the updates that are newer (`catalogs.planet_refresh.newer_updates`).
-        A CSV, ECSV, VOTable or FITS file with the columns that ``cpic catalog columns`` lists is laid over the
-        snapshot: planets of the same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table
-        of 2019, ``"none+FILE"`` takes the file alone. Headings of the NASA Exoplanet Archive are understood.
+        A table file with the columns that ``cpic catalog columns`` lists is laid over the snapshot: planets of the
+        same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table of 2019, ``"none+FILE"``
+        takes the file alone. Headings of the archives are understood.
     candidates : bool
         Count candidates like confirmed planets; otherwise they are only listed.
+    strict : bool
+        Refuse a file for the first row or cell that cannot be used, instead of leaving it out with a remark.
 
     Returns
     -------
@@ -104,28 +113,30 @@ def load_known_planets(source: str | Path = "snapshot", *, candidates: bool = Fa
     """
     check_flag("candidates", candidates)
     base, name = split_source(source)
-    table = _with_file(base, name) if name else _base(base)[1]
+    table = _with_file(base, name, strict) if name else _base(base)[1]
     return table.with_candidates() if candidates else table
 
 
-def _with_file(base: str, name: str) -> KnownPlanetTable:
+def _with_file(base: str, name: str, strict: bool) -> KnownPlanetTable:
     """Return a file laid over a shipped table."""
     file = read_bytes(name, key="known_planets", presets=PRESETS)
     raw = parse_table(file)
-    own, given = _rows_of_file(raw, own=True)
-    notes = given.notes
+    below, table = ((), None) if base == "none" else _base(base)
+    known = {_key(row) for row in below}
+    own, given = _rows_of_file(raw, own=True, strict=strict, known=known)
+    left = len({item.row for item in given.left_out if item.done == ROW_OUT})
     about = (
         f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]}{raw.shortened})"
     )
+    about += f", {left} rows left out" if left else ""
     about += f", columns not used: {listed(given.unused)}" if given.unused else ""
-    below: Sequence[Row] = ()
-    if base != "none":
-        below, table = _base(base)
+    notes = given.notes + given.told()
+    if table is not None:
         about = f"{about} over {table.provenance}"
-    rows = _laid_over(below, own, file.name)
-    if below:
         notes += (_overlay_note(below, own, file.name),)
-    return replace(_table(rows, file.name, about, notes), unused=given.unused)
+    rows = _laid_over(below, own, file.name)
+    made = _table(rows, file.name, about, notes)
+    return replace(made, unused=given.unused, uses=given.uses, left_out=tuple(given.left_out))
 
 
 def split_source(source: str | Path) -> tuple[str, str]:
@@ -290,32 +301,53 @@ def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
     )
 
 
-def _rows_of_file(raw: RawTable, *, own: bool = False) -> tuple[list[Row], Rows]:
+def _rows_of_file(
+    raw: RawTable, *, own: bool = False, strict: bool = True, known: Collection[tuple[str, str]] | None = None
+) -> tuple[list[Row], Rows]:
     """Return the rows of a file by the columns of a table, and as they were read; ``own`` for a file of the user's.
+
+    ``known`` are the planets of the table below: a row that says nothing but a status must be of one of them.
 
     Raises
     ------
     InputError
-        If a column or cell is missing or out of range, or a planet is there twice without weights.
+        If a column is missing, no row can be used or, in a strict table, a cell is missing or out of range, or a planet
+        is there twice without weights.
     """
-    with_status = any(heading(item.heading) in ("status", *COLUMNS["status"].headings) for item in raw.columns)
-    given = read_rows(raw, COLUMNS, _NAMED if with_status else (*_NAMED, *_REQUIRED), about="planet")
+    given = read_rows(raw, COLUMNS, _NAMED, about="planet", strict=strict)
+    if "status" not in given.headings:
+        given.refuse_lacking(_REQUIRED)
     if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
     _refuse_lookalikes(raw, given)
-    rows = [_user_row(row, where, given, own) for where, row in given]
-    unweighted = {_key(row) for _, row in given if "solution_weight" not in row}
-    given.refuse_twins(
+
+    def read(where: str, row: Row) -> Row:
+        _name(row)
+        return _user_row(row, where, given, own, known)
+
+    rows = given.made(read)
+    unweighted = {_key(row) for row in given.rows if "solution_weight" not in row}
+    twins = given.refuse_twins(
         lambda row: (_key(row), "" if _key(row) in unweighted else row.get("reference", "")),
         remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
     )
-    return _one_each(rows), given
+    return _one_each([row for row, new in zip(rows, twins, strict=True) if new]), given
+
+
+def _name(row: Row) -> None:
+    """Give a row, in place, the names of star and planet that other columns of it imply."""
+    host = host_of_planet(row["planet"]) if "planet" in row else None
+    if "star" not in row and (star := (host and host[0]) or star_name_of(row)):
+        row["star"] = star
+    letter = row.pop("letter", None)
+    if "planet" not in row and letter and "star" in row:
+        row["planet"] = f"{row['star']} {letter}"
 
 
 def _refuse_lookalikes(raw: RawTable, given: Rows) -> None:
     """Refuse a table that says more of an orbit or a mass than is understood: other columns would stand for it."""
     read = set(given.headings)
-    unread = [item.heading for item in raw.columns if COLUMNS.meant_by(item.heading)[0] is None]
+    unread = given.unused
     remedies = {}
     for name, (pattern, instead) in LOOKALIKES.items():
         found = [text for text in unread if re.search(pattern, heading(text)) and not re.match("st|sy", heading(text))]
@@ -326,7 +358,7 @@ def _refuse_lookalikes(raw: RawTable, given: Rows) -> None:
         raise InputError(f"{raw.name} columns", ", ".join(remedies), allowed="headings that are understood", hint=hint)
 
 
-def _user_row(given: Row, where: str, table: Rows, own: bool) -> Row:
+def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[tuple[str, str]] | None) -> Row:
     """Return one row by the columns of a table, its flags included.
 
     Raises
@@ -336,15 +368,22 @@ def _user_row(given: Row, where: str, table: Rows, own: bool) -> Row:
     """
     texts = {name: value for name, value in given.items() if isinstance(value, str)}
     if "status" in texts:
-        texts["status"] = texts["status"].lower()
+        word = texts["status"].lower()
+        texts["status"] = _STATUS_WORDS.get(word, word)
         if texts["status"] not in STATUSES:
             raise InputError(f"{where} column {table.headings['status']}", given["status"], allowed=", ".join(STATUSES))
     alone = "status" in texts and len(texts) == len(given)
-    table.refuse_missing(where, given, _NAMED if alone else (*_NAMED, *_REQUIRED))
+    table.refuse_missing(where, given, _NAMES if alone else (*_NAMES, *_REQUIRED))
+    if alone and known is not None and _key(given) not in known:
+        allowed = "an orbit, or a planet of the table below"
+        raise InputError(f"{where} column {table.headings['status']}", "a status without an orbit", allowed=allowed)
     stated = tuple(filter(None, texts.pop("flags", "").replace(" ", "").split(";")))
     for word in stated:
         if word not in FLAGS:
             raise InputError(f"{where} column flags", word, allowed=", ".join(GIVEN_FLAGS))
+    method = texts.pop("mass_method", "").lower()
+    for name in _HOSTS:
+        texts.pop(name, None)
     if alone:  # what says the status is all that the row is about
         texts.setdefault("status_reference", reference_text(texts.pop("reference", "")))
         return texts
@@ -357,8 +396,14 @@ def _user_row(given: Row, where: str, table: Rows, own: bool) -> Row:
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
     edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
-    if not edge_on and numbers.get("mass_mjup") == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
+    mass = numbers.get("mass_mjup")
+    if not edge_on and mass is not None and "inclination_deg" not in numbers and "radial" in method:
+        numbers.setdefault("msini_mjup", mass)  # velocities alone give no more
+    if not edge_on and mass == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
+        error = numbers.get("mass_err_mjup")
         numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
+        if error is not None:
+            numbers.setdefault("msini_err_mjup", error)
     numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     found += tuple(word for word in stated if word in GIVEN_FLAGS)

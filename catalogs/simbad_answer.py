@@ -157,7 +157,7 @@ def _columns(table: RawTable, columns: Columns, check: Callable[[Rows], None]) -
 
 def _raw(given: RawColumn, columns: Columns) -> RawColumn:
     """Return one column of the answer with its cells as people write them; a pure number has no unit."""
-    meant = columns.meant_by(given.heading)[0]
+    meant = columns.meant_by(given.heading).column
     cells = [None if cell == "~" else cell for cell in given.cells]
     if meant is not None and meant.name in ("ra_deg", "dec_deg") and any(map(_is_sexagesimal, cells)):
         from astropy.coordinates import Angle

@@ -5,129 +5,14 @@ Words of the column ``quality_flags``: what each means, and those that type, nam
 
 import math
 import re
-from dataclasses import replace
 
 from catalogs.spectral_types import is_composite, luminosity_class
 from catalogs.stellar_physics import is_giant
-from catalogs.table_cells import Column, Columns
+from catalogs.table_cells import Column, Columns, columns_of, synonyms_of
 
-
-def _float(name: str, unit: str, decimals: int, description: str) -> Column:
-    return Column(name, description, "float", unit, decimals=decimals)
-
-
-def _src(name: str, what: str) -> Column:
-    return Column(f"{name}_src", f"origin of {what}: measured, derived:<how>, assumed:<what> or missing")
-
-
-COLUMNS: tuple[Column, ...] = (
-    Column("name", "unique name shown to people: Bayer, Flamsteed, HD, HIP or the SIMBAD identifier"),
-    Column("simbad_id", "main identifier in the SIMBAD extract, white space normalised"),
-    Column("hip", "Hipparcos number, 0 if none; the components of a close pair share it", "int"),
-    Column("hd", "Henry Draper number, blank if not in the sources"),
-    Column("gj", "Gliese-Jahreiss number, blank if not in the sources"),
-    Column("bayer", "Bayer designation in SIMBAD's spelling, blank if none"),
-    Column("flamsteed", "Flamsteed designation, blank if none"),
-    Column("common_name", "proper name, blank if none"),
-    Column("component", "component letter within its system, blank if the source gives none"),
-    _src("component", "the component letter"),
-    _float("ra_deg", "deg", 7, "right ascension, ICRS, at epoch_yr"),
-    _float("dec_deg", "deg", 7, "declination, ICRS, at epoch_yr"),
-    _float("epoch_yr", "yr", 1, "Julian epoch of the position"),
-    _float("pm_ra_mas_yr", "mas/yr", 2, "proper motion in right ascension, with the factor cos(dec)"),
-    _float("pm_dec_mas_yr", "mas/yr", 2, "proper motion in declination"),
-    _src("pm", "the proper motion"),
-    _float("parallax_mas", "mas", 2, "adopted parallax; bound pairs share the better one"),
-    _float("parallax_err_mas", "mas", 2, "its standard error"),
-    _src("parallax", "the adopted parallax; shared:<name> when it is a companion's"),
-    _src("parallax_err", "its standard error"),
-    _float("parallax_own_mas", "mas", 2, "the star's own parallax in the SIMBAD extract"),
-    _float("distance_pc", "pc", 4, "1000 / parallax_mas"),
-    _src("distance_pc", "the distance"),
-    _float("rv_km_s", "km/s", 2, "radial velocity, positive when receding"),
-    _src("rv_km_s", "the radial velocity"),
-    _float("v_mag", "mag", 3, "Johnson V"),
-    _src("v_mag", "the V magnitude"),
-    _float("b_v_mag", "mag", 3, "Johnson B-V"),
-    _src("b_v_mag", "the colour"),
-    Column("sp_type", "spectral type of the SIMBAD extract, white space normalised"),
-    Column("spectral_class", "first letter of sp_type: F, G or K"),
-    Column("luminosity_class", "V, IV-V, IV, III-IV, III, II or I read from sp_type, blank if it has none"),
-    _float("teff_k", "K", 0, "effective temperature"),
-    _src("teff_k", "the temperature"),
-    _float("log_g", "dex(cm/s2)", 2, "surface gravity"),
-    _src("log_g", "the gravity"),
-    _float("metallicity", "dex", 2, "[Fe/H]"),
-    _src("metallicity", "the metallicity"),
-    _float("luminosity_lsun", "Lsun", 4, "bolometric luminosity at distance_pc"),
-    _src("luminosity_lsun", "the luminosity"),
-    _float("radius_rsun", "Rsun", 3, "radius from luminosity_lsun and teff_k"),
-    _src("radius_rsun", "the radius"),
-    _float("mass_msun", "Msun", 3, "mass"),
-    _src("mass_msun", "the mass"),
-    _float("ecliptic_lon_deg", "deg", 5, "ecliptic longitude, mean ecliptic and equinox J2000"),
-    _float("ecliptic_lat_deg", "deg", 5, "ecliptic latitude, mean ecliptic and equinox J2000"),
-    _src("ecliptic", "the ecliptic coordinates"),
-    Column("close_companion", "1 if the SIMBAD extract flags a close companion (BINARY_CUT), else 0", "bool"),
-    Column("companion_name", "the companion with the largest flux over squared separation, blank if none known"),
-    _float("companion_sep_arcsec", "arcsec", 2, "its separation"),
-    _float("companion_pa_deg", "deg", 1, "its position angle, east of north, as seen from this star"),
-    _float("companion_epoch_yr", "yr", 2, "epoch of separation and position angle; orbital motion is not modelled"),
-    _float("companion_delta_v_mag", "mag", 2, "companion V minus this star's V"),
-    _src("companion", "the companion's name and separation; missing where none is known"),
-    _src("companion_pa", "the companion's position angle and epoch"),
-    _src("companion_delta_v", "the magnitude difference"),
-    Column("quality_flags", "words joined by ';', see the list in stars_columns.json"),
-)
-
-_BY_NAME = {column.name: column for column in COLUMNS}
-
-
-BRIGHTEST_V_MAG = -1.5
-"""V that no star is brighter than, mag: Sirius has -1.46."""
-
-
-def _given(name: str, aliases: str = "", low: float = 0.0, high: float = 0.0) -> Column:
-    """Return a column as a user's own table may give it: what people call it, and the range that is believed."""
-    return replace(_BY_NAME[name], aliases=aliases, low=low, high=high, fills=True)
-
-
-PAIRS = (("ra_deg", "dec_deg"), ("pm_ra_mas_yr", "pm_dec_mas_yr"))
-"""Columns of which a table has both or neither."""
-QUANTITIES = Columns(
-    _given("name", "star starname target targetname object objectname mainid identifier designation hostname"),
-    _given("hip", "hipnumber hipno hipname", 1.0, 120404.0),
-    _given("hd", "hdnumber hdname"),
-    _given("gj", "gjnumber gjname"),
-    _given("bayer"),
-    _given("flamsteed"),
-    _given("common_name", "propername"),
-    _given("simbad_id"),
-    _given("ra_deg", "ra raj2000 raicrs rightascension radegrees RAd", 0.0, 360.0),
-    _given(
-        "dec_deg", "dec de decj2000 dej2000 decicrs deicrs declination dedeg decdegrees dedegrees decd", -90.0, 90.0
-    ),
-    _given("pm_ra_mas_yr", "pmra pmracosdec sypmra", -11000.0, 11000.0),
-    _given("pm_dec_mas_yr", "pmdec pmde sypmdec", -11000.0, 11000.0),
-    _given("rv_km_s", "rv radvel radialvelocity rvzradvel strv rvvalue", -900.0, 900.0),
-    _given("parallax_mas", "parallax plx plxvalue syplx", 0.01, 1000.0),
-    _given("parallax_err_mas", "parallaxerr parallaxerror plxerr plxerror eplx", 1e-6, 1e5),
-    _given("distance_pc", "distance dist d dpc distpc sydist", 1.0, 1e5),
-    _given("v_mag", "v magv vmagnitude johnsonv fluxv syvmag vj", BRIGHTEST_V_MAG, 25.0),
-    _given("b_v_mag", "bv bminusv colorbv colourbv", -0.5, 5.0),
-    _given("sp_type", "spt sp spectraltype spectype stspectype mktype"),
-    _given("teff_k", "teff effectivetemperature temperature stteff teffgspphot", 2000.0, 50000.0),
-    _given("log_g", "loggcgs surfacegravity stlogg", -0.9, 7.0),
-    _given("metallicity", "feh mh stmet stmetfe met", -5.0, 1.5),
-    _given("luminosity_lsun", "luminosity lum lbol lumlsun lbollsun", 1e-6, 1e7),
-    _given("close_companion", "binary isbinary"),
-    _given("companion_name", "companion"),
-    _given("companion_sep_arcsec", "companionsep companionseparation companionseparationarcsec", 0.001, 36000.0),
-    _given("companion_pa_deg", "companionpa", -360.0, 720.0),
-    _given("companion_epoch_yr", "companionepoch", 1600.0, 2200.0),
-    _given("companion_delta_v_mag", "companiondeltav companiondeltamag companiondmag", -30.0, 30.0),
-    Column("companion_v_mag", "V of the companion", "float", "mag", "companionv", BRIGHTEST_V_MAG, 40.0, fills=True),
-)
+COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
+"""Columns of a star table, in the order of the shipped file."""
+QUANTITIES = Columns(*columns_of("stars", only="own"), synonyms=lambda: synonyms_of("stars"))
 """Every column that a user's table may give, by its name."""
 
 

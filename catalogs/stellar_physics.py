@@ -371,6 +371,24 @@ def place_columns(
     }
 
 
+GAIA_V_SOURCE = "derived:Gaia G and BP-RP (Riello et al. 2021)"
+"""Origin of a V magnitude that `v_of_gaia` gives."""
+
+
+def v_of_gaia(g_mag: float, bp_rp_mag: float) -> float:
+    """Return Johnson V from Gaia's magnitudes, with a scatter of 0.03 mag.
+
+    Riello et al. 2021, A&A 649, A3, table C.2: ``G - V = -0.02704 + 0.01424 x - 0.2156 x^2 + 0.01426 x^3``.
+
+    Parameters
+    ----------
+    g_mag, bp_rp_mag : float
+        Gaia EDR3 (DR3) G, and x = BP - RP, -0.5 to 5 mag.
+    """
+    x = bp_rp_mag
+    return g_mag + 0.02704 - x * (0.01424 - x * (0.2156 - x * 0.01426))
+
+
 def light_columns(v_mag: float, b_v_mag: float, sp_type: str, src: str) -> dict[str, object]:
     """Return the columns of magnitude, colour and type.
 

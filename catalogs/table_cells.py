@@ -1,16 +1,55 @@
-"""A column of a table: its name and unit, what else people call it, and the range of values that is believed.
+"""Meaning of a table: which column is which quantity, in which unit, and which of its rows can be used.
 
-The one reader of users' tables: which column is which, cells in their unit and range, and what a row must have.
+What a file's headings mean stands in one table of synonyms, ``data/headings.csv``; names, units and believed ranges of
+our own columns stand in ``data/columns.csv``. A row that cannot be used is left out with its reason, or refused where
+the caller is strict; a cell that cannot be meant is left out of its row likewise.
 """
 
+import csv
+import functools
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
+
+from catalogs.shim_tmp import written_unit
 from catalogs.table_files import RawColumn, RawTable
-from cpic_core import InputError
+from cpic_core import InputError, NDArray, listed
+
+_DATA = Path(__file__).resolve().parent / "data"
+_T = TypeVar("_T")
+
+
+class Synonym(NamedTuple):
+    """What one source calls a quantity.
+
+    ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
+    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none.
+    """
+
+    heading: str
+    unit: str = ""
+    convention: str = ""
+    source: str = ""
+
+
+CONVENTIONS: dict[str, str] = {
+    "error_upper": "upper error; with the lower one their mean counts",
+    "error_lower": "lower error; with the upper one their mean counts",
+    "log10": "logarithm to base 10",
+    "jd-2400000": "Julian date less 2 400 000",
+    "jd-2450000": "Julian date less 2 450 000",
+    "mjd": "modified Julian date",
+    "planet_omega": "argument of periastron of the planet's own orbit, 180 deg from the star's",
+    "limit": "1 or -1 where the value is a limit: then it is no value",
+}
+"""What a source means by a number, beyond its unit."""
+_SHIFTS = {"jd-2400000": 2400000.0, "jd-2450000": 2450000.0, "mjd": 2400000.5, "planet_omega": -180.0}
 
 
 @dataclass(frozen=True)
@@ -36,6 +75,8 @@ class Column:
         Digits that a shipped table has after the point.
     fills : bool
         Whether a number such as 9999 or -99.99 stands for a missing one.
+    vital : bool
+        Whether a row of which this cell is given and cannot be meant is of no use: elements of one orbit stand together.
     """
 
     name: str
@@ -47,6 +88,7 @@ class Column:
     high: float = 0.0
     decimals: int = 0
     fills: bool = False
+    vital: bool = False
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -86,24 +128,55 @@ def _plain(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]", "", text) + ("sign" if re.search(r"[-+]\s*$", text) else "")
 
 
+class Meaning(NamedTuple):
+    """What a heading means: a column, the unit that it names or its source implies, and the source's convention."""
+
+    column: Column | None
+    unit: str = ""
+    convention: str = ""
+    rank: int = 0
+
+
 class Columns(dict[str, Column]):
     """The columns that a table may have, by name.
 
     Parameters
     ----------
     *columns : Column
+    synonyms : callable, optional
+        Returns the synonyms of each column by its name, those that are preferred first; asked once.
     cased : mapping of str to str, optional
         Headings as reduced by `catalogs.table_cells.heading` that mean something else with a capital letter, and the
         names of the columns that may be meant.
     """
 
-    def __init__(self, *columns: Column, cased: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        *columns: Column,
+        synonyms: Callable[[], Mapping[str, Sequence[Synonym]]] = dict,
+        cased: Mapping[str, str] | None = None,
+    ) -> None:
         super().__init__((column.name, column) for column in columns)
-        self._by_heading = {form: item for item in self.values() for form in (heading(item.name), *item.headings)}
-        self._cased = cased or {}
+        self._synonyms, self._cased = synonyms, cased or {}
 
-    def meant_by(self, text: str) -> tuple[Column | None, str]:
-        """Return the column that a heading means and the unit written in it (``plx [mas]``), None if unknown.
+    @functools.cached_property
+    def by_heading(self) -> Mapping[str, Meaning]:
+        """What each heading means, as it is reduced; a column's own name before all others."""
+        found = {heading(name): Meaning(column) for name, column in self.items()}
+        for column in self.values():
+            for form in column.headings:
+                found.setdefault(form, Meaning(column, rank=1))
+        for name, forms in self._synonyms().items():
+            for rank, form in enumerate(forms, start=1):
+                found.setdefault(form.heading, Meaning(self[name], form.unit, form.convention, rank))
+        return found
+
+    def synonyms_of(self, name: str) -> Sequence[Synonym]:
+        """Return what else people call a column, and whose word each is."""
+        return [*map(Synonym, self[name].headings), *self._synonyms().get(name, ())]
+
+    def meant_by(self, text: str) -> Meaning:
+        """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
 
         Raises
         ------
@@ -111,18 +184,64 @@ class Columns(dict[str, Column]):
             For a heading whose capitals leave open what it means (``OMEGA``).
         """
         if item := self._known(text):
-            return item, ""
-        if found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text):
-            return self._known(found[1]), found[2].strip()
-        return None, ""
+            return item
+        if (found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)) and (item := self._known(found[1])):
+            return item._replace(unit=found[2].strip())
+        return Meaning(None)
 
-    def _known(self, text: str) -> Column | None:
+    def _known(self, text: str) -> Meaning | None:
         form = _plain(text)
         if (names := self._cased.get(form.lower())) is None:
-            return self._by_heading.get(form, self._by_heading.get(form.lower()))
-        if form[1:2].isupper() or (item := self._by_heading.get(form[0] + form[1:].lower())) is None:
+            return self.by_heading.get(form, self.by_heading.get(form.lower()))
+        if form[1:2].isupper() or (item := self.by_heading.get(form[0] + form[1:].lower())) is None:
             raise InputError(f"column {text}", "more than one meaning", allowed=names, hint="name it as it is meant")
         return item
+
+
+def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column, ...]:
+    """Return the columns of a kind of table, in the order of ``data/columns.csv``.
+
+    Parameters
+    ----------
+    table : {"stars", "planets"}
+    only, without : str
+        A word of the column ``rules`` that they have, or do not have: ``own`` for what a user's table may give,
+        ``not_shipped`` and ``input`` for what only such a table has.
+    """
+    found = []
+    for row in _rules():
+        rules = row["rules"].split()
+        if row["table"] == table and (not only or only in rules) and without not in rules:
+            low, high = (float(row[end] or math.nan) for end in ("low", "high"))
+            texts = {key: row[key] for key in ("name", "description", "kind", "unit")}
+            flags = {word: word in rules for word in ("fills", "vital")}
+            found.append(Column(**texts, low=low, high=high, decimals=int(row["decimals"] or 0), **flags))
+    return tuple(found)
+
+
+@functools.cache
+def _rules() -> list[dict[str, str]]:
+    with (_DATA / "columns.csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@functools.cache
+def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
+    """Return the synonyms of the quantities of a kind of table, as ``data/headings.csv`` has them, in its order.
+
+    Parameters
+    ----------
+    table : {"stars", "planets"}
+    """
+    found: dict[str, list[Synonym]] = {}
+    with (_DATA / "headings.csv").open(encoding="utf-8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            if row["table"] == table:
+                forms = row["headings"].split()
+                found.setdefault(row["quantity"], []).extend(
+                    Synonym(form, row["unit"], row["convention"], row["source"]) for form in forms
+                )
+    return found
 
 
 Row = dict[str, Any]
@@ -130,12 +249,70 @@ Row = dict[str, Any]
 Groups = Sequence[Sequence[str]]
 """Names of columns; of each group a table, or a row, must have one."""
 
+DEFAULT_ROW = "default_row"
+"""Column that is 0 in rows that say again, with other numbers, what another row says: archives' other solutions."""
 _YES, _NO = ("1", "1.0", "true", "t", "yes", "y"), ("0", "0.0", "false", "f", "no", "n")
-_HOURS = ("h", "hour", "hours", "hourangle")
-_PLURALS = {"days": "d", "degrees": "deg", "years": "yr", "hours": "h"}
 _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
 _SHOWN = 40
 _MANY = 12
+_ALTERNATIVES = 4
+_SAME = 1e-4
+"""Two columns of one quantity that are closer than this part of it, or of 1, say the same."""
+_FILL = "it stands for a missing number"
+ROW_OUT, CELL_OUT = "row left out", "taken as missing"
+"""What becomes of what cannot be used."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A row of a file that was not used, or a cell that was taken as missing, and why.
+
+    Parameters
+    ----------
+    row : int
+        Number of the row below the heading, from 1.
+    name : str
+        What the row is about; ``""`` if it does not say.
+    column : str
+        Heading of the file, or several joined by " or ".
+    value : str
+        What stands there.
+    why : str
+        What may stand there, or what is wrong.
+    done : {"row left out", "taken as missing"}
+    """
+
+    row: int
+    name: str
+    column: str
+    value: str
+    why: str
+    done: str
+
+
+@dataclass(frozen=True)
+class Use:
+    """What one column of a file is taken for.
+
+    Parameters
+    ----------
+    heading : str
+        As the file has it.
+    quantity : str
+        Name of our column; ``""`` if the column is not used.
+    unit : str
+        Its unit: that of the file, or in brackets the one that is assumed.
+    convention : str
+        A word of `CONVENTIONS`, or ``""``.
+    why : str
+        Why it is not used; ``""`` if it is.
+    """
+
+    heading: str
+    quantity: str
+    unit: str = ""
+    convention: str = ""
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -151,12 +328,21 @@ class Rows:
     headings : dict of str to str
         What the file calls each column that it has.
     rows : list of Row
+        Those that can be used.
     about : str
         Name of the column that says what a row is about.
     notes : tuple of str
         Remarks on the reading.
     unused : tuple of str
         Headings of the file that were not used.
+    numbers : list of int
+        Number of each row in the file, from 1.
+    uses : tuple of Use
+        What each column of the file is taken for.
+    left_out : list of LeftOut
+        Rows and cells that were not used.
+    strict : bool
+        Whether the first thing that cannot be used refuses the table.
     """
 
     label: str
@@ -166,11 +352,93 @@ class Rows:
     about: str
     notes: tuple[str, ...]
     unused: tuple[str, ...] = ()
+    numbers: list[int] = field(default_factory=list)
+    uses: tuple[Use, ...] = ()
+    left_out: list[LeftOut] = field(default_factory=list)
+    strict: bool = True
 
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
-        for number, row in enumerate(self.rows, start=1):
-            yield f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
+        for number, row in zip(self.numbers, self.rows, strict=True):
+            yield self._where(number, row), row
+
+    def _where(self, number: int, row: Row) -> str:
+        return f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else "")
+
+    def made(self, make: Callable[[str, Row], _T]) -> list[_T]:
+        """Return what is made of each row, and keep the rows of which something can be made.
+
+        Parameters
+        ----------
+        make : callable
+            Takes the words by which messages name a row, and the row; raises InputError if it cannot be used.
+
+        Raises
+        ------
+        InputError
+            Where the table is strict, or no row is left: for the first such row.
+        """
+        found: list[_T] = []
+        kept: list[tuple[int, Row]] = []
+        first: InputError | None = None
+        for number, row in zip(self.numbers, self.rows, strict=True):
+            try:
+                found.append(make(self._where(number, row), row))
+                kept.append((number, row))
+            except InputError as error:
+                if self.strict:
+                    raise
+                first = first or error
+                self.left_out.append(_of_error(error, number, str(row.get(self.about, ""))))
+        if first is not None and not found:
+            raise first
+        self.numbers[:] = [number for number, _ in kept]
+        self.rows[:] = [row for _, row in kept]
+        return found
+
+    def told(self) -> tuple[str, ...]:
+        """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
+        return tuple(filter(None, (self._told(ROW_OUT), self._told(CELL_OUT))))
+
+    def _told(self, done: str) -> str:
+        items = [item for item in self.left_out if item.done == done]
+        counts = Counter((item.column, item.why) for item in items)
+        rows = len({item.row for item in items})
+        if not items:
+            return ""
+        reasons = []
+        for (column, why), count in counts.most_common():
+            first = next(item for item in items if (item.column, item.why) == (column, why))
+            name = f" ({first.name})" if first.name else ""
+            reasons.append(f"{count} by {column}, {why} (first: row {first.row}{name}, {first.value})")
+        what = f"{rows} row{'s' * (rows != 1)} left out" if done == ROW_OUT else f"{len(items)} cells taken as missing"
+        return f"{self.label}: {what}: {'; '.join(reasons[:_MANY])}" + (
+            f"; and {len(reasons) - _MANY} more reasons" if reasons[_MANY:] else ""
+        )
+
+    def refuse_lacking(self, groups: Groups) -> None:
+        """Refuse a table that has no column of one of the groups.
+
+        Parameters
+        ----------
+        groups : sequence of sequence of str
+
+        Raises
+        ------
+        InputError
+            Naming the columns, what they may be called, and what the file has.
+        """
+        lacking = [group for group in groups if not any(name in self.headings for name in group)]
+        if lacking:
+            needed = [name for group in lacking for name in group[:_ALTERNATIVES]]
+            called = {name: ", ".join(item.heading for item in self.columns.synonyms_of(name)[:6]) for name in needed}
+            forms = "; ".join(f"{name} ({called[name]}, ...)" for name in needed)
+            wanted = ", ".join(" or ".join(group[:_ALTERNATIVES]) for group in lacking)
+            # With one known column or none it may be any file at all, and is not quoted.
+            names = f": {listed([use.heading for use in self.uses])}"
+            hint = f"the file has{names if len(self.headings) > 1 else f' {len(self.uses)} columns'}"
+            odd = [f"{use.heading} has a {use.why}" for use in self.uses if use.why.startswith("unit")]
+            raise InputError(f"{self.label} column {wanted}", "missing", allowed=forms, hint="; ".join((*odd, hint)))
 
     def refuse_missing(self, where: str, row: Row, groups: Groups) -> None:
         """Refuse a row that has nothing of one of the groups.
@@ -189,13 +457,15 @@ class Rows:
         """
         for names in groups:
             if not any(name in row for name in names):
-                own = [name for name in names if name in self.headings] or list(names)
+                own = [name for name in names if name in self.headings] or list(names[:_ALTERNATIVES])
                 allowed = " or ".join(_WORDS.get(name) or self.columns[name].allowed for name in own)
                 column = " or ".join(self.headings.get(name, name) for name in own)
                 raise InputError(f"{where} column {column}", "missing", allowed=allowed)
 
-    def refuse_twins(self, key: Callable[[Row], Hashable], *, remedy: str = "") -> None:
-        """Refuse a table in which two rows are about one thing.
+    def refuse_twins(self, key: Callable[[Row], Hashable], *, remedy: str = "") -> list[bool]:
+        """Refuse rows that are about what an earlier row is about: they are left out, or the table is refused.
+
+        Returns, for each row that there was before, whether it stays.
 
         Parameters
         ----------
@@ -207,18 +477,41 @@ class Rows:
         Raises
         ------
         InputError
-            Naming both rows.
+            Where the table is strict: naming both rows.
         """
         first: dict[Hashable, int] = {}
-        for number, (where, row) in enumerate(self, start=1):
-            before = first.setdefault(key(row), number)
-            if before != number:
-                hint = "; ".join(filter(None, (f"rows {before} and {number} are of one name", remedy)))
-                allowed = f"every {self.about} once"
-                raise InputError(f"{where} column {self.about}", row[self.about], allowed=allowed, hint=hint)
+        before, numbers = list(self.numbers), iter(list(self.numbers))
+
+        def new(where: str, row: Row) -> None:
+            number = next(numbers)
+            if (earlier := first.setdefault(key(row), number)) != number:
+                hint = "; ".join(filter(None, (f"rows {earlier} and {number} are of one name", remedy)))
+                column = self.headings.get(self.about, self.about)
+                raise InputError(
+                    f"{where} column {column}", row[self.about], allowed=f"every {self.about} once", hint=hint
+                )
+
+        self.made(new)
+        kept = set(self.numbers)
+        return [number in kept for number in before]
 
 
-def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) -> Rows:
+def _of_error(error: InputError, number: int, name: str) -> LeftOut:
+    """Return what a refused row is on the list."""
+    column = error.key.rpartition(" column ")[2]
+    hint = re.sub(r"^rows \d+ and \d+ are of one name(; )?", "", error.hint)
+    why = "; ".join(filter(None, (f"allowed: {error.allowed}" if error.allowed else "", hint)))
+    return LeftOut(number, name, column, str(error.value)[:_SHOWN], why, ROW_OUT)
+
+
+def read_rows(
+    raw: RawTable,
+    columns: Columns,
+    required: Groups,
+    *,
+    about: str,
+    strict: bool = True,
+) -> Rows:
     """Return the rows of a table, every cell in the unit of its column and checked.
 
     Parameters
@@ -231,6 +524,9 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) 
         Of each of these groups the table must have a column.
     about : str
         Name of the column that says what a row is about.
+    strict : bool
+        Refuse the table for the first cell that is not accepted; else it is taken as missing, or its row is left out
+        where the column is vital, and `Rows.left_out` says so. Rows with 0 in `DEFAULT_ROW` are never read.
 
     Raises
     ------
@@ -238,92 +534,179 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) 
         Naming file, row, column, value, unit and range: a required column is missing, two columns claim to be one, a
         unit is not understood, or a cell is not what its column holds.
     """
-    chosen, unused = _chosen(raw, columns, required)
-    said = f"{raw.name}: columns not used: {listed(unused)}"
-    notes = raw.notes + ((said,) if unused else ())
-    names = chosen[about].cells if about in chosen else [None] * len(raw)
-    cells = {name: _read(raw.name, columns[name], column, names) for name, column in chosen.items()}
-    rows = [{name: values[i] for name, values in cells.items() if values[i] is not None} for i in range(len(raw))]
-    headings = {name: column.heading for name, column in chosen.items()}
-    return Rows(raw.name, columns, headings, rows, about, notes, unused)
+    chosen, uses = _chosen(raw, columns, strict)
+    unused = tuple(use.heading for use in uses if not use.quantity)
+    notes = raw.notes + ((f"{raw.name}: columns not used: {listed(unused)}",) if unused else ())
+    headings = {name: found[0][0].heading for name, found in chosen.items()}
+    given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
+    given.refuse_lacking(required)
+    reading = _Reading(raw, strict, given.left_out)
+    values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
+    reading.names = values.get(about, reading.names)
+    values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
+    other = {i for i, cell in enumerate(values.pop(DEFAULT_ROW, ()), start=1) if cell == 0.0}
+    if other:
+        reading.notes.append(f"{raw.name}: {len(other)} rows are not the default solution of a planet: not read")
+        given.left_out[:] = [item for item in given.left_out if item.row not in other]
+    lost = other | {item.row for item in given.left_out if item.done == ROW_OUT}
+    given.numbers[:] = [number for number in range(1, len(raw) + 1) if number not in lost]
+    order = list(values)
+    cells = list(zip(*values.values(), strict=True)) if values else [()] * len(raw)
+    given.rows[:] = [
+        {name: cell for name, cell in zip(order, cells[number - 1], strict=True) if cell is not None}
+        for number in given.numbers
+    ]
+    return replace(given, notes=notes + tuple(reading.notes))
 
 
-def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
-    """Return the column of the file for each of ours, and the headings of the others."""
-    candidates: dict[str, list[RawColumn]] = {}
-    ignored = []
+_Chosen = dict[str, list[tuple[RawColumn, Meaning]]]
+
+
+def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tuple[Use, ...]]:
+    """Return the columns of the file for each of ours, those that are preferred first; and what each is taken for."""
+    found: _Chosen = {}
+    uses: list[Use] = []
+    exact = {column.heading for column in raw.columns} & set(columns)
     for column in raw.columns:
         try:
-            meant, unit = columns.meant_by(column.heading)
+            meant = columns.meant_by(column.heading)
         except InputError as error:
             raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
-        if meant is None:
-            ignored.append(column.heading or "(no heading)")
+        own = RawColumn(column.heading, column.unit or meant.unit, _arr(column.cells))
+        unused = Use(column.heading or "(no heading)", "", own.unit)
+        if meant.column is None:
+            uses.append(replace(unused, why="not known"))
+        elif (name := meant.column.name) in exact and column.heading != name:
+            uses.append(replace(unused, why=f"{name} is read"))
+        elif (problem := _unit_problem(raw.name, meant.column, own)) is not None:
+            if strict:
+                raise problem
+            uses.append(replace(unused, why=f"unit not understood, {problem.allowed}"))
         else:
-            own = RawColumn(column.heading, column.unit or unit, column.cells)
-            candidates.setdefault(meant.name, []).append(own)
-    chosen = {}
-    for name, found in candidates.items():
-        exact = [column for column in found if column.heading == name]
-        if len(found) > 1 and len(exact) != 1:
-            both = " and ".join(column.heading for column in found)
+            unit = own.unit if column.unit else f"[{own.unit or meant.column.unit}]" if meant.column.unit else ""
+            uses.append(Use(column.heading, name, unit, meant.convention))
+            found.setdefault(name, []).append((own, meant))
+    for name, several in found.items():
+        several.sort(key=lambda item: item[1].rank)
+        if strict and len(several) > 1 and several[0][1].convention == several[1][1].convention:
+            both = " and ".join(use.heading for use in uses if use.quantity == name)
             raise InputError(f"{raw.name} columns", both, allowed=f"one column for {name}", hint=f"name it {name}")
-        chosen[name] = exact[0] if exact else found[0]
-        ignored += [column.heading for column in found if column is not chosen[name]]
-    lacking = [group for group in required if not any(name in chosen for name in group)]
-    if lacking:
-        needed = [name for group in lacking for name in group]
-        forms = "; ".join(f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for name in needed)
-        wanted = ", ".join(" or ".join(group) for group in lacking)
-        # With one known column or none it may be any file at all, and is not quoted.
-        names = f": {listed([column.heading for column in raw.columns])}"
-        hint = f"the file has{names if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
-        raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=hint)
-    return chosen, tuple(ignored)
+    return found, tuple(uses)
 
 
-def listed(words: Sequence[str]) -> str:
-    """Return words with commas, and how many more there are than can be read."""
-    return ", ".join(words[:_MANY]) + (f" and {len(words) - _MANY} more" if words[_MANY:] else "")
+class _Reading:
+    """The cells of a file's columns, in the units of ours and checked; what is not accepted goes on a list."""
+
+    def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
+        self.raw, self.strict, self.left = raw, strict, left
+        self.names: list[Any] = [None] * len(raw)
+        self.notes: list[str] = []
+
+    def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
+        """Return the cells of one column of ours: errors of both sides as their mean, gaps of one from the next."""
+        limits = [given for given, meant in found if meant.convention == "limit"]
+        read = [(self.read(column, *item), item) for item in found if item[1].convention != "limit"]
+        if not read:
+            return [None] * len(self.raw)
+        sides = [values for values, (_, meant) in read if meant.convention.startswith("error_")]
+        if len(sides) > 1 and len(sides) == len(read):
+            pairs = [[abs(value) for value in pair if value] for pair in zip(*sides, strict=True)]
+            return [sum(pair) / len(pair) if pair else None for pair in pairs]
+        values, (first, _) = read[0]
+        for others, (given, _) in read[1:]:
+            odd = sum(map(_differ, values, others)) if column.kind != "text" else 0
+            if odd:
+                what = f"{column.name} is that of {first.heading}, from which {given.heading} differs in {odd} rows"
+                self.notes.append(f"{self.raw.name}: {what}")
+            values = [other if value is None else value for value, other in zip(values, others, strict=True)]
+        for given in limits:
+            flags, _ = _numbers(np.ma.filled(np.ma.asarray(given.cells, object), 0))
+            values = [None if flag else value for value, flag in zip(values, flags.tolist(), strict=True)]
+        return values
+
+    def read(self, column: Column, given: RawColumn, meant: Meaning) -> list[Any]:
+        """Return the cells of one column of the file; None where missing."""
+        cells = np.ma.getdata(given.cells)
+        there = np.flatnonzero(~np.ma.getmaskarray(given.cells))
+        fills = np.zeros(len(there), bool)
+        if column.kind in ("float", "whole"):
+            numbers, good = _numbers(cells[there])
+            if column.fills:
+                fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
+            numbers = _converter(self.raw.name, column, given)(numbers) + _SHIFTS.get(meant.convention, 0.0)
+            if meant.convention == "log10":
+                numbers = 10.0**numbers
+            elif meant.convention.startswith("error_"):
+                numbers = np.abs(numbers)
+            with np.errstate(invalid="ignore"):
+                good &= (numbers >= column.low) & (numbers <= column.high) & ~fills
+                if column.kind == "whole":
+                    good &= numbers % 1 == 0
+            found: list[Any] = numbers.tolist()
+        else:
+            found = [_understood(column.kind, cell) for cell in cells[there].tolist()]
+            good = np.array([cell is not NotImplemented for cell in found], bool)
+        values: list[Any] = [None] * len(cells)
+        for place, value in zip(there[good].tolist(), np.array(found, object)[good].tolist(), strict=True):
+            values[place] = value
+        for place, fill in zip(there[~good].tolist(), fills[~good].tolist(), strict=True):
+            self._leave_out(column, given, place, fill=fill)
+        return values
+
+    def _leave_out(self, column: Column, given: RawColumn, place: int, *, fill: bool) -> None:
+        """Put a cell that is not accepted on the list; refuse it where the table is strict."""
+        cell, name = given.cells[place], self.names[place]
+        unit = (given.unit or column.unit) if column.kind in ("float", "whole") else ""
+        hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
+        if self.strict:
+            who = "" if name is None else f" ({name})"
+            key = f"{self.raw.name} row {place + 1}{who} column {given.heading}"
+            hint += ": leave the cell empty" if fill else ""
+            raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
+        why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
+        done = ROW_OUT if column.vital and not fill else CELL_OUT
+        self.left.append(LeftOut(place + 1, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
-def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) -> list[Any]:
-    """Return the cells in the unit of the column, checked; None where missing."""
-    number = column.kind in ("float", "whole")
-    convert = _converter(label, column, given) if number else None
-    values = []
-    for i, cell in enumerate(given.cells):
-        fill = False
-        try:
-            value = None if cell is None else _READERS[column.kind](cell)
-            if value is not None and convert is not None:
-                if fill := column.is_fill(value):
-                    raise ValueError
-                value = convert(value)
-                if not column.low <= value <= column.high or (column.kind == "whole" and value % 1):
-                    raise ValueError
-        except (ValueError, OverflowError):
-            who = "" if names[i] is None else f" ({names[i]})"
-            key = f"{label} row {i + 1}{who} column {given.heading}"
-            unit = (given.unit or column.unit) if number else ""
-            hint = "write a decimal point" if isinstance(cell, str) and "," in cell else ""
-            hint = "it stands for a missing number: leave the cell empty" if fill else hint
-            raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint) from None
-        values.append(value)
-    return values
+def _differ(one: Any, other: Any) -> bool:
+    """Tell whether two cells say different things."""
+    if one is None or other is None or isinstance(one, bool) or isinstance(other, bool):
+        return one is not None and other is not None and one != other
+    return bool(abs(one - other) > _SAME * max(1.0, abs(one), abs(other)))
+
+
+def _understood(kind: str, cell: Any) -> Any:
+    """Return a cell that is no number, NotImplemented if it is not accepted."""
+    try:
+        return _READERS[kind](cell)
+    except (ValueError, OverflowError):
+        return NotImplemented
+
+
+def _numbers(cells: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return cells as numbers, and which of them are: Python reads 1_000, people do not, and yes is no number."""
+    if cells.dtype.kind in "fiu":
+        numbers = cells.astype(np.float64)
+        return numbers, np.isfinite(numbers)
+    if cells.dtype.kind == "b":
+        return np.full(len(cells), np.nan), np.zeros(len(cells), bool)
+    try:
+        numbers = cells.astype(np.float64)
+    except (ValueError, TypeError):
+        numbers = np.array([_number(cell) for cell in cells.tolist()], np.float64)
+    odd = np.array([isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) for cell in cells.tolist()], bool)
+    return numbers, np.isfinite(numbers) & ~odd
+
+
+def _number(cell: Any) -> float:
+    try:
+        return float(cell)
+    except (ValueError, TypeError, OverflowError):
+        return math.nan
 
 
 def _text(cell: Any) -> str | None:
     return " ".join(str(cell).split()) or None
-
-
-def _number(cell: Any) -> float:
-    if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):  # Python reads 1_000, people do not
-        raise ValueError
-    value = float(cell)
-    if not math.isfinite(value):
-        raise ValueError
-    return value
 
 
 def _flag(cell: Any) -> bool:
@@ -340,36 +723,56 @@ def _hip(cell: Any) -> int | None:
     return int(found[1]) or None
 
 
-_READERS: dict[str, Callable[[Any], Any]] = {
-    "text": _text,
-    "bool": _flag,
-    "int": _hip,
-    "float": _number,
-    "whole": _number,
-}
+_READERS: dict[str, Callable[[Any], Any]] = {"text": _text, "bool": _flag, "int": _hip}
 
 
-def _converter(label: str, column: Column, given: RawColumn) -> Callable[[float], float]:
-    """Return the conversion from the unit of the file, the identity where it names none or the same."""
+def _unit_problem(label: str, column: Column, given: RawColumn) -> InputError | None:
+    """Return why the unit of a column of the file is not understood, None if it is."""
+    try:
+        if column.kind in ("float", "whole"):
+            _converter(label, column, given)
+    except InputError as error:
+        return error
+    return None
+
+
+def _converter(label: str, column: Column, given: RawColumn) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the conversion from the unit of the file, the identity where it names none or the same.
+
+    Raises
+    ------
+    InputError
+        For a unit that is none of the column's.
+    """
     if given.unit.replace(" ", "") in ("", column.unit.replace(" ", ""), "---", "-", "none"):
-        return float
+        return lambda values: values
     from astropy import units
 
-    text = _PLURALS.get(given.unit.strip().lower(), given.unit)  # as archives write them
-    logarithmic = column.name in ("log_g", "metallicity")
-    if column.name == "log_g":  # dex(cm/s2), [cm/s2] and log(cm.s**-2) are all in use
-        text = re.sub(r"^(?:\[(.*)\]|(?:dex|log|log10)\((.*)\))$", r"\1\2", text.strip())
+    logarithm = re.fullmatch(r"(?:dex|log|log10)\((.*)\)", column.unit)
     try:
-        clock = column.name == "ra_deg" and text.lower() in _HOURS
-        unit = units.hourangle if clock else units.Unit(text)
-        if column.name == "metallicity" or text == "dex":
-            factor = (1.0 * unit).to_value(units.dex)
-        else:
-            factor = (1.0 * unit).to_value("cm / s2" if logarithmic else column.unit)
-        shift = math.log10(factor) if column.name == "log_g" and text != "dex" else 0.0
+        unit, is_log10 = written_unit(given.unit)
+        target = units.Unit(logarithm[1] if logarithm else "" if column.unit == "dex" else column.unit)
+        if column.name == "ra_deg" and unit == units.hour:
+            unit = units.hourangle
+        if column.unit == "dex" and not is_log10 and unit != units.dimensionless_unscaled:
+            raise ValueError(given.unit)
+        bare = is_log10 and unit == units.dimensionless_unscaled  # dex, of what does not say
+        factor = 1.0 if bare and logarithm else float((1.0 * unit).to_value(target))
     except (ValueError, TypeError):
         allowed = f"a unit like {column.unit or 'none'}"
         raise InputError(f"{label} column {given.heading}", f"unit {given.unit}", allowed=allowed) from None
-    if logarithmic:
-        return lambda value: value + shift
-    return lambda value: value * factor
+    if logarithm or column.unit == "dex":
+        return (
+            (lambda values: values + math.log10(factor)) if is_log10 or column.unit != "dex" else lambda values: values
+        )
+    if is_log10:
+        return lambda values: 10.0**values * factor
+    return lambda values: values * factor
+
+
+def _arr(cells):
+    if isinstance(cells, list):
+        data = np.empty(len(cells), object)
+        data[:] = cells
+        return np.ma.array(data, mask=[c is None for c in cells])
+    return cells

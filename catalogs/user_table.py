@@ -1,8 +1,9 @@
-"""A user's own star table: any CSV, ECSV, VOTable or FITS file with a name, a distance, V and a type or temperature.
+"""A user's own star table: any table with a name or number, a distance, a brightness and a type or temperature.
 
-Required per star: ``name``; ``distance_pc`` or ``parallax_mas``; ``v_mag``; ``sp_type`` or ``teff_k``. Everything else
-may be missing and is then filled as in the shipped table, with ``*_src`` columns that say how. Headings may be what
-people use (:mod:`catalogs.star_columns`), units those of an ECSV or VOTable, or written in the heading: ``plx [mas]``.
+Required per star: ``name``, or a number of Hipparcos, Henry Draper, Gliese, TIC or Gaia, or a planet's name;
+``distance_pc`` or ``parallax_mas``; ``v_mag``, or Gaia's ``g_mag`` and ``bp_rp_mag``; ``sp_type`` or ``teff_k``.
+Everything else may be missing and is then filled as in the shipped table, with ``*_src`` columns that say how. What
+other headings and units are understood stands in one table (:mod:`catalogs.table_cells`).
 """
 
 import math
@@ -12,17 +13,20 @@ from dataclasses import dataclass
 from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
+from catalogs.shim_tmp import coordinates_of, degrees_of, star_name_of
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.star_columns import PAIRS, QUANTITIES, parallax_flags, type_flags
+from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.table_cells import Row, read_rows
+from catalogs.table_cells import LeftOut, Row, Use, read_rows
 from catalogs.table_files import RawTable
-from cpic_core import InputError
+from cpic_core import InputError, listed
 
-_ONE_OF = (("name",), ("v_mag",), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
-_MANY = 12
+_NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
+_ONE_OF = (_NAMES, ("v_mag", "bp_rp_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+_SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
+_MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
 ASSUMED_PC = 10.0
 """Distance of a star of which none is given, pc."""
 _NAN = float("nan")
@@ -33,39 +37,84 @@ _GRAVITY_TOLERANCE = 1.5
 
 @dataclass(frozen=True)
 class UserTable:
-    """A filled table and remarks for its owner: columns that are not used, what was read in an unusual way."""
+    """A filled table, remarks for its owner, what each column was taken for, and what was left out."""
 
     table: StarTable
     notes: tuple[str, ...]
+    uses: tuple[Use, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
 
-def user_table(raw: RawTable) -> UserTable:
+def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     """Turn the columns of a file into a star table.
 
     Parameters
     ----------
     raw : RawTable
         What :func:`catalogs.table_files.parse_table` read.
+    strict : bool
+        Refuse the table for the first row or cell that cannot be used, instead of leaving it out with a remark.
 
     Raises
     ------
     InputError
-        Naming file, row, column, value, unit and range, if a column is missing or ambiguous, a unit is not
-        understood, a cell is not what its column holds or out of range, or a name occurs twice.
+        Naming file, row, column, value, unit and range, if a column is missing or ambiguous, no row can be used or, in
+        a strict table, a unit is not understood, a cell is not what its column holds, or a name occurs twice.
     """
-    given = read_rows(raw, QUANTITIES, _ONE_OF, about="name")
-    for pair in PAIRS:
-        found, absent = sorted(pair, key=lambda name: name not in given.headings)
-        if found in given.headings and absent not in given.headings:
-            column, hint = given.headings[found], f"name the other one {absent}"
-            raise InputError(f"{raw.name} column {column}", f"without {absent}", allowed="both or neither", hint=hint)
-    rows = []
-    for where, row in given:
-        given.refuse_missing(where, row, _ONE_OF)
-        rows.append(_filled(row, where, raw.name))
+    given = read_rows(raw, QUANTITIES, _ONE_OF, about="name", strict=strict)
+    _refuse_half(raw.name, given.headings)
+
+    def named(where: str, row: Row) -> None:
+        _write_out(row, where)
+        given.refuse_missing(where, row, _ONE_OF[:1])
+
+    given.made(named)
     given.refuse_twins(lambda row: designation_key(row["name"]))
+
+    def filled(where: str, row: Row) -> Row:
+        given.refuse_missing(where, row, _ONE_OF[1:])
+        return _filled(row, where, raw.name)
+
+    rows = given.made(filled)
     table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
-    return UserTable(table, given.notes + _companions_left_out(table))
+    notes = given.notes + given.told() + _companions_left_out(table)
+    return UserTable(table, notes, given.uses, tuple(given.left_out))
+
+
+def _refuse_half(label: str, headings: dict[str, str]) -> None:
+    """Refuse a table with half of a pair of coordinates: the other half was not understood."""
+    ra = {"ra_deg", _SPLIT[0], "coordinates"} & set(headings)
+    dec = {"dec_deg", _SPLIT[4], "coordinates"} & set(headings)
+    halves = [(ra, dec, "ra_deg", "dec_deg")]
+    halves += [({one} & set(headings), {two} & set(headings), one, two) for one, two in _MOTIONS]
+    for first, second, one, two in halves:
+        for found, lacking, absent in ((first, second, two), (second, first, one)):
+            if found and not lacking:
+                column, hint = headings[min(found)], f"name the other one {absent}"
+                raise InputError(f"{label} column {column}", f"without {absent}", allowed="both or neither", hint=hint)
+
+
+def _write_out(row: Row, where: str) -> None:
+    """Give a row, in place, the name, the coordinates and the magnitude that other columns of it imply.
+
+    Raises
+    ------
+    InputError
+        If its parts are none of coordinates.
+    """
+    if "name" not in row and (name := star_name_of(row)):
+        row["name"] = name
+    if "hip" in row:
+        row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
+    parts = [row.pop(key, None) for key in _SPLIT]
+    both = row.pop("coordinates", None)
+    if "ra_deg" not in row or "dec_deg" not in row:
+        found = coordinates_of(both) if both else degrees_of(*parts)
+        if found is not None:
+            row["ra_deg"], row["dec_deg"] = found
+    if "v_mag" not in row and {"g_mag", "bp_rp_mag"} <= set(row):
+        row["v_mag"] = stellar_physics.v_of_gaia(row["g_mag"], row["bp_rp_mag"])
+        row["v_mag_src"] = stellar_physics.GAIA_V_SOURCE
 
 
 def named_star(
@@ -112,7 +161,7 @@ def _companions_left_out(table: StarTable) -> tuple[str, ...]:
     ]
     if not stars:
         return ()
-    shown = ", ".join(stars[:_MANY]) + (f" and {len(stars) - _MANY} more" if stars[_MANY:] else "")
+    shown = listed(stars)
     return (f"{table.label}: light of companions that the snapshot knows is left out, no companion column: {shown}",)
 
 
@@ -184,6 +233,7 @@ def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
     motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
     row |= stellar_physics.place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
     row |= stellar_physics.light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
+    row["v_mag_src"] = given.get("v_mag_src", listed)
     return flags
 
 

@@ -41,13 +41,13 @@ def visible(text: str, keep: str = "") -> str:
     )
 
 
-def listed(words: Sequence[str], most: int) -> str:
+def listed(words: Sequence[str], most: int = 12) -> str:
     """Return the first words with commas, and how many more there are.
 
     Parameters
     ----------
     words : sequence of str
-    most : int
+    most : int, optional
         How many are named.
     """
     return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

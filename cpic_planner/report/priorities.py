@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from catalogs.known_planet_columns import FLAGS
-from catalogs.table_cells import listed
+from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.table_cells import listed
-from cpic_core import FloatArray, NDArray
+from cpic_core import FloatArray, NDArray, listed
 from cpic_planner.report.drawing import BAND_STYLE, Look, date_axis, literal, new_figure, style
 from cpic_planner.report.numbers import full_name, pretty_name
 from cpic_planner.report.words import BLOCK_WORDS

@@ -354,7 +354,7 @@ def test_a_row_laid_over_a_mixture_replaces_all_of_it(tmp_path, shipped):
     "change", [("1,me 2020,1", "1,me 2020,"), ("you 2021", "me 2020"), ("2021,3", "2021,"), ("2020,1", "2020,-1")]
 )
 def test_orbits_without_weight_or_reference_of_their_own_are_refused(refused, tmp_path, change):
-    refused("mine.csv", load_known_planets, alone(written(tmp_path, SEVERAL.replace(*change))))
+    refused("mine.csv", load_known_planets, alone(written(tmp_path, SEVERAL.replace(*change))), strict=True)
 
 
 FACTS = Path(__file__).resolve().parents[3] / "shared" / "validation" / "facts" / "decisive_planets.csv"

@@ -37,7 +37,7 @@ def tables(tmp_path):
         return tmp_path / "mine.csv"
 
     def opened(content):
-        return open_catalogue(written(content))
+        return open_catalogue(written(content), strict=True)
 
     def with_column(change, unit=""):
         row = HEADER | change
@@ -47,7 +47,7 @@ def tables(tmp_path):
 
     return {
         "user_table": opened,
-        "known_planets": lambda text: load_known_planets(written(text)),
+        "known_planets": lambda text: load_known_planets(written(text), strict=True),
         "third_row": lambda line: opened(f"{SIMPLE}{line}\n"),
         "user_table_columns": lambda heading: with_column({heading: "10"}),
         "value_of_column": with_column,

@@ -37,13 +37,13 @@ from catalogs.table_cells import heading
     ],
 )
 def test_heading_to_quantity(text, name):
-    quantity, unit = QUANTITIES.meant_by(text)
+    quantity, unit, *_ = QUANTITIES.meant_by(text)
     assert (quantity.name if quantity else None) == name
     assert unit == ("mas" if "[mas]" in text else "")
 
 
 def test_no_heading_means_two_things():
-    forms = [form for item in QUANTITIES.values() for form in (heading(item.name), *item.headings)]
+    forms = [form for name in QUANTITIES for form in (heading(name), *(item.heading for item in QUANTITIES.synonyms_of(name)))]
     assert len(forms) == len(set(forms))
     assert all(form.lower() == heading(form) for form in forms)
 

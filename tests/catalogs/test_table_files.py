@@ -67,7 +67,7 @@ def test_a_star_without_v_in_a_scaled_column_is_refused(refused, tmp_path):
     ]
     path = tmp_path / "v.fits"
     path.write_bytes(with_cards(columns, TSCAL3=0.001, TNULL3=-9999, TSCAL5=0.01, TNULL5=-9999))
-    refused(r"v.fits row 2 \(HD 22049\) column V = missing", open_catalogue, path)
+    refused(r"v.fits row 2 \(HD 22049\) column V = missing", open_catalogue, path, strict=True)
     path.write_bytes(with_cards(columns, TSCAL3=0.001, TSCAL5=0.01, TNULL5=-9999, TZERO3=10.0))
     first, second = open_catalogue(path).table.column("rv_km_s")
     assert np.isnan(first) or first == 0.0
