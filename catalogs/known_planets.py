@@ -61,14 +61,15 @@ PRESETS = "snapshot, archive_2019, latest"
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _EDGE_ON = 0.99
+_SAY_WHICH_MASS = {"msini_mjup", "best_mass_kind", "mass_method"}
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
 _HOSTS = ("hip", "hd", "tic", "gaia")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
 _NAMES = (("star",), ("planet",))
-_STATUS_WORDS = {"retracted": "refuted", "unconfirmed": "candidate"}
-"""Statuses of exoplanet.eu in our words."""
+_STATUS_WORDS = {"retracted": "refuted", "false": "refuted", "unconfirmed": "candidate", "kepler": "candidate"}
+"""First words of the statuses of exoplanet.eu, of the Open Exoplanet Catalogue and of the archive, in our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 
 
@@ -368,7 +369,7 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
     """
     texts = {name: value for name, value in given.items() if isinstance(value, str)}
     if "status" in texts:
-        word = texts["status"].lower()
+        word = re.split(r"\W", texts["status"].lower())[0]  # Confirmed planets, Planets in binary systems
         texts["status"] = _STATUS_WORDS.get(word, word)
         if texts["status"] not in STATUSES:
             raise InputError(f"{where} column {table.headings['status']}", given["status"], allowed=", ".join(STATUSES))
@@ -382,6 +383,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         if word not in FLAGS:
             raise InputError(f"{where} column flags", word, allowed=", ".join(GIVEN_FLAGS))
     method = texts.pop("mass_method", "").lower()
+    if not _SAY_WHICH_MASS & set(table.headings) and any(use.convention == "by method" for use in table.uses):
+        method = texts.get("discovery_method", "").lower()
     for name in _HOSTS:
         texts.pop(name, None)
     if alone:  # what says the status is all that the row is about
@@ -397,14 +400,16 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
     edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
     mass = numbers.get("mass_mjup")
-    if not edge_on and mass is not None and "inclination_deg" not in numbers and "radial" in method:
+    by_velocities = "inclination_deg" not in numbers and bool(re.search(r"radial|\brv\b", method))
+    if not edge_on and mass is not None and by_velocities:
         numbers.setdefault("msini_mjup", mass)  # velocities alone give no more
     if not edge_on and mass == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
         error = numbers.get("mass_err_mjup")
         numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
         if error is not None:
             numbers.setdefault("msini_err_mjup", error)
-    numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
+    by_method = ("Msini" if by_velocities else "Mass") if method else ""
+    numbers, found = settle(numbers, texts.pop("best_mass_kind", by_method), where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     found += tuple(word for word in stated if word in GIVEN_FLAGS)
     found += ("columns_not_used",) if own and table.unused else ()

@@ -10,7 +10,7 @@ import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -29,13 +29,15 @@ class Synonym(NamedTuple):
     """What one source calls a quantity.
 
     ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
-    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none.
+    the source means where its file names none; ``convention`` is one of `CONVENTIONS`, ``""`` for none. ``beside`` is
+    another heading, reduced likewise: only in a file that has it too, the heading means this.
     """
 
     heading: str
     unit: str = ""
     convention: str = ""
     source: str = ""
+    beside: str = ""
 
 
 CONVENTIONS: dict[str, str] = {
@@ -44,12 +46,18 @@ CONVENTIONS: dict[str, str] = {
     "log10": "logarithm to base 10",
     "jd-2400000": "Julian date less 2 400 000",
     "jd-2450000": "Julian date less 2 450 000",
+    "jd-2457000": "Julian date less 2 457 000, as TESS counts",
     "mjd": "modified Julian date",
+    "redshift": "redshift, of which the velocity follows",
+    "epoch 1991.25": "positions at the epoch of the Hipparcos catalogue",
+    "epoch 2016": "positions at the epoch of Gaia DR3",
+    "by method": "mass that is m sin i where velocities alone found the planet: the source does not tell them apart",
     "planet_omega": "argument of periastron of the planet's own orbit, 180 deg from the star's",
     "limit": "1 or -1 where the value is a limit: then it is no value",
 }
 """What a source means by a number, beyond its unit."""
-_SHIFTS = {"jd-2400000": 2400000.0, "jd-2450000": 2450000.0, "mjd": 2400000.5, "planet_omega": -180.0}
+_SHIFTS = {"jd-2400000": 2400000.0, "jd-2450000": 2450000.0, "jd-2457000": 2457000.0}
+_SHIFTS |= {"mjd": 2400000.5, "planet_omega": -180.0}
 
 
 @dataclass(frozen=True)
@@ -166,31 +174,59 @@ class Columns(dict[str, Column]):
         for column in self.values():
             for form in column.headings:
                 found.setdefault(form, Meaning(column, rank=1))
-        for name, forms in self._synonyms().items():
-            for rank, form in enumerate(forms, start=1):
-                found.setdefault(form.heading, Meaning(self[name], form.unit, form.convention, rank))
+        for form, meant in self._meanings:
+            if not form.beside:
+                found.setdefault(form.heading, meant)
+        return found
+
+    @functools.cached_property
+    def _meanings(self) -> Sequence[tuple[Synonym, Meaning]]:
+        return [
+            (form, Meaning(self[name], form.unit, form.convention, rank))
+            for name, forms in self._synonyms().items()
+            for rank, form in enumerate(forms, start=1)
+        ]
+
+    @functools.cached_property
+    def _beside(self) -> Mapping[str, Sequence[tuple[str, Meaning]]]:
+        """What a heading means in a file with another one."""
+        found: dict[str, list[tuple[str, Meaning]]] = {}
+        for form, meant in self._meanings:
+            if form.beside:
+                found.setdefault(form.heading, []).append((form.beside, meant))
         return found
 
     def synonyms_of(self, name: str) -> Sequence[Synonym]:
         """Return what else people call a column, and whose word each is."""
         return [*map(Synonym, self[name].headings), *self._synonyms().get(name, ())]
 
-    def meant_by(self, text: str) -> Meaning:
+    def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
+
+        Parameters
+        ----------
+        text : str
+            The heading.
+        others : collection of str
+            Reduced headings of its file, from which some headings have their meaning.
 
         Raises
         ------
         InputError
             For a heading whose capitals leave open what it means (``OMEGA``).
         """
-        if item := self._known(text):
+        if item := self._known(text, others):
             return item
-        if (found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)) and (item := self._known(found[1])):
+        found = re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)
+        if found and (item := self._known(found[1], others)):
             return item._replace(unit=found[2].strip())
         return Meaning(None)
 
-    def _known(self, text: str) -> Meaning | None:
+    def _known(self, text: str, others: Collection[str]) -> Meaning | None:
         form = _plain(text)
+        for other, meant in (*self._beside.get(form, ()), *self._beside.get(form.lower(), ())):
+            if other in others:
+                return meant
         if (names := self._cased.get(form.lower())) is None:
             return self.by_heading.get(form, self.by_heading.get(form.lower()))
         if form[1:2].isupper() or (item := self.by_heading.get(form[0] + form[1:].lower())) is None:
@@ -239,7 +275,7 @@ def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
             if row["table"] == table:
                 forms = row["headings"].split()
                 found.setdefault(row["quantity"], []).extend(
-                    Synonym(form, row["unit"], row["convention"], row["source"]) for form in forms
+                    Synonym(form, row["unit"], row["convention"], row["source"], row["beside"]) for form in forms
                 )
     return found
 
@@ -256,6 +292,7 @@ _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
 _SHOWN = 40
 _MANY = 12
 _ALTERNATIVES = 4
+_LIGHT_KM_S = 299792.458
 _SAME = 1e-4
 """Two columns of one quantity that are closer than this part of it, or of 1, say the same."""
 _FILL = "it stands for a missing number"
@@ -566,10 +603,12 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
     """Return the columns of the file for each of ours, those that are preferred first; and what each is taken for."""
     found: _Chosen = {}
     uses: list[Use] = []
-    exact = {column.heading for column in raw.columns} & set(columns)
+    forms = {form for column in raw.columns for form in (_plain(column.heading), heading(column.heading))}
+    exact = {name for column in raw.columns if (name := column.heading) in columns}
+    exact = {name for name in exact if columns.meant_by(name, forms).column == columns[name]}
     for column in raw.columns:
         try:
-            meant = columns.meant_by(column.heading)
+            meant = columns.meant_by(column.heading, forms)
         except InputError as error:
             raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
         own = RawColumn(column.heading, column.unit or meant.unit, _arr(column.cells))
@@ -636,6 +675,9 @@ class _Reading:
             numbers = _converter(self.raw.name, column, given)(numbers) + _SHIFTS.get(meant.convention, 0.0)
             if meant.convention == "log10":
                 numbers = 10.0**numbers
+            elif meant.convention == "redshift":
+                squared = (1.0 + numbers) ** 2
+                numbers = _LIGHT_KM_S * (squared - 1.0) / (squared + 1.0)
             elif meant.convention.startswith("error_"):
                 numbers = np.abs(numbers)
             with np.errstate(invalid="ignore"):
