@@ -4,6 +4,7 @@ import pytest
 
 from catalogs import QUANTITIES
 from catalogs.known_planet_columns import COLUMNS
+from catalogs.table_cells import heading
 
 
 @pytest.mark.parametrize(
@@ -28,16 +29,23 @@ from catalogs.known_planet_columns import COLUMNS
         ("RA_d", "ra_deg"),
         ("DEC_d", "dec_deg"),
         ("rad", None),
-        ("DE-", "dec_split_sign"),
-        ("DE -", "dec_split_sign"),
-        ("DEd", "dec_split_d"),
+        ("DE-", None),
+        ("DE -", None),
+        ("DEd", None),
         ("nonsense", None),
         ("", None),
     ],
 )
 def test_heading_to_quantity(text, name):
-    quantity = QUANTITIES.meant_by(text).column
+    quantity, unit, *_ = QUANTITIES.meant_by(text)
     assert (quantity.name if quantity else None) == name
+    assert unit == ("mas" if "[mas]" in text else "")
+
+
+def test_no_heading_means_two_things():
+    forms = [form for name in QUANTITIES for form in (heading(name), *(item.heading for item in QUANTITIES.synonyms_of(name)))]
+    assert len(forms) == len(set(forms))
+    assert all(form.lower() == heading(form) for form in forms)
 
 
 @pytest.mark.parametrize(
