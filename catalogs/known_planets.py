@@ -67,7 +67,7 @@ _TAU_JD = 2458849.5
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
-_KIND_BY_METHOD = {"radial velocity": "Msini", "imaging": "Mass", "astrometry": "Mass", "transit": "Mass"}
+_KIND_BY_METHOD = {"radial velocity": "Msini", "rv": "Msini", "": ""}
 """Kind of a mass of which the table does not say it, by the method of discovery."""
 _HOSTS = ("hip", "hd", "tic", "gaia")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
@@ -433,7 +433,7 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
             numbers.setdefault("msini_err_mjup", error)
     kind = texts.pop("best_mass_kind", "")
     if not kind and "best_mass_kind" not in table.headings:
-        kind = _KIND_BY_METHOD.get(method or texts.get("discovery_method", "").lower(), "")
+        kind = _KIND_BY_METHOD.get(method or texts.get("discovery_method", "").lower(), "Mass")
     numbers, found = settle(numbers, kind, where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     found += tuple(word for word in stated if word in GIVEN_FLAGS)

@@ -583,7 +583,8 @@ def read_rows(
         if number not in lost:
             given.numbers.append(number)
             given.rows.append({name: cell for name, cell in zip(order, line, strict=True) if cell is not None})
-    if (epoch := _EPOCHS.get(next((use.convention for use in uses if use.quantity == "ra_deg"), ""))) is not None:
+    place = next((use.convention for use in uses if use.heading == headings.get("ra_deg")), "")
+    if (epoch := _EPOCHS.get(place)) is not None:
         for row in given.rows:
             row.setdefault("epoch_yr", epoch)
     return replace(given, notes=notes + tuple(reading.notes))
