@@ -157,13 +157,8 @@ def _columns(table: RawTable, columns: Columns, check: Callable[[Rows], None]) -
 
 def _raw(given: RawColumn, columns: Columns) -> RawColumn:
     """Return one column of the answer with its cells as people write them; a pure number has no unit."""
-<<<<<<< HEAD
     meant = columns.meant_by(given.heading).column
-    cells = [None if cell == "~" else cell for cell in given.cells]
-=======
-    meant = columns.meant_by(given.heading)[0]
     cells = [None if cell == "~" else cell for cell in given.cells.tolist()]
->>>>>>> w2-formats
     if meant is not None and meant.name in ("ra_deg", "dec_deg") and any(map(_is_sexagesimal, cells)):
         from astropy.coordinates import Angle
 
