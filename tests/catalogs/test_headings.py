@@ -1,0 +1,113 @@
+"""The table of synonyms: its own rows, and tables in the forms of the field's sources."""
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+from astropy import units as u
+
+from catalogs import QUANTITIES
+from catalogs.known_planet_columns import COLUMNS
+from catalogs.known_planets import load_known_planets
+from catalogs.nomenclature import designation_key
+from catalogs.table_cells import CONVENTIONS, heading
+from catalogs.table_files import TableBytes, parse_table
+from catalogs.user_table import user_table
+
+KINDS = {"stars": QUANTITIES, "planets": COLUMNS}
+FILE = Path(__file__).resolve().parents[2] / "catalogs" / "data" / "headings.csv"
+with FILE.open(encoding="utf-8", newline="") as stream:
+    ROWS = list(csv.DictReader(stream))
+FORMS = yaml.safe_load((Path(__file__).parent / "forms.yaml").read_text(encoding="utf-8"))
+LOGARITHMS = {"dex(cm/s2)": "cm/s2", "dex(solLum)": "solLum", "dex": ""}
+
+
+def of(row, key):
+    return [word for word in row["convention"].split() if word.startswith("beside:") == (key == "beside")]
+
+
+def test_every_row_is_of_a_quantity_and_of_the_closed_list_of_conventions():
+    assert list(ROWS[0]) == ["table", "quantity", "source", "headings", "unit", "convention"]
+    for row in ROWS:
+        assert row["quantity"] in KINDS[row["table"]], row
+        assert row["source"]
+        assert row["headings"]
+        assert set(of(row, "convention")) <= set(CONVENTIONS), row
+        assert len(of(row, "beside")) <= 1
+
+
+def test_every_heading_reduces_to_itself():
+    for row in ROWS:
+        for form in (*row["headings"].split(), *(word.removeprefix("beside:") for word in of(row, "beside"))):
+            assert heading(form) == form.lower(), row
+
+
+def test_units_are_those_of_their_quantities():
+    for row in ROWS:
+        column, unit = KINDS[row["table"]][row["quantity"]], row["unit"]
+        if "limit" in of(row, "convention") or not unit:
+            continue
+        assert column.kind in ("float", "text", "int", "whole"), row
+        if column.kind == "float":
+            own, theirs = (u.Unit(LOGARITHMS.get(text, text)) for text in (column.unit, unit))
+            equivalent = theirs.is_equivalent(own) or (theirs == u.hourangle and own.physical_type in ("angle", "time"))
+            assert equivalent, row
+
+
+def test_what_stands_together_has_the_same_sources():
+    """A right ascension of one epoch is never read with a declination of another, nor an error of one side alone."""
+    alike = [("ra_deg", "dec_deg"), ("pm_ra_mas_yr", "pm_dec_mas_yr")]
+    for one, two in alike:
+        found = [{(row["source"], row["convention"]) for row in ROWS if row["quantity"] == name} for name in (one, two)]
+        hours = {("NASA archive", ""), ("HYG", "j2000 beside:decrad")}
+        assert found[0] - hours == found[1] - hours
+    for row in ROWS:
+        if "error_upper" in row["convention"]:
+            upper = {(row["quantity"], row["source"]): len(row["headings"].split())}
+            lower = {
+                (other["quantity"], other["source"]): len(other["headings"].split())
+                for other in ROWS
+                if "error_lower" in other["convention"]
+            }
+            assert set(upper) <= set(lower), row
+
+
+def same(given, wanted):
+    if isinstance(wanted, str):
+        return str(given) == wanted
+    if wanted is None:
+        return given == "" or math.isnan(given)
+    return float(given) == pytest.approx(float(wanted), rel=2e-6, abs=2e-7)
+
+
+def forms(kind):
+    return [pytest.param(form["table"], form["means"], id=source) for source, form in FORMS[kind].items()]
+
+
+@pytest.mark.parametrize(("text", "means"), forms("stars"))
+def test_stars_of_a_source_are_read_as_it_means_them(text, means):
+    table = user_table(parse_table(TableBytes("source.txt", text.encode(), ""))).table
+    rows = {designation_key(name): i for i, name in enumerate(table.column("name").tolist())}
+    assert len(rows) == sum(wanted is not None for wanted in means.values())
+    for name, wanted in means.items():
+        assert (designation_key(name) in rows) == (wanted is not None), sorted(rows)
+        for quantity, value in (wanted or {}).items():
+            given = table.row(rows[designation_key(name)])[quantity]
+            assert same(given, value), f"{name} {quantity}: {given}"
+
+
+@pytest.mark.parametrize(("text", "means"), forms("planets"))
+def test_planets_of_a_source_are_read_as_it_means_them(tmp_path, text, means):
+    (tmp_path / "source.txt").write_text(text, encoding="utf-8")
+    table = load_known_planets(f"none+{tmp_path / 'source.txt'}")
+    names = table.text("planet")
+    assert len(names) == len(means)
+    for name, wanted in means.items():
+        row = names.index(name)
+        for quantity, value in wanted.items():
+            given = table.text(quantity)[row] if isinstance(value, str) else table.number(quantity)[row]
+            if quantity == "omega_star_deg":
+                given %= 360.0
+            assert same(given, value), f"{name} {quantity}: {given}"
