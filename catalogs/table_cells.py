@@ -202,9 +202,9 @@ class Columns(dict[str, Column]):
         """
         if item := self._known(text, others):
             return item
-        found = re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)
+        found = re.fullmatch(r"\s*(.*\w.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", text)
         if found and (item := self._known(found[1], others)):
-            return item._replace(unit=found[2].strip())
+            return item._replace(unit=(found[2] or found[3] or "").strip())
         return Meaning(None)
 
     def _known(self, text: str, others: Collection[str]) -> Meaning | None:
