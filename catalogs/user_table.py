@@ -68,7 +68,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
 
     def named(where: str, row: Row) -> None:
         _write_out(row, where)
-        given.refuse_missing(where, row, _ONE_OF)
+        given.refuse_missing(where, row, (("name",), *_ONE_OF[1:]))
 
     _place(given.rows)
     given.made(named)

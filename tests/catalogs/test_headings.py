@@ -113,3 +113,18 @@ def test_planets_of_a_source_are_read_as_it_means_them(tmp_path, text, means):
             if quantity == "omega_star_deg":
                 given %= 360.0
             assert same(given, value), f"{name} {quantity}: {given}"
+
+
+def test_a_planet_that_does_not_tell_its_star_is_left_out():
+    text = "pl_name,sy_dist,sy_vmag,st_spectype\nKOI-55.01,10,5,G2V\n47 UMa b,13.8,5.03,G0V\n"
+    made = user_table(parse_table(TableBytes("source.csv", text.encode(), "")))
+    assert made.table.column("name").tolist() == ["47 UMa"]
+    assert [(item.row, item.done) for item in made.left_out] == [(1, "row left out")]
+
+
+@pytest.mark.parametrize("text", ["e[Fe/H]", "e [Fe/H]", "a [Fe/H]"])
+def test_a_unit_of_another_quantity_makes_a_heading_another_one(tmp_path, text):
+    (tmp_path / "mine.csv").write_text(f"star,planet,period,msini,{text}\nmine,mine b,100,1,0.03\n", encoding="utf-8")
+    table = load_known_planets(f"none+{tmp_path / 'mine.csv'}")
+    assert math.isnan(table.number("eccentricity")[0])
+    assert math.isnan(table.number("semi_major_axis_au")[0])
