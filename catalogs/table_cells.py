@@ -25,7 +25,7 @@ _T = TypeVar("_T")
 
 
 class Synonym(NamedTuple):
-    """What one source calls a quantity.
+    """A name by which one source calls a quantity.
 
     ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
     the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none; ``beside``
@@ -141,7 +141,7 @@ def _plain(text: str) -> str:
 
 
 class Meaning(NamedTuple):
-    """What a heading means: a column, the unit that it names or its source implies, and the source's convention."""
+    """The meaning of a heading: a column, the unit that it names or its source implies, and the source's convention."""
 
     column: Column | None
     unit: str = ""
@@ -212,9 +212,10 @@ class Columns(dict[str, Column]):
         if (names := self._cased.get(form.lower())) is None:
             meant = self.by_heading.get(form) or self.by_heading.get(form.lower(), ())
             return next((item for item in meant if not item.beside or item.beside in others), None)
-        if form[1:2].isupper() or not (meant := self.by_heading.get(form[0] + form[1:].lower())):
+        cased = () if form[1:2].isupper() else self.by_heading.get(form[0] + form[1:].lower(), ())
+        if not cased:
             raise InputError(f"column {text}", "more than one meaning", allowed=names, hint="name it as it is meant")
-        return meant[0]
+        return cased[0]
 
 
 def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column, ...]:
@@ -232,9 +233,9 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
         rules = row["rules"].split()
         if row["table"] == table and (not only or only in rules) and without not in rules:
             low, high = (float(row[end] or math.nan) for end in ("low", "high"))
-            texts = {key: row[key] for key in ("name", "description", "kind", "unit")}
-            flags = {word: word in rules for word in ("fills", "vital", "aside")}
-            found.append(Column(**texts, low=low, high=high, decimals=int(row["decimals"] or 0), **flags))
+            told: dict[str, Any] = {key: row[key] for key in ("name", "description", "kind", "unit")}
+            told |= {word: word in rules for word in ("fills", "vital", "aside")}
+            found.append(Column(**told, low=low, high=high, decimals=int(row["decimals"] or 0)))
     return tuple(found)
 
 
@@ -313,7 +314,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Use:
-    """What one column of a file is taken for.
+    """The quantity that one column of a file is taken for.
 
     Parameters
     ----------
