@@ -803,7 +803,7 @@ def _unit_problem(column: Column, unit: str, convention: str) -> str:
     from catalogs.written_values import unit_of
 
     try:
-        unit_of(unit, column.unit)
+        meant = unit_of(unit, column.unit or "1")
     except InputError as error:
-        return error.allowed
-    return ""
+        return error.allowed if column.unit else "none"
+    return "none" if meant.is_log10 and not column.unit else ""
