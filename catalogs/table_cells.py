@@ -183,8 +183,9 @@ class Columns(dict[str, Column]):
         return found
 
     def synonyms_of(self, name: str) -> Sequence[Synonym]:
-        """Return what else people call a column, and whose word each is."""
-        return [*map(Synonym, self[name].headings), *self._synonyms().get(name, ())]
+        """Return what else people call a column, and whose word each is; of ``""`` what is known to be none of ours."""
+        own = self[name].headings if name else ()
+        return [*map(Synonym, own), *self._synonyms().get(name, ())]
 
     def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
@@ -592,17 +593,30 @@ def read_rows(
 _Chosen = dict[str, list[tuple[RawColumn, Meaning]]]
 
 
+def _meanings(raw: RawTable, columns: Columns) -> list[Meaning]:
+    """Return what each column of a file means: by its heading, or else by a UCD that no other column has."""
+    others = frozenset(heading(column.heading) for column in raw.columns)
+    try:
+        found = [columns.meant_by(column.heading, others) for column in raw.columns]
+    except InputError as error:
+        raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
+    foreign = {item.heading for item in columns.synonyms_of("")}
+    said = [
+        columns.meant_by(column.ucd)
+        if meant.column is None and heading(column.heading) not in foreign
+        else Meaning(None)
+        for column, meant in zip(raw.columns, found, strict=True)
+    ]
+    times = Counter(meant.column for meant in (*found, *said))
+    return [one if one.column or times[two.column] > 1 else two for one, two in zip(found, said, strict=True)]
+
+
 def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tuple[Use, ...]]:
     """Return the columns of the file for each of ours, those that are preferred first; and what each is taken for."""
     found: _Chosen = {}
     uses: list[Use] = []
     exact = {column.heading for column in raw.columns} & set(columns)
-    others = frozenset(heading(column.heading) for column in raw.columns)
-    for column in raw.columns:
-        try:
-            meant = columns.meant_by(column.heading, others)
-        except InputError as error:
-            raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
+    for column, meant in zip(raw.columns, _meanings(raw, columns), strict=True):
         own = RawColumn(column.heading, column.unit or meant.unit, column.cells)
         unused = Use(column.heading or "(no heading)", "", own.unit)
         if meant.column is None:

@@ -31,7 +31,7 @@ def of(row, key):
 def test_every_row_is_of_a_quantity_and_of_the_closed_list_of_conventions():
     assert list(ROWS[0]) == ["table", "quantity", "source", "headings", "unit", "convention"]
     for row in ROWS:
-        assert row["quantity"] in KINDS[row["table"]], row
+        assert row["quantity"] in ("", *KINDS[row["table"]]), row
         assert row["source"]
         assert row["headings"]
         assert set(of(row, "convention")) <= set(CONVENTIONS), row
@@ -46,9 +46,10 @@ def test_every_heading_reduces_to_itself():
 
 def test_units_are_those_of_their_quantities():
     for row in ROWS:
-        column, unit = KINDS[row["table"]][row["quantity"]], row["unit"]
+        unit = row["unit"]
         if "limit" in of(row, "convention") or not unit:
             continue
+        column = KINDS[row["table"]][row["quantity"]]
         assert column.kind in ("float", "text", "int", "whole"), row
         if column.kind == "float":
             own, theirs = (u.Unit(LOGARITHMS.get(text, text)) for text in (column.unit, unit))
@@ -128,3 +129,49 @@ def test_a_unit_of_another_quantity_makes_a_heading_another_one(tmp_path, text):
     table = load_known_planets(f"none+{tmp_path / 'mine.csv'}")
     assert math.isnan(table.number("eccentricity")[0])
     assert math.isnan(table.number("semi_major_axis_au")[0])
+
+
+UCDS = """<?xml version="1.0"?><VOTABLE version="1.3"><RESOURCE><TABLE>
+<FIELD name="Stern" datatype="char" arraysize="*" ucd="meta.id;meta.main"/>
+<FIELD name="alpha" datatype="double" unit="deg" ucd="pos.eq.ra;meta.main"/>
+<FIELD name="delta" datatype="double" unit="deg" ucd="pos.eq.dec;meta.main"/>
+<FIELD name="pi" datatype="double" unit="arcsec" ucd="pos.parallax.trig"/>
+<FIELD name="{heading}" datatype="double" unit="mag" ucd="phot.mag;em.opt.V"/>
+<FIELD name="Typ" datatype="char" arraysize="*" ucd="src.spType"/>
+<FIELD name="T1" datatype="double" unit="K" ucd="phys.temperature.effective"/>
+<FIELD name="T2" datatype="double" unit="K" ucd="phys.temperature.effective"/>
+<DATA><TABLEDATA><TR><TD>tau Cet</TD><TD>26.017</TD><TD>-15.937</TD><TD>0.27381</TD><TD>3.5</TD><TD>G8V</TD>
+<TD>5333</TD><TD>1</TD></TR></TABLEDATA></DATA></TABLE></RESOURCE></VOTABLE>"""
+
+
+def test_a_ucd_tells_what_a_heading_does_not():
+    row = user_table(parse_table(TableBytes("a.vot", UCDS.format(heading="hell").encode(), ""))).table.row(0)
+    assert (row["name"], row["ra_deg"], row["dec_deg"], row["v_mag"]) == ("tau Cet", 26.017, -15.937, 3.5)
+    assert row["parallax_mas"] == pytest.approx(273.81)
+    assert row["teff_k_src"].startswith("derived:spectral type"), "two columns with one UCD: neither is taken"
+
+
+def test_what_is_known_to_be_another_quantity_is_not_taken_for_its_ucd(refused):
+    table = parse_table(TableBytes("a.vot", UCDS.format(heading="VTmag").encode(), ""))
+    refused("v_mag", user_table, table)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [("stars", text) for text in ("K", "gmag", "VTmag", "Hpmag", "BTmag", "rad", "st_rad", "PM", "pm", "_r", "RAB1950")]
+    + [("stars", text) for text in ("ra2016", "sy_plxh2", "RA_EU", "GLON", "id", "ID", "rowid", "angDist", "r", "Imag")]
+    + [("planets", text) for text in ("K", "k", "T", "T0", "lambda_angle", "tzero_vr", "tzero_tr_sec", "pl_rvamp", "r")]
+    + [("planets", text) for text in ("angular_distance", "star_radius", "pl_eqt", "pl_insol", "st_rad", "periastron")],
+)
+def test_what_is_none_of_our_quantities_is_not_read(kind, text):
+    assert KINDS[kind].meant_by(text).column is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "one", "two"),
+    [("stars", "gmag", "Gmag"), ("stars", "rad", "RA_d"), ("planets", "omega", "Omega"), ("stars", "l", "L")],
+)
+def test_a_capital_makes_another_quantity(kind, one, two):
+    found = [KINDS[kind].meant_by(text).column for text in (one, two)]
+    assert found[1] is not None
+    assert found[0] != found[1]
