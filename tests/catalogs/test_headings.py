@@ -169,9 +169,16 @@ def test_what_is_none_of_our_quantities_is_not_read(kind, text):
 
 @pytest.mark.parametrize(
     ("kind", "one", "two"),
-    [("stars", "gmag", "Gmag"), ("stars", "rad", "RA_d"), ("planets", "omega", "Omega"), ("stars", "l", "L")],
+    [("stars", "gmag", "Gmag"), ("stars", "rad", "RA_d"), ("planets", "omega", "Omega"), ("stars", "b", "B")],
 )
 def test_a_capital_makes_another_quantity(kind, one, two):
     found = [KINDS[kind].meant_by(text).column for text in (one, two)]
     assert found[1] is not None
     assert found[0] != found[1]
+
+
+def test_galactic_coordinates_are_no_luminosity_and_no_colour():
+    text = "name,L,B,V,d,SpT\ntau Cet,173.1,-73.4,3.5,3.65,G8V\neps Eri,195.8,15.3,3.73,3.2,K2V\n"
+    table = user_table(parse_table(TableBytes("mine.csv", text.encode(), ""))).table
+    assert all(text.startswith("derived") for text in table.column("luminosity_lsun_src"))
+    assert [math.isnan(colour) for colour in table.column("b_v_mag")] == [True, True]
