@@ -132,9 +132,9 @@ def _write_out(row: Row, where: str) -> None:
         row["name"] = row["name"].replace("_", " ").strip()
     if "hip" in row:
         row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
-    colour = row.get("b_mag", _NAN) - row.get("v_mag", _NAN)
-    if QUANTITIES["b_v_mag"].low <= colour <= QUANTITIES["b_v_mag"].high:  # B may be a galactic latitude
-        row.setdefault("b_v_mag", colour)
+    b_v = row.get("b_mag", _NAN) - row.get("v_mag", _NAN)
+    if QUANTITIES["b_v_mag"].low <= b_v <= QUANTITIES["b_v_mag"].high:  # B may be a galactic latitude
+        row.setdefault("b_v_mag", b_v)
     optical, band = row.pop("opt_mag", None), row.pop("opt_band", "")
     if "v_mag" not in row and optical is not None and band.upper().startswith("V"):
         row["v_mag"] = optical
