@@ -62,12 +62,12 @@ PRESETS = "snapshot, archive_2019, latest"
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _EDGE_ON = 0.99
+_VELOCITIES = re.compile(r"radial|\brv\b")
+"""Methods that give no more than m sin i where nothing tells the inclination."""
 _TAU_JD = 2458849.5
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
-_KIND_BY_METHOD = {"radial velocity": "Msini", "imaging": "Mass", "astrometry": "Mass", "transit": "Mass"}
-"""Kind of a mass of which the table does not say it, by the method of discovery."""
 _HOSTS = ("hip", "hd", "tic", "gaia")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
 _NAMES = (("star",), ("planet",))
@@ -423,7 +423,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
     edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
     mass = numbers.get("mass_mjup")
-    if not edge_on and mass is not None and "inclination_deg" not in numbers and "radial" in method:
+    turned = "inclination_deg" in numbers
+    if not edge_on and mass is not None and not turned and _VELOCITIES.search(method):
         numbers.setdefault("msini_mjup", mass)  # velocities alone give no more
     if not edge_on and mass == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
         error = numbers.get("mass_err_mjup")
@@ -432,7 +433,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
             numbers.setdefault("msini_err_mjup", error)
     kind = texts.pop("best_mass_kind", "")
     if not kind and "best_mass_kind" not in table.headings:
-        kind = _KIND_BY_METHOD.get(method or texts.get("discovery_method", "").lower(), "")
+        method = method or texts.get("discovery_method", "").lower()
+        kind = "Msini" if _VELOCITIES.search(method) and not turned else "Mass" if method else ""
     numbers, found = settle(numbers, kind, where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     found += tuple(word for word in stated if word in GIVEN_FLAGS)

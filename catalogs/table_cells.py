@@ -181,8 +181,9 @@ class Columns(dict[str, Column]):
         return found
 
     def synonyms_of(self, name: str) -> Sequence[Synonym]:
-        """Return what else people call a column, and whose word each is."""
-        return [*map(Synonym, self[name].headings), *self._synonyms().get(name, ())]
+        """Return what else people call a column, and whose word each is; of ``""`` what is known to be none of ours."""
+        own = self[name].headings if name else ()
+        return [*map(Synonym, own), *self._synonyms().get(name, ())]
 
     def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
@@ -200,9 +201,9 @@ class Columns(dict[str, Column]):
         """
         if item := self._known(text, others):
             return item
-        found = re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)
+        found = re.fullmatch(r"\s*(.*\w.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", text)
         if found and (item := self._known(found[1], others)):
-            return item._replace(unit=found[2].strip())
+            return item._replace(unit=(found[2] or found[3] or "").strip())
         return Meaning(None)
 
     def _known(self, text: str, others: Collection[str]) -> Meaning | None:
@@ -569,7 +570,8 @@ def read_rows(
         if number not in lost:
             given.numbers.append(number)
             given.rows.append({name: cell for name, cell in zip(values, line, strict=True) if cell is not None})
-    if (epoch := _EPOCHS.get(next((use.convention for use in uses if use.quantity == "ra_deg"), ""))) is not None:
+    place = next((use.convention for use in uses if use.heading == headings.get("ra_deg")), "")
+    if (epoch := _EPOCHS.get(place)) is not None:
         for row in given.rows:
             row.setdefault("epoch_yr", epoch)
     return replace(given, notes=notes + tuple(reading.notes))
@@ -578,17 +580,30 @@ def read_rows(
 _Chosen = dict[str, list[tuple[RawColumn, Meaning]]]
 
 
+def _meanings(raw: RawTable, columns: Columns) -> list[Meaning]:
+    """Return what each column of a file means: by its heading, or else by a UCD that no other column has."""
+    others = frozenset(heading(column.heading) for column in raw.columns)
+    try:
+        found = [columns.meant_by(column.heading, others) for column in raw.columns]
+    except InputError as error:
+        raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
+    foreign = {item.heading for item in columns.synonyms_of("")}
+    said = [
+        columns.meant_by(column.ucd)
+        if meant.column is None and heading(column.heading) not in foreign
+        else Meaning(None)
+        for column, meant in zip(raw.columns, found, strict=True)
+    ]
+    times = Counter(meant.column for meant in (*found, *said))
+    return [one if one.column or times[two.column] > 1 else two for one, two in zip(found, said, strict=True)]
+
+
 def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tuple[Use, ...]]:
     """Return the columns of the file for each of ours, those that are preferred first; and what each is taken for."""
     found: _Chosen = {}
     uses: list[Use] = []
     exact = {column.heading for column in raw.columns} & set(columns)
-    others = frozenset(heading(column.heading) for column in raw.columns)
-    for column in raw.columns:
-        try:
-            meant = columns.meant_by(column.heading, others)
-        except InputError as error:
-            raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
+    for column, meant in zip(raw.columns, _meanings(raw, columns), strict=True):
         unit = column.unit or meant.unit
         unused = Use(column.heading or "(no heading)", "", unit)
         if meant.column is None:
@@ -803,7 +818,7 @@ def _unit_problem(column: Column, unit: str, convention: str) -> str:
     from catalogs.written_values import unit_of
 
     try:
-        unit_of(unit, column.unit)
+        meant = unit_of(unit, column.unit or "1")
     except InputError as error:
-        return error.allowed
-    return ""
+        return error.allowed if column.unit else "none"
+    return "none" if meant.is_log10 and not column.unit else ""

@@ -1,7 +1,7 @@
 """A user's own star table: any table with a name or number, a distance, a brightness and a type or temperature.
 
 Required per star: ``name``, or a number of Hipparcos, Henry Draper, Gliese, TIC or Gaia, or a planet's name;
-``distance_pc`` or ``parallax_mas``; ``v_mag``, or Gaia's ``g_mag`` and ``bp_rp_mag``; ``sp_type`` or ``teff_k``.
+``distance_pc`` or ``parallax_mas``; ``v_mag``, or Gaia's ``gaia_g_mag`` and ``bp_rp_mag``; ``sp_type`` or ``teff_k``.
 Everything else may be missing and is then filled as in the shipped table, with ``*_src`` columns that say how. What
 other headings and units are understood stands in one table (:mod:`catalogs.table_cells`).
 """
@@ -26,7 +26,7 @@ from catalogs.table_files import RawTable
 from cpic_core import InputError, listed
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
-_ONE_OF = (_NAMES, ("v_mag", "opt_mag", "g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+_ONE_OF = (_NAMES, ("v_mag", "opt_mag", "gaia_g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 _SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
 _MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
 ASSUMED_PC = 10.0
@@ -68,7 +68,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
 
     def named(where: str, row: Row) -> None:
         _write_out(row, where)
-        given.refuse_missing(where, row, _ONE_OF)
+        given.refuse_missing(where, row, (("name",), *_ONE_OF[1:]))
 
     _place(given.rows)
     given.made(named)
@@ -132,12 +132,13 @@ def _write_out(row: Row, where: str) -> None:
         row["name"] = row["name"].replace("_", " ").strip()
     if "hip" in row:
         row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
-    if "b_mag" in row and "v_mag" in row:
-        row.setdefault("b_v_mag", row["b_mag"] - row["v_mag"])
+    b_v = row.get("b_mag", _NAN) - row.get("v_mag", _NAN)
+    if QUANTITIES["b_v_mag"].low <= b_v <= QUANTITIES["b_v_mag"].high:  # B may be a galactic latitude
+        row.setdefault("b_v_mag", b_v)
     optical, band = row.pop("opt_mag", None), row.pop("opt_band", "")
     if "v_mag" not in row and optical is not None and band.upper().startswith("V"):
         row["v_mag"] = optical
-    green, blue, red = (row.pop(key, _NAN) for key in ("g_mag", "bp_mag", "rp_mag"))
+    green, blue, red = (row.pop(key, _NAN) for key in ("gaia_g_mag", "bp_mag", "rp_mag"))
     colour = row.pop("bp_rp_mag", blue - red)
     if "v_mag" not in row and math.isfinite(green + colour):
         row["v_mag"] = stellar_physics.v_of_gaia(green, colour)
