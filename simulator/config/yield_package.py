@@ -1,19 +1,21 @@
 """A coronagraph as a yield input package: the folder of images that AYO, EXOSIMS, pyEDITH and yippy read.
 
 Images of the star by its diameter (``stellar_intens.fits``, ``stellar_intens_diam_list.fits``), of sources by their
-offset (``offax_psf.fits``, ``offax_psf_offset_list.fits``) and of an even sky (``sky_trans.fits``): parts of the light on
-the collecting area in each pixel, angles in lambda/D, the star at ``XCENTER, YCENTER``, counted from 0. Source of the
-format: the readers of EXOSIMS (``process_opticalsys_package``) and of yippy 2.10.6, which agree on this.
+offset (``offax_psf.fits``, ``offax_psf_offset_list.fits``) and of an even sky (``sky_trans.fits``): parts of the light
+on the collecting area in each pixel, angles in lambda/D, the star at ``XCENTER, YCENTER``, counted from 0. Source of
+the format: the readers of EXOSIMS (``process_opticalsys_package``) and of yippy 2.10.6, which agree on this.
 """
 
+import functools
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, digest_of, is_file, overlap_weights
+from cpic_core import FloatArray, InputError, NDArray, digest_of, file_state, is_file, overlap_weights
 from simulator.config.coronagraph_table import KEY, CoronagraphTable, checked, sha256_of
 from simulator.config.map_files import header_number, read_maps
 
@@ -24,7 +26,7 @@ FILES = (STAR, DIAMETERS, SOURCES, OFFSETS, SKY)
 _CUT, _STEP = 4, 0.05
 """Parts into which a pixel is cut along each axis for means over rings, and width of the rings in pixels."""
 _ROW_LAMBDA_D, _TURNS = 0.05, 360
-_ROUNDING, _MOST_SHIFT = 1e-3, 1.5
+_ROUNDING, _LEAST_SHIFT, _MOST_SHIFT = 1e-3, 0.1, 1.5
 
 
 def is_package(path: str) -> bool:
@@ -44,8 +46,8 @@ def read_yield_package(
 
     The core throughput is the light of a source in an aperture around it, exact for light that is even within a pixel;
     between the offsets it is linear, and beyond the first and last one, or where the aperture would leave the images,
-    the table ends. Starlight and sky are means over all position angles, every 0.05 lambda/D; between two diameters of the
-    star they are linear. Offsets in two dimensions give means over circles.
+    the table ends. Starlight and sky are means over all position angles, every 0.05 lambda/D; between two diameters
+    of the star they are linear. Offsets in two dimensions give means over circles.
 
     Parameters
     ----------
@@ -71,6 +73,19 @@ def read_yield_package(
     if lacking:
         allowed = f"the folder of a yield input package: {', '.join(FILES)}"
         raise InputError(KEY, path, allowed=allowed, hint=f"without {', '.join(lacking)}")
+    states = tuple(file_state(folder / name) for name in FILES)
+    star = None if star_diameter_mas is None else round(1e-3 * star_diameter_mas / lambda_d_arcsec, 9)
+    found, header = _measured(path, states, round(aperture_arcsec / lambda_d_arcsec, 9), star)
+    notes = found.notes + _another_telescope(found.file, header, lambda_d_arcsec, diameter_m)
+    return checked(replace(found, separation_arcsec=found.separation_arcsec * lambda_d_arcsec, notes=notes))
+
+
+@functools.lru_cache(maxsize=8)
+def _measured(
+    path: str, states: tuple[Any, ...], aperture_lambda_d: float, star_lambda_d: float | None
+) -> tuple[CoronagraphTable, Mapping[str, Any]]:
+    """Return the table with its separations in lambda/D, which all bands share, and the header of the star's images."""
+    folder = Path(path)
     sources, header = _images(folder / SOURCES, 3)
     stars, star_header = _images(folder / STAR, 3)
     sky, sky_header = _images(folder / SKY, 2)
@@ -78,42 +93,51 @@ def read_yield_package(
     for name, cards in ((SOURCES, header), (SKY, sky_header)):
         _pixel(folder / name, cards, pixel)
     diameters = _list(folder / DIAMETERS, len(stars)).reshape(-1)
-    diameter, star = _star_of(folder / DIAMETERS, stars, diameters, star_diameter_mas, lambda_d_arcsec)
-    radius = aperture_arcsec / lambda_d_arcsec / pixel
-    offsets, x, y, notes = _places(folder, sources, _list(folder / OFFSETS, len(sources)), header, pixel)
+    diameter, star = _star_of(folder / DIAMETERS, stars, diameters, star_lambda_d)
+    radius = aperture_lambda_d / pixel
+    offsets, centre, shift = _places(folder, sources, _list(folder / OFFSETS, len(sources)), header, pixel)
+    x, y = (centre + shift + offsets / pixel).T
+    # Another convention of the centre is that of all files that state the same.
+    middles = [
+        np.add(own, shift) if np.allclose(own := _centre(folder / name, image, cards), centre) else np.asarray(own)
+        for name, image, cards in ((STAR, star, star_header), (SKY, sky, sky_header))
+    ]
     cores = [_around(image, *at, radius) for image, *at in zip(sources, x, y, strict=True)]
     separation, core = _rings(offsets, np.array([math.nan if cut is None else cut[0].sum() for cut in cores]))
-    reach = min(_room(folder / STAR, star, star_header), _room(folder / SKY, sky, sky_header)) - radius
+    rooms = (_room(folder / name, image, at) for name, image, at in zip((STAR, SKY), (star, sky), middles, strict=True))
+    reach = min(rooms) - radius
     whole = separation <= reach * pixel
     if np.count_nonzero(core[whole] > 0) < 2:
-        allowed = f"two offsets, with light, whose apertures of {radius * pixel:.3g} lambda/D are on the images"
+        allowed = f"two offsets, with light, whose apertures of {aperture_lambda_d:.3g} lambda/D are on the images"
         raise InputError(KEY, str(folder / OFFSETS), allowed=allowed)
     separation, core = separation[whole], core[whole]
     steps = np.arange(separation[0], separation[-1], _ROW_LAMBDA_D)
     place = np.unique(np.concatenate([separation, steps]).round(9))
     core = np.interp(place, separation, core)
     light, through = (
-        _ring_means(image, _centre(name, image, cards), place / pixel, radius)
-        for name, image, cards in ((folder / STAR, star, star_header), (folder / SKY, sky, sky_header))
+        _ring_means(image, at, place / pixel, radius) for image, at in zip((star, sky), middles, strict=True)
     )
     through /= math.pi * radius**2
     if through.max() > 1.05:
         raise InputError(f"{KEY} {SKY}", float(through.max()), allowed="0 to 1: the part of an even sky's light")
     # Where the aperture holds the star, or it is brighter than a source of its own light, nobody looks for planets.
-    bright = np.flatnonzero((core <= 0) | (light > core) | (place <= radius * pixel))
+    bright = np.flatnonzero((core <= 0) | (light > core) | (place <= aperture_lambda_d))
     kept = slice(0 if not bright.size else int(bright[-1]) + 1, None)
     if len(place[kept]) < 2:
         raise InputError(KEY, str(folder / STAR), allowed="a star fainter behind the mask than a source beside it")
     place, core, light, through = place[kept], core[kept], light[kept], np.minimum(through[kept], 1.0)
     origin = (
         f"{folder.name}, a yield input package: core_throughput from {SOURCES} ({len(sources)} offsets), raw_contrast "
-        f"from it and {STAR} (star of {diameter:.3g} lambda/D), in apertures of {radius * pixel:.3g} lambda/D at "
+        f"from it and {STAR} (star of {diameter:.3g} lambda/D), in apertures of {aperture_lambda_d:.3g} lambda/D at "
         f"{place[0]:.3g} to {place[-1]:.3g} lambda/D; occulter_transmission from {SKY}; not used: the images themselves"
     )
-    notes += _another_telescope(folder.name, star_header, lambda_d_arcsec, diameter_m)
+    moved = (
+        f"{folder.name}: sources are {shift[0]:+.2f}, {shift[1]:+.2f} pixels from where {SOURCES} says; moved by that"
+    )
+    notes = (moved,) * bool(shift.any())
     columns = {"core_throughput": core, "raw_contrast": light / core, "occulter_transmission": through}
     digest = sha256_of("".join(digest_of(folder / name) for name in FILES).encode())
-    return checked(CoronagraphTable(folder.name, digest, place * lambda_d_arcsec, columns, notes, origin=origin))
+    return CoronagraphTable(folder.name, digest, place, columns, notes, origin=origin), star_header
 
 
 def _another_telescope(
@@ -128,8 +152,9 @@ def _another_telescope(
     nm = 1e9 * diameter_m * math.radians(lambda_d_arcsec / 3600.0)
     if not (nm < 0.99 * low or nm > 1.01 * high or abs(made_m / diameter_m - 1.0) > 0.01):
         return ()
-    words = f"made for {low:.4g} to {high:.4g} nm and a diameter of {made_m:.4g} m"
-    return (f"{name}: {words}; its lambda/D is taken for that of {nm:.4g} nm and {diameter_m:.4g} m",)
+    made = [f"{low:.4g} to {high:.4g} nm"] * (low <= high) + [f"a diameter of {made_m:.4g} m"] * (made_m > 0)
+    taken = f"its lambda/D is taken for that of {nm:.4g} nm and {diameter_m:.4g} m"
+    return (f"{name}: made for {' and '.join(made)}; {taken}",)
 
 
 def _images(path: Path, dimensions: int) -> tuple[FloatArray, Mapping[str, Any]]:
@@ -146,7 +171,7 @@ def _images(path: Path, dimensions: int) -> tuple[FloatArray, Mapping[str, Any]]
     most = float(images.sum(axis=(-2, -1)).max()) if dimensions == 3 else 0.0
     if most > 1.0 + _ROUNDING:
         raise InputError(KEY, str(path), allowed="parts of the light: a sum of at most 1", hint=f"it is {most:.6g}")
-    return np.maximum(images, 0.0), found.header
+    return np.maximum(images, 0.0, out=images), found.header
 
 
 def _list(path: Path, number: int) -> FloatArray:
@@ -177,9 +202,9 @@ def _centre(path: Path, image: FloatArray, header: Mapping[str, Any]) -> tuple[f
     return x, y
 
 
-def _room(path: Path, image: FloatArray, header: Mapping[str, Any]) -> float:
+def _room(path: Path, image: FloatArray, centre: FloatArray) -> float:
     """Return the largest circle around the star on an image, in pixels."""
-    x, y = _centre(path, image, header)
+    x, y = centre
     room = min(x, y, image.shape[-1] - 1 - x, image.shape[-1] - 1 - y) + 0.5
     if room <= 1.0:
         raise InputError(f"{KEY} {path.name} XCENTER, YCENTER", (x, y), unit="px", allowed="a pixel of the image")
@@ -187,27 +212,26 @@ def _room(path: Path, image: FloatArray, header: Mapping[str, Any]) -> float:
 
 
 def _star_of(
-    path: Path, stars: FloatArray, diameters: FloatArray, asked_mas: float | None, lambda_d_arcsec: float
+    path: Path, stars: FloatArray, diameters: FloatArray, asked_lambda_d: float | None
 ) -> tuple[float, FloatArray]:
     """Return the diameter of the star in lambda/D and its image, linear between two diameters."""
     order = np.argsort(diameters, kind="stable")
     least, most = (float(diameters[order[at]]) for at in (0, -1))
-    asked = least if asked_mas is None else 1e-3 * asked_mas / lambda_d_arcsec
+    asked = least if asked_lambda_d is None else asked_lambda_d
     if not least <= asked <= most:
-        unit = 1e3 * lambda_d_arcsec
-        allowed = f"{least * unit:.4g} to {most * unit:.4g} mas, those of {path.name}"
-        raise InputError("coronagraph.star_diameter_mas", asked_mas, unit="mas", allowed=allowed)
+        allowed = f"{least:g} to {most:g} lambda/D, those of {path.name}"
+        raise InputError("coronagraph.star_diameter_mas", f"{asked:.4g} lambda/D", allowed=allowed)
     weights = [float(np.interp(asked, diameters[order], row)) for row in np.eye(len(order))]
     return asked, np.tensordot(weights, stars[order], axes=1)
 
 
 def _places(
     folder: Path, sources: FloatArray, listed: FloatArray, header: Mapping[str, Any], pixel: float
-) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
-    """Return the offsets ``(n, 2)`` in lambda/D, the sources' places in pixels, and remarks.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the offsets ``(n, 2)`` in lambda/D, the stated centre, and how far sources are from there, in pixels.
 
     One number for each image is an offset along x, or along y where the light is there. Where the brightest source is
-    not quite where centre and offset put it, all are moved by the difference: it is the convention of the centre.
+    not quite where centre and offset put it, the difference is that of all: it is the convention of the centre.
     """
     centre = np.array(_centre(folder / SOURCES, sources, header))
     number = int(sources.max(axis=(1, 2)).argmax())
@@ -229,12 +253,7 @@ def _places(
         at, stated = (f"[{x:.2f}, {y:.2f}]" for x, y in (seen, seen - shift))
         hint = f"image {number} is brightest at {at}; centre and {OFFSETS} put its source at {stated}"
         raise InputError(f"{KEY} {SOURCES} XCENTER, YCENTER", tuple(centre), unit="px", allowed="the star", hint=hint)
-    moved = float(np.hypot(*shift)) > 0.1
-    note = (
-        f"{folder.name}: sources are {shift[0]:+.2f}, {shift[1]:+.2f} pixels from where {SOURCES} says; moved by that"
-    )
-    x, y = (centre + shift + offsets / pixel).T
-    return offsets, x, y, (note,) * moved
+    return offsets, centre, shift * (float(np.hypot(*shift)) > _LEAST_SHIFT)
 
 
 def _around(
@@ -274,7 +293,7 @@ def _rings(offsets: FloatArray, light: FloatArray) -> tuple[FloatArray, FloatArr
     return at[kept], mean[kept]
 
 
-def _ring_means(image: FloatArray, centre: tuple[float, float], separation: FloatArray, radius: float) -> FloatArray:
+def _ring_means(image: FloatArray, centre: FloatArray, separation: FloatArray, radius: float) -> FloatArray:
     """Return the means over all position angles of the light in apertures at separations, all in pixels.
 
     A point at r from the star is in the aperture at s for the part ``arccos((r^2 + s^2 - a^2) / 2 r s) / pi`` of the

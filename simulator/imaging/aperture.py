@@ -13,6 +13,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, IntArray, overlap_weights
 from simulator.imaging.geometry import BandGeometry
 
+STRIPS = 256
 CELLS_PER_PIXEL = 10
 
 

@@ -106,8 +106,8 @@ def test_core_throughput_is_the_light_in_the_aperture_and_linear_between_offsets
 def test_starlight_and_sky_are_means_over_position_angles(tmp_path, diameter):
     table = read(write(tmp_path / "yip"), star_diameter_mas=None if diameter is None else 1e3 * diameter * UNIT)
     size = diameter or 0.0
-    lower = DIAMETERS[DIAMETERS <= size][-1]
-    upper = DIAMETERS[DIAMETERS >= size][0]
+    lower = DIAMETERS[size >= DIAMETERS][-1]
+    upper = DIAMETERS[size <= DIAMETERS][0]
     share = 0.0 if upper == lower else (size - lower) / (upper - lower)
     image = (1 - share) * star(30.0, lower) + share * star(30.0, upper)
     for place in PLACES:
@@ -252,7 +252,7 @@ def test_what_is_no_package_is_refused_in_one_line(tmp_path, own, said):
 
 def test_a_star_of_another_size_than_the_images_is_refused(tmp_path):
     path = write(tmp_path / "yip")
-    with pytest.raises(InputError, match=r"star_diameter_mas = 10\.5 mas.*0 to 10 mas"):
+    with pytest.raises(InputError, match=r"star_diameter_mas = 0\.21 lambda/D.*0 to 0\.2 lambda/D"):
         read(path, star_diameter_mas=10.5)
     flat = tmp_path / "flat.csv"
     flat.write_text("separation_arcsec,core_throughput,raw_contrast\n0.1,0.05,1e-9\n0.3,0.05,1e-9\n", encoding="utf-8")
