@@ -61,7 +61,7 @@ COLUMNS = Columns(
     _column("speckle_variance_per_nm4", "", 0.0, 1e6, "the same of the light of the wavefront's errors"),
     _column("source_peak_pixel", "", 0.0, 1.0, "brightest pixel of a source"),
     _column(
-        *("source_peak_step", "", 1e-9, 1.0, "the same, of pixels as wide as the rows' step: contrasts are over it"),
+        *("source_peak_step", "", 0.0, 1.0, "the same, of pixels as wide as the rows' step: contrasts are over it"),
         "psfpeak coremeanintensity",
     ),
     _column("star_peak_zone", "", 0.0, 1.0, "brightest pixel of the star in the zone"),
@@ -311,7 +311,9 @@ def _unit(
             hint = "leave one of the two out" + ("" if is_stated else ", or give coronagraph.diameter_m")
             hint = f"lambda/D of the file is {unit:.4g} arcsec{of}; {hint}"
             raise InputError(key, both, allowed=f"lambda/D = {lambda_d_arcsec:.4g} arcsec to 5 %", hint=hint)
-        if abs(share - 1.0) > 0.01:
+        if is_stated or abs(share - 1.0) <= 0.01:
+            unit = lambda_d_arcsec  # its cells are rounded
+        else:
             notes = (f"{rows.label}: lambda/D of {both} is {unit:.4g} arcsec{of}; separations are those in arcsec",)
     if {"core_area_arcsec2", "core_area_lambda_d2"} <= columns.keys():
         both = f"{names['core_area_arcsec2']} and {names['core_area_lambda_d2']}"
