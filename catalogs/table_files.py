@@ -112,9 +112,7 @@ def _text(file: TableBytes) -> str:
     try:
         text = file.data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = file.data.decode("utf-8-sig", "replace")
-        if any("\ufffd" in line for line in text.splitlines() if not line.lstrip().startswith("#")):
-            text = ""  # in a comment a byte of another encoding does no harm
+        text = ""
     if not text or "\0" in text:
         raise InputError(
             file.name, "binary or not UTF-8", allowed=f"a {_FORMATS} table", hint="save it as CSV in UTF-8"

@@ -165,12 +165,3 @@ def test_planets_of_a_table_that_was_cut_off_are_said_to_be(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text("# OVERFLOW\nstar,planet,period,msini\nHD 10700,x,1000,1\n")
     assert "cut off: rows are missing" in load_known_planets(f"none+{path}").provenance
-
-
-@pytest.mark.parametrize("byte", [b"\x92", b"\xa0", b"\xb5", b"\xff"])
-@pytest.mark.parametrize("place", ["before", "behind"])
-def test_a_byte_of_another_encoding_in_a_comment_does_no_harm(byte, place):
-    comment, table = b"# what it" + byte + b"s for\n", b"name,v_mag\nBob,5\n"
-    found = parsed(comment + table if place == "before" else table + comment)
-    assert [column.heading for column in found.columns] == ["name", "v_mag"]
-    assert list(cells(found)["name"]) == ["Bob"]
