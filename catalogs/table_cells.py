@@ -240,8 +240,9 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) 
     """
     chosen, unused = _chosen(raw, columns, required)
     said = f"{raw.name}: columns not used: {listed(unused)}"
-    notes = raw.notes + ((said,) if unused else ())
-    names = chosen[about].cells if about in chosen else [None] * len(raw)
+    left = tuple(f"{raw.name} row {bad.row} is left out: {bad.value}, allowed {bad.reason}" for bad in raw.rejects)
+    notes = raw.notes + left + ((said,) if unused else ())
+    names = chosen[about].cells.tolist() if about in chosen else [None] * len(raw)
     cells = {name: _read(raw.name, columns[name], column, names) for name, column in chosen.items()}
     rows = [{name: values[i] for name, values in cells.items() if values[i] is not None} for i in range(len(raw))]
     headings = {name: column.heading for name, column in chosen.items()}
@@ -292,7 +293,7 @@ def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) ->
     number = column.kind in ("float", "whole")
     convert = _converter(label, column, given) if number else None
     values = []
-    for i, cell in enumerate(given.cells):
+    for i, cell in enumerate(given.cells.tolist()):
         fill = False
         try:
             value = None if cell is None else _READERS[column.kind](cell)
