@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import Column, Columns, RawColumn, RawTable, Rows, parse_table, read_bytes, read_rows
-from cpic_core import ArrayLike, FloatArray, InputError, file_state, read_file
+from cpic_core import ArrayLike, FloatArray, InputError, file_state, is_file, read_file
 from simulator.config.base import nearest
 
 KEY = "coronagraph.table"
@@ -235,7 +235,7 @@ def coronagraph_table(
     from simulator.config.yield_package import FILES, is_package
 
     path = table_path(name)
-    if is_package(path):
+    if not is_file(path) and is_package(path):
         aperture = 0.7 * lambda_d_arcsec if aperture_arcsec is None else aperture_arcsec
         states = tuple(_state(str(Path(path) / file)) for file in FILES)
         return _package(path, states, lambda_d_arcsec, diameter_m, aperture, star_diameter_mas)
@@ -262,7 +262,7 @@ def _read(
         from simulator.config.coronagraph_maps import read_coronagraph_maps
 
         return read_coronagraph_maps(path, lambda_d_arcsec)
-    presets = f"{', '.join(shipped_tables())}" if shipped_tables() else ""
+    presets = ", ".join((*shipped_tables(), "the folder of a yield input package"))
     file = read_bytes(path, key=KEY, presets=presets)
     if len(file.data) > MOST_BYTES:
         raise InputError(KEY, file.name, allowed=f"a table of at most {MOST_BYTES} bytes")
