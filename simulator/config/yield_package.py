@@ -121,8 +121,10 @@ def _measured(
     if through.max() > 1.05:
         raise InputError(f"{KEY} {SKY}", float(through.max()), allowed="0 to 1: the part of an even sky's light")
     # Where the aperture holds the star, or it is brighter than a source of its own light, nobody looks for planets.
-    bright = np.flatnonzero((core <= 0) | (light > core) | (place <= aperture_lambda_d))
-    kept = slice(0 if not bright.size else int(bright[-1]) + 1, None)
+    good = (core > 0) & (light <= core) & (place > aperture_lambda_d)
+    best, lost = int(np.where(good, core, -1.0).argmax()), np.flatnonzero(~good)
+    edge = int(np.searchsorted(lost, best))
+    kept = slice(int(lost[edge - 1]) + 1 if edge else 0, int(lost[edge]) if edge < len(lost) else None)
     if len(place[kept]) < 2:
         raise InputError(KEY, str(folder / STAR), allowed="a star fainter behind the mask than a source beside it")
     place, core, light, through = place[kept], core[kept], light[kept], np.minimum(through[kept], 1.0)
@@ -177,7 +179,7 @@ def _images(path: Path, dimensions: int) -> tuple[FloatArray, Mapping[str, Any]]
 def _list(path: Path, number: int) -> FloatArray:
     """Return a list of one or two numbers for each image, ``(number, 1)`` or ``(number, 2)``."""
     data = np.asarray(read_maps(KEY, path).maps[0].data)
-    rows = data.reshape(-1, 1) if data.size == number else data.T if data.shape == (2, number) else data
+    rows = data.reshape(-1, 1) if data.size == number else data.T if data.shape == (2, number) != (2, 2) else data
     if rows.ndim != 2 or rows.shape[0] != number or rows.shape[1] > 2 or rows.dtype.kind not in "fiu":
         raise InputError(KEY, str(path), allowed=f"a number for each of {number} images", hint=f"shape {data.shape}")
     if not np.isfinite(rows).all():

@@ -225,8 +225,8 @@ def test_a_package_without_one_of_its_files_is_refused_in_one_line(package, refu
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("12;2e-9", "120;2e-9", "laplace.csv row 2 column Core throughput"),
-        ("12;2e-9", "12;dark", "laplace.csv row 2 column Raw contrast"),
+        ("12;2e-9", "120;2e-9", "laplace.csv row 2 (90) column Core throughput"),
+        ("12;2e-9", "12;dark", "laplace.csv row 2 (90) column Raw contrast"),
         ("Raw contrast", "Brightness", "raw_contrast"),
         ("[mas]", "[kg]", "unit"),
         ("90;", "60;", "every separation once"),

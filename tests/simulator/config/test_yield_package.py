@@ -113,6 +113,25 @@ def test_the_table_ends_where_offsets_or_images_do(tmp_path):
     assert inner == pytest.approx(0.7 * unit, abs=0.06 * unit)
 
 
+def test_beyond_a_stop_that_blocks_sources_nobody_looks_for_planets(tmp_path):
+    blocked = np.stack([source(x, 0.0, 30.0) * (x < 4.25) for x in STEPS])
+    table = read(write(tmp_path / "yip", offax_psf=blocked))
+    first = read(write(tmp_path / "open"))
+    assert 4.4 * UNIT < table.separation_arcsec[-1] < 4.5 * UNIT
+    at = np.array([1.0, 2.5, 4.0]) * UNIT
+    np.testing.assert_allclose(table.at("core_throughput", at), first.at("core_throughput", at))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_two_offsets_are_two_rows(tmp_path, turned):
+    places = np.array([[2.0, 0.0], [5.0, 0.0]])
+    along = {"offsets": places[:, ::-1], "listed": places[:, ::-1]} if turned else {"offsets": places}
+    table = read(write(tmp_path / "yip", **along))
+    assert table.separation_arcsec[[0, -1]] == pytest.approx([2.0 * UNIT, 5.0 * UNIT])
+    expected = [exact(source(x, 0.0, 30.0), x, 0.0) for x in (2.0, 5.0)]
+    np.testing.assert_allclose(table.columns["core_throughput"][[0, -1]], expected, rtol=3e-3)
+
+
 def test_lambda_d_is_that_of_the_band_and_of_the_stated_diameter(tmp_path):
     path = write(tmp_path / "yip")
     for own, factor in (({}, 1.0), ({"diameter_m": 1.6}, 1.25)):
