@@ -181,6 +181,7 @@ class CoronagraphTable:
         return None if area is None else math.sqrt(area / math.pi)
 
 
+@functools.lru_cache(maxsize=1)
 def shipped_tables() -> tuple[str, ...]:
     """Return the names of the tables that the package ships."""
     return tuple(sorted(path.stem for path in _folder().glob("*.csv")))
@@ -298,7 +299,8 @@ def _unit(
     rows: Rows, columns: Mapping[str, FloatArray], lambda_d_arcsec: float, diameter_m: float | None, is_stated: bool
 ) -> tuple[float, tuple[str, ...]]:
     """Return lambda/D of a table, and a remark where its separations in arcsec and in lambda/D say another one."""
-    unit, notes, names = lambda_d_arcsec, (), rows.headings
+    unit, names = lambda_d_arcsec, rows.headings
+    notes: tuple[str, ...] = ()
     if {"separation_arcsec", "separation_lambda_d"} <= columns.keys():
         both = f"{names['separation_arcsec']} and {names['separation_lambda_d']}"
         arcsec, units = columns["separation_arcsec"], columns["separation_lambda_d"]

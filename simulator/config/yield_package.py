@@ -102,7 +102,7 @@ def _measured(
         np.add(own, shift) if np.allclose(own := _centre(folder / name, image, cards), centre) else np.asarray(own)
         for name, image, cards in ((STAR, star, star_header), (SKY, sky, sky_header))
     ]
-    cores = [_around(image, *at, radius) for image, *at in zip(sources, x, y, strict=True)]
+    cores = [_around(image, right, up, radius) for image, right, up in zip(sources, x, y, strict=True)]
     separation, core = _rings(offsets, np.array([math.nan if cut is None else cut[0].sum() for cut in cores]))
     rooms = (_room(folder / name, image, at) for name, image, at in zip((STAR, SKY), (star, sky), middles, strict=True))
     reach = min(rooms) - radius
@@ -206,8 +206,8 @@ def _centre(path: Path, image: FloatArray, header: Mapping[str, Any]) -> tuple[f
 
 def _room(path: Path, image: FloatArray, centre: FloatArray) -> float:
     """Return the largest circle around the star on an image, in pixels."""
-    x, y = centre
-    room = min(x, y, image.shape[-1] - 1 - x, image.shape[-1] - 1 - y) + 0.5
+    x, y = (float(part) for part in centre)
+    room = float(min(x, y, len(image) - 1 - x, len(image) - 1 - y)) + 0.5
     if room <= 1.0:
         raise InputError(f"{KEY} {path.name} XCENTER, YCENTER", (x, y), unit="px", allowed="a pixel of the image")
     return room
@@ -264,7 +264,7 @@ def _around(
     """Return the light in an aperture, its rows and columns, in pixels; None where it is not whole on the image."""
     column, row = round(float(x)), round(float(y))
     weights = overlap_weights(radius, float(y) - row, float(x) - column)
-    used = [weights.any(axis=axis) for axis in (1, 0)]
+    used = [np.asarray(weights.max(axis=axis) > 0) for axis in (1, 0)]
     weights = weights[np.ix_(*used)]
     rows, columns = (at + np.flatnonzero(one) - len(one) // 2 for at, one in zip((row, column), used, strict=True))
     if min(rows[0], columns[0]) < 0 or max(rows[-1], columns[-1]) >= len(image):
