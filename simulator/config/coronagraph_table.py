@@ -233,13 +233,16 @@ def coronagraph_table(
         Naming file, row, column, value and range: it cannot be read, lacks a column or a cell, has fewer than two rows
         or two of one separation, or holds what no coronagraph does.
     """
-    from simulator.config.yield_package import FILES, is_package
+    from simulator.config.yield_package import FILES, is_package, read_yield_package
 
     path = table_path(name)
     if not is_file(path) and is_package(path):
         aperture = 0.7 * lambda_d_arcsec if aperture_arcsec is None else aperture_arcsec
         states = tuple(_state(str(Path(path) / file)) for file in FILES)
-        return _package(path, states, lambda_d_arcsec, diameter_m, aperture, star_diameter_mas)
+        found = read_yield_package(path, states, lambda_d_arcsec, diameter_m, aperture, star_diameter_mas)
+        for note in found.notes:
+            _say(note)
+        return found
     if Path(path).name in FILES:
         raise InputError(KEY, path, allowed="its folder, a yield input package")
     if star_diameter_mas is not None:
@@ -267,7 +270,8 @@ def _read(
     file = read_bytes(path, key=KEY, presets=presets)
     if len(file.data) > MOST_BYTES:
         raise InputError(KEY, file.name, allowed=f"a table of at most {MOST_BYTES} bytes")
-    raw = _with_units(parse_table(file))
+    parsed = parse_table(file)
+    raw = replace(parsed, columns=[_renamed(column) for column in parsed.columns])
     rows = read_rows(raw, COLUMNS, REQUIRED, about="separation_arcsec")
     _refuse_misspelt(raw)
     for where, row in rows:
@@ -349,25 +353,6 @@ def _over_cores(rows: Rows, columns: dict[str, FloatArray], unit: float) -> tupl
     return (f"{rows.label}: contrasts are over {heading}, of pixels of {step:.3g} arcsec; over cores they are {times}",)
 
 
-@functools.lru_cache(maxsize=16)
-def _package(
-    path: str,
-    state: tuple[Any, ...],
-    lambda_d_arcsec: float,
-    diameter_m: float | None,
-    aperture_arcsec: float,
-    star_mas: float | None,
-) -> CoronagraphTable:
-    from simulator.config.yield_package import read_yield_package
-
-    found = read_yield_package(
-        path, lambda_d_arcsec, aperture_arcsec, diameter_m=diameter_m, star_diameter_mas=star_mas
-    )
-    for note in found.notes:
-        _say(note)
-    return found
-
-
 @functools.lru_cache(maxsize=64)
 def _say(note: str) -> None:
     """Say once for a file what was not read of it: every band of one file reads it."""
@@ -414,12 +399,8 @@ def _check(name: str, place: FloatArray, columns: Mapping[str, FloatArray]) -> N
             raise InputError(f"{name} column {one}", float(columns[one].max()), allowed="the same value in every row")
 
 
-def _with_units(raw: RawTable) -> RawTable:
-    """Return the columns whose headings say lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
-    return replace(raw, columns=[_renamed(column) for column in raw.columns])
-
-
 def _renamed(column: RawColumn) -> RawColumn:
+    """Return a column whose heading says lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
     heading, unit = column.heading, column.unit
     if COLUMNS.meant_by(heading)[0] is not None and not re.search(r"[\[(].*[\])]\s*$", heading) and not unit:
         return column

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, digest_of, file_state, is_file, overlap_weights
+from cpic_core import FloatArray, InputError, NDArray, digest_of, is_file, overlap_weights
 from simulator.config.coronagraph_table import KEY, CoronagraphTable, checked, sha256_of
 from simulator.config.map_files import header_number, read_maps
 
@@ -34,13 +34,14 @@ def is_package(path: str) -> bool:
     return any(is_file(Path(path) / name) for name in FILES)
 
 
+@functools.lru_cache(maxsize=16)
 def read_yield_package(
     path: str,
+    states: tuple[Any, ...],
     lambda_d_arcsec: float,
+    diameter_m: float | None,
     aperture_arcsec: float,
-    *,
-    diameter_m: float | None = None,
-    star_diameter_mas: float | None = None,
+    star_diameter_mas: float | None,
 ) -> CoronagraphTable:
     """Read the table of a coronagraph from its images.
 
@@ -53,12 +54,14 @@ def read_yield_package(
     ----------
     path : str
         The folder.
+    states : tuple
+        What changes with its files: the same is read once.
     lambda_d_arcsec : float
         lambda/D of the images.
-    aperture_arcsec : float
-        Radius of the photometric aperture.
     diameter_m : float, optional
         The D of that lambda/D: what the images were made for is compared with it.
+    aperture_arcsec : float
+        Radius of the photometric aperture.
     star_diameter_mas : float, optional
         Angular diameter of the star; the smallest of the package if not given.
 
@@ -73,7 +76,6 @@ def read_yield_package(
     if lacking:
         allowed = f"the folder of a yield input package: {', '.join(FILES)}"
         raise InputError(KEY, path, allowed=allowed, hint=f"without {', '.join(lacking)}")
-    states = tuple(file_state(folder / name) for name in FILES)
     star = None if star_diameter_mas is None else round(1e-3 * star_diameter_mas / lambda_d_arcsec, 9)
     found, header = _measured(path, states, round(aperture_arcsec / lambda_d_arcsec, 9), star)
     notes = found.notes + _another_telescope(found.file, header, lambda_d_arcsec, diameter_m)
