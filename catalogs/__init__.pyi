@@ -27,7 +27,7 @@ from catalogs.coordinates import (
     separation_arcsec as separation_arcsec,
     tangent_offset as tangent_offset,
 )
-from catalogs.curves import check_rows as check_rows, length_nm as length_nm, read_curve as read_curve
+from catalogs.curves import length_nm as length_nm, read_curve as read_curve
 from catalogs.exoplanet_archive import PLANETS_QUERY as PLANETS_QUERY, archive_url as archive_url
 from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, star_key as star_key
 from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.curves import check_rows, read_curve
+from catalogs.curves import read_curve
 from catalogs.spectra import Curve
 from cpic_core import ArrayLike, InputError, Provenance, load_yaml, read_file, split_sourced
 
@@ -16,8 +16,6 @@ CAMERAS = ("VIS", "NIR")
 
 _FILE = Path(__file__).resolve().parent / "data" / "bands.yaml"
 _MAX_BYTES = 200_000_000
-_NOISE = 0.01
-"""Transmissions below 0 or above 1 by no more of the peak are noise: makers cut curves off at 1 % for that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,20 +139,17 @@ def band_from_file(
         If the file cannot be read, the unit is not stated, or transmissions are outside 0 to 1 or all zero.
     """
     data, file = read_file(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES), Path(path).name
-    found = read_curve(file, data, "transmission", unit=unit)
-    peak = float(found.values.max())
-    good = (found.values >= -_NOISE * peak) & (found.values <= 1.0 + _NOISE) & (peak > 0.0)
-    check_rows(file, found.rows, "transmission", found.values, good, "0 to 1, not all zero; or % in the heading")
-    transmission = found.values.clip(0.0, 1.0)
+    wavelength_nm, transmission, _ = read_curve(file, data, "transmission", unit=unit, most=1.0)
+    if not transmission.any():
+        raise InputError(f"{file} transmission", 0.0, allowed="above 0 somewhere")
     open_at = np.flatnonzero(transmission)
     part = slice(max(open_at[0] - 1, 0), open_at[-1] + 2)
-    wavelength_nm, transmission = found.wavelength_nm[part], transmission[part]
+    wavelength_nm, transmission = wavelength_nm[part], transmission[part]
     # Exact area and first moment of a piecewise linear curve.
     step = np.diff(wavelength_nm)
     left, right = transmission[:-1], transmission[1:]
     area = 0.5 * np.sum(step * (left + right))
     moment = np.sum(step * (wavelength_nm[:-1] * (2 * left + right) + wavelength_nm[1:] * (left + 2 * right))) / 6.0
-    transmission.setflags(write=False)
     curve = Curve(wavelength_nm, transmission)
     return Band(name, camera, float(moment / area), float(area / transmission.max()), t_opt, qe, curve)
 

@@ -10,66 +10,58 @@ import functools
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from catalogs.table_files import TableBytes, parse_table
 from cpic_core import NPZ_ERRORS, InputError, npz_in
 
-Wanted: TypeAlias = Literal["transmission", "flux", "albedo"]
-
 _WORDS = Path(__file__).resolve().parent / "data" / "curves.csv"
 _STRUCTURED = (b"SIMPLE  =", b"<?xml", b"# %ECSV")
-_FORMATS = "text, ECSV, VOTable, FITS or npz"
-_UNITS = "nm, um, Angstrom, m, cm-1, Hz or eV"
+_UNITS = "one of nm, um, Angstrom, m, cm-1, Hz, eV"
 _NAMES = "wavelength_nm, wavelength_um, wavelength_angstrom or wavenumber_cm1"
 _UNKNOWN = "the unit is not understood"
-_UNSAID = "name the unit in the heading (wavelength_nm) or in a first line such as '# Angstrom'"
-_RANGE_NM = (1e-3, 1e8)
-# Without a unit: what cannot be nm is um and the other way round; Angstrom and wavenumbers overlap.
-_UM_BELOW = 20.0
-_NM_RANGE = (100.0, 3000.0)
-_WAVENUMBER = "1 / cm"
+_UNSAID = f"name the column {_NAMES}, or the unit in a first line such as '# Angstrom'"
+_NOISE = 0.01
+"""Transmissions below 0 or above 1 by no more of the peak are noise: makers cut measured curves off at 1 % for that."""
+# Albedos without a unit: what cannot be nm is um and the other way round; Angstrom and wavenumbers overlap.
+_UM_BELOW, _LEAST_NM, _MOST_NM = 20.0, 100.0, 3000.0
+_VALUES = {"transmission", "flux", "albedo"}
 _MARKS = (";", ",", "\t", "|", None)
+_LETTERS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u00e5": "angstrom", "\u03bb": "lambda", "\u207b": "-"})
+_PER = re.compile(
+    r"1\s*/\s*([cu]m)(?![a-z])|(?<![a-z])([cu]m)\s*(?:\^|\*\*)?\s*[({]?\s*[-\u2212]\s*[1\u00b9]\s*[)}]?(?![\d.])"
+)
 _PERCENT = re.compile(r"(?<![\d<>])(?<!\d\s)%|\bper ?cent\b|\bpct\b", re.IGNORECASE)
 _FLUX = re.compile(r"\b(?:ergs?|photons?|ph|W)\b[\w\s/.*^-]*(?:/|-[12])[\w\s/.*^-]*")
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """A curve as its file gives it, in order of wavelength.
+class _Entry(NamedTuple):
+    """Words for one thing: those joined by ``_`` all have to stand. Units are of a size, or over one."""
 
-    Attributes
-    ----------
-    wavelength_nm, values : ndarray, shape (n,)
-        Strictly increasing wavelengths; transmissions and albedos as fractions. Both are read-only.
-    unit : str
-        Unit of a flux density as the file states it, "" where it states none; "" for all else.
-    rows : tuple of str
-        Where each sample stands in the file, for messages.
-    """
-
-    wavelength_nm: np.ndarray
-    values: np.ndarray
-    unit: str
-    rows: tuple[str, ...]
+    kind: str
+    name: str
+    nm: float | None
+    per_nm: float | None
+    words: frozenset[str]
 
 
-@dataclass(frozen=True)
-class _Table:
+class _Table(NamedTuple):
     """Columns by heading and unit (either may be empty); ``rows`` says where each row stands."""
 
-    headings: list[str]
-    units: list[str]
-    cells: list[Any]
+    name: str
+    headings: Sequence[str]
+    units: Sequence[str]
+    cells: Sequence[Any]
     rows: Sequence[str]
-    remarks: list[str]
+    remarks: Sequence[str] = ()
 
 
-def read_curve(name: str, data: bytes, wanted: Wanted, *, unit: str | None = None, by_size: bool = False) -> Samples:
+def read_curve(
+    name: str, data: bytes, wanted: str, *, unit: str | None = None, most: float = np.inf, by_size: bool = False
+) -> tuple[np.ndarray, np.ndarray, str]:
     """Read a curve from a file with a column of wavelengths (or wavenumbers, frequencies, energies) and one of values.
 
     Text has columns apart by blanks, commas, semicolons, tabs or bars; ``#`` begins a remark, and lines of words above
@@ -86,141 +78,139 @@ def read_curve(name: str, data: bytes, wanted: Wanted, *, unit: str | None = Non
         What the values are.
     unit : str, optional
         Unit of the wavelengths; overrides the file.
+    most : float
+        Largest value; the least is 0. Noise puts transmissions beyond by at most 1 % of the peak, which is taken off.
     by_size : bool
         Whether wavelengths without a unit are um where all are below 20, and nm where all are within 100 to 3000.
+
+    Returns
+    -------
+    wavelength_nm, values : ndarray, shape (n,)
+        Strictly increasing wavelengths; transmissions and albedos as fractions. Both are read-only.
+    unit : str
+        Unit of a flux density as the file states it, "" where it states none.
 
     Raises
     ------
     InputError
         If the file cannot be read, its columns or the unit of its wavelengths cannot be told, or a wavelength or a
-        value is no finite number, repeated or out of order.
+        value is no number in its range, repeated or out of order.
     """
-    table = _tabled(name, data, wanted)
-    axis, other = _choose(name, table, wanted)
-    raw, values = _numbers(name, table, axis, "wavelength"), _numbers(name, table, other, wanted)
-    if raw.size < 2:
-        raise InputError(name, f"{raw.size} rows", allowed=f"two or more rows of wavelength and {wanted}")
-    check_rows(name, table.rows, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
-    check_rows(name, table.rows, wanted, values, np.isfinite(values), "a finite number")
-    stated = _unit_of_axis(name, table, axis, unit)
-    if not stated and by_size:
-        stated = (
-            "um" if raw.max() < _UM_BELOW else "nm" if _NM_RANGE[0] <= raw.min() <= raw.max() <= _NM_RANGE[1] else ""
-        )
-    if not stated:
-        said, span = _within(table.headings[axis]), f"not stated, numbers from {raw.min():g} to {raw.max():g}"
-        raise InputError(f"{name} wavelength unit", said or span, allowed=_UNITS, hint=_UNKNOWN if said else _UNSAID)
-    length = _in_nm(raw, stated)
-    if not _RANGE_NM[0] <= length.min() <= length.max() <= _RANGE_NM[1]:
-        span, hint = f"{length.min():g} to {length.max():g}", f"its wavelengths are taken to be in {stated}"
-        allowed = "{:g} to {:g}".format(*_RANGE_NM)
-        raise InputError(f"{name} wavelengths", span, unit="nm", allowed=allowed, hint=hint)
-    if wanted != "flux" and _is_percent(table, other, wanted):
+    table = _tabled(name, data)
+    if len(table.rows) < 2:
+        shown = f"{len(table.rows)} rows of numbers"
+        raise InputError(name, shown, allowed=f"two or more rows of wavelength and {wanted}")
+    axis, other = _choose(table, wanted)
+    raw, values = _numbers(table, axis, "wavelength"), _numbers(table, other, wanted)
+    own = (f"{table.headings[other]} {table.units[other]}", *(text for text in table.remarks if _is(text, wanted)))
+    if wanted != "flux" and any(map(_PERCENT.search, own)):
         values = 0.01 * values
-    order = np.argsort(length, kind="stable")
-    same = np.flatnonzero(np.diff(length[order]) <= 0.0)
+    noise = _NOISE * np.nanmax(values) if wanted == "transmission" else 0.0
+    _check(table, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
+    good = np.isfinite(values) & (values >= -noise) & (values <= most + noise)
+    _check(
+        table,
+        wanted,
+        values,
+        good,
+        "a finite number, not negative" if np.isinf(most) else f"0 to {most:g}, in percent with % in the heading",
+    )
+    nm = _in_nm(table, axis, unit, raw, by_size)
+    if wanted != "albedo":
+        ordered = np.append(True, np.diff(nm) * (nm[-1] - nm[0]) > 0.0)
+        _check(table, "wavelength", raw, ordered, "rows in order of wavelength, each once")
+    order = np.argsort(nm, kind="stable")
+    same = np.flatnonzero(np.diff(nm[order]) <= 0.0)
     if same.size:
-        first, second = sorted(order[same[0] : same[0] + 2].tolist())
-        where = f"{name} {table.rows[first]} and {table.rows[second]}"
-        raise InputError(where, "the same wavelength", allowed="one row for each wavelength")
-    turns = np.flatnonzero(np.diff(order) != np.diff(order)[0])
-    if wanted != "albedo" and turns.size:
-        row = int(np.flatnonzero(np.diff(length) * (length[1] - length[0]) <= 0.0)[0]) + 1
-        raise InputError(f"{name} {table.rows[row]} wavelength", float(raw[row]), allowed="rows in order of wavelength")
-    sorted_nm, values = length[order], values[order]
-    for array in (sorted_nm, values):
-        array.setflags(write=False)
-    found = _unit_of_flux(table, other) if wanted == "flux" else ""
-    return Samples(sorted_nm, values, found, tuple(table.rows[index] for index in order))
-
-
-def check_rows(name: str, rows: Sequence[str], what: str, values: np.ndarray, good: np.ndarray, allowed: str) -> None:
-    """Refuse the first value that is not good.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file.
-    rows : sequence of str
-        Where each value stands in it.
-    what, allowed : str
-        What the value is, and what it may be.
-    values, good : ndarray, shape (n,)
-
-    Raises
-    ------
-    InputError
-    """
-    bad = np.flatnonzero(~good)
-    if bad.size:
-        raise InputError(f"{name} {rows[bad[0]]} {what}", float(values[bad[0]]), allowed=allowed)
+        where = " and ".join(table.rows[index] for index in sorted(order[same[0] : same[0] + 2]))
+        raise InputError(f"{name} {where}", "the same wavelength", allowed="one row for each wavelength")
+    nm, values = nm[order], values[order].clip(0.0, most)
+    nm.setflags(write=False)
+    values.setflags(write=False)
+    return nm, values, _unit_of_flux(table, other) if wanted == "flux" else ""
 
 
 def length_nm(unit: str) -> float | None:
     """Return the nanometres of a unit of length that a file names; None for any other unit."""
-    return _words_of("unit", "short").get(_plain(unit).strip(), ("", None))[1]
+    entry = _entries("unit", "short").get(_plain(unit).strip())
+    return entry.nm if entry else None
+
+
+def _check(table: _Table, what: str, values: np.ndarray, good: np.ndarray, allowed: str) -> None:
+    """Refuse the first value that is not good."""
+    for row in np.flatnonzero(~good)[:1]:
+        raise InputError(f"{table.name} {table.rows[row]} {what}", float(values[row]), allowed=allowed)
+
+
+# Words.
 
 
 @functools.cache
-def _facts() -> tuple[tuple[str, str, float | None, frozenset[str]], ...]:
-    """Return kind, name, size in nm and words of every entry of the table of words; joined words all have to stand."""
+def _vocabulary() -> tuple[_Entry, ...]:
     with _WORDS.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return tuple(
-        (row["kind"], row["name"], float(row["nm"]) if row["nm"] else None, frozenset(word.split("_")))
-        for row in rows
-        for word in row["words"].split()
+        rows = [(row, word) for row in csv.DictReader(file) for word in row["words"].split()]
+    sizes = [[float(row[key]) if row[key] else None for key in ("nm", "per_nm")] for row, _ in rows]
+    entries = zip(rows, sizes, strict=True)
+    return tuple(_Entry(row["kind"], row["name"], *size, frozenset(word.split("_"))) for (row, word), size in entries)
+
+
+@functools.cache
+def _entries(*kinds: str) -> dict[str, _Entry]:
+    """Return the entries of some kinds by their words."""
+    return {word: entry for entry in _vocabulary() if entry.kind in kinds for word in entry.words}
+
+
+def _named(text: str, kind: str) -> set[str]:
+    """Return what of one kind a text names."""
+    words = _words(text)
+    return {entry.name for entry in _vocabulary() if entry.kind == kind and entry.words <= words}
+
+
+def _meaning(heading: str) -> set[str]:
+    """Return what a heading names: values, ``error``, ``axis``, or ``unit`` for nothing but units of wavelengths."""
+    words = _words(heading)
+    found = _named(heading, "error") or _named(heading, "value")
+    if found or _named(heading, "axis"):
+        return found or {"axis"}
+    return {"unit"} if words and words <= _entries("unit", "short").keys() else set()
+
+
+def _is(heading: str, wanted: str) -> bool:
+    return wanted in _meaning(heading)
+
+
+def _says_only(heading: str, wanted: str) -> bool:
+    words = _words(re.sub(r"[(\[].*", "", heading)) - _entries("filler").keys()
+    return any(
+        entry.words <= words <= entry.words | _entries("flux").keys() for entry in _vocabulary() if entry.name == wanted
     )
 
 
-@functools.cache
-def _words_of(*kinds: str) -> dict[str, tuple[str, float | None]]:
-    """Return name and size in nm by word."""
-    return {word: (name, size) for kind, name, size, words in _facts() if kind in kinds for word in words}
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"[a-z]+\d*", _plain(text)))
 
 
-def _meanings(text: str) -> set[str]:
-    """Return what a heading names: values, ``error``, ``axis``, or ``unit`` for nothing but units of wavelengths."""
-    if _names(text, "error"):
-        return {"error"}
-    if found := _names(text, "value") or ({"axis"} if _names(text, "axis") else set()):
-        return found
-    words = _letters(text)
-    return {"unit"} if words and words <= set(_words_of("unit", "short")) else set()
-
-
-def _names(text: str, kind: str) -> set[str]:
-    """Return what of one kind a text names."""
-    words = _letters(text)
-    return {name for own, name, _, phrase in _facts() if own == kind and phrase <= words}
-
-
-def _is_exact(heading: str, wanted: str) -> bool:
-    """Tell whether a heading says no more than what is wanted: ``albedo`` does, ``albedo_ch4`` does not."""
-    aside = {*_words_of("filler", "unit", "short", "flux")}
-    own = {word for kind, name, _, phrase in _facts() if (kind, name) == ("value", wanted) for word in phrase}
-    words = _letters(re.sub(r"[(\[].*", "", heading))
-    return bool(words & own) and words <= own | aside
+def _plain(text: str) -> str:
+    """Return a text in lower case, Greek and Swedish letters spelled out, one spelling of 1/cm and 1/um."""
+    return _PER.sub(lambda found: f" {found[1] or found[2]}1 ", text.lower().translate(_LETTERS))
 
 
 # From bytes to columns.
 
 
-def _tabled(name: str, data: bytes, wanted: str) -> _Table:
+def _tabled(name: str, data: bytes) -> _Table:
     start = data[:512].lstrip()
     if data.startswith(b"PK"):
         return _from_npz(name, data)
     if start.startswith(_STRUCTURED) or b"<VOTABLE" in start.upper() or b"Byte-by-byte" in data[:20_000]:
-        return _from_table(name, data, wanted)
-    for encoding in ("utf-8-sig", "cp1252"):
-        try:
-            text = data.decode(encoding)
-            break
-        except UnicodeDecodeError:
-            text = "\0"
+        return _from_table(name, data)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
     if "\0" in text:
-        raise InputError(name, "binary or not UTF-8", allowed=_FORMATS)
-    return _from_text(name, text, wanted)
+        raise InputError(name, "binary or not UTF-8", allowed="text, ECSV, VOTable, FITS or npz")
+    return _from_text(name, text)
 
 
 def _from_npz(name: str, data: bytes) -> _Table:
@@ -231,50 +221,49 @@ def _from_npz(name: str, data: bytes) -> _Table:
         reason = f"{type(error).__name__}: {error}"[:160]
         raise InputError(name, "unreadable", allowed="an npz file of plain arrays of numbers", hint=reason) from None
     lines = {key: array for key, array in arrays.items() if array.ndim == 1}
-    sizes = {array.size for array in lines.values()}
-    if len(sizes) > 1:
+    count = max((array.size for array in lines.values()), default=0)
+    if any(array.size != count for array in lines.values()):
         shown = ", ".join(f"{key}: {array.size}" for key, array in lines.items())
         raise InputError(f"{name} columns", shown, allowed="columns of equal length")
-    return _Table(list(lines), [""] * len(lines), list(lines.values()), _numbered(max(sizes, default=0)), [])
+    return _Table(name, list(lines), [""] * len(lines), list(lines.values()), _numbered(count))
 
 
-def _from_table(name: str, data: bytes, wanted: str) -> _Table:
+def _from_table(name: str, data: bytes) -> _Table:
     try:
         table = parse_table(TableBytes(name, data, ""))
     except InputError as error:
-        allowed, reason = f"a whole table of wavelength and {wanted}", error.hint or f"allowed: {error.allowed}"
-        raise InputError(name, str(error.value), allowed=allowed, hint=reason) from None
-    columns = [column for column in table.columns if _number(next(_given(column.cells), None)) is not None]
-    remarks = [getattr(column, "description", "") for column in columns]
+        reason = error.hint or f"allowed: {error.allowed}"
+        raise InputError(name, str(error.value), allowed="a whole table of a curve", hint=reason) from None
+    columns = [column for column in table.columns if _holds_numbers(column.cells)]
     headings, units = [column.heading for column in columns], [column.unit for column in columns]
-    return _Table(headings, units, [column.cells for column in columns], _numbered(len(table)), remarks)
+    remarks = [getattr(column, "description", "") for column in columns]
+    return _Table(name, headings, units, [column.cells for column in columns], _numbered(len(table)), remarks)
 
 
-def _given(cells: Iterable[Any]) -> Iterator[Any]:
-    return (cell for cell in cells if cell is not None and cell is not np.ma.masked)
+def _holds_numbers(cells: Iterable[Any]) -> bool:
+    return next((number is not None for number in map(_number, cells) if not (number and np.isnan(number))), True)
 
 
 def _numbered(count: int) -> list[str]:
     return [f"row {number}" for number in range(1, count + 1)]
 
 
-def _from_text(name: str, text: str, wanted: str) -> _Table:
-    said: list[tuple[str, bool]] = []  # what stands above the numbers, and whether it is marked as a remark
-    below: list[str] = []
+def _from_text(name: str, text: str) -> _Table:
+    said: list[tuple[str, bool]] = []  # what stands beside the numbers, and whether it may be a heading of words
     rows: list[list[str]] = []
     places: list[str] = []
     mark: str | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         body, _, remark = line.partition("#")
-        if not body.strip(" \t,;"):
-            said.append((remark, True)) if not rows else below.append(remark)
+        if not body.strip(" \t,;") or (not rows and body.lstrip()[0] in "!\\|"):
+            said.append((remark or body.strip("!\\ "), False))
             continue
         if not rows:
             mark = min(_MARKS, key=lambda item: _likeness(body, item))
             cells = _split(body, mark)
             count = sum(_number(cell) is not None for cell in cells)
-            if not count or 2 * count < len(cells) or body.lstrip()[0] in "!\\|":
-                said.append((body.lstrip().lstrip("!\\|"), body.lstrip()[0] in "!\\|"))
+            if 2 * count < len(cells) or not count:
+                said.append((body, True))
                 continue
             if count < min(2, len(cells)):
                 raise InputError(f"{name} line {number}", "something else", allowed="numbers, or a heading of words")
@@ -283,69 +272,63 @@ def _from_text(name: str, text: str, wanted: str) -> _Table:
         if len(rows[-1]) != len(rows[0]):
             shown, allowed = f"{len(rows[-1])} cells", f"{len(rows[0])}, as in {places[0]}"
             raise InputError(f"{name} line {number}", shown, allowed=allowed)
-    if len(rows) < 2:
-        raise InputError(name, f"{len(rows)} rows of numbers", allowed=f"two or more rows of wavelength and {wanted}")
-    columns = [list(column) for column in zip(*rows, strict=True)]
-    if not any(columns[-1]):  # a mark behind the last cell
+    columns = list(zip(*rows, strict=True))
+    if columns and not any(columns[-1]):  # a mark behind the last cell
         columns.pop()
-    headings, units, rest = _headings(said, len(columns), wanted)
-    return _Table(headings, units, columns, places, rest + below)
+    headings, units, remarks = _headings(said, len(columns))
+    return _Table(name, headings, units, columns, places, remarks)
 
 
 def _split(line: str, mark: str | None) -> list[str]:
     return [cell.strip(" \t\"'") for cell in (line.strip() if mark is None else line.strip(" ")).split(mark)]
 
 
-def _likeness(line: str, mark: str | None) -> tuple[bool, int]:
-    """Return whether a mark parts a line into too few numbers, and how many cells are none: the least is the mark."""
+def _likeness(line: str, mark: str | None) -> tuple[int, int]:
+    """Return what is least for the mark that parts a line into two numbers or more, and into nothing else."""
     cells = [cell for cell in _split(line, mark) if cell]
     numbers = sum(_number(cell) is not None for cell in cells)
-    return numbers < 2, len(cells) - numbers
+    return -min(numbers, 2), len(cells) - numbers
 
 
 def _number(cell: Any) -> float | None:
     """Return the number of a cell, nan for an empty one, None for words; a comma or a ``D`` may stand in it."""
-    if cell is None or cell is np.ma.masked:
-        return np.nan
     try:
-        if not isinstance(cell, str):
-            return float(cell)
-        return None if "_" in cell else float(cell.replace(",", ".").replace("D", "E").replace("d", "e"))
+        if isinstance(cell, str):
+            return None if "_" in cell else float(cell.replace(",", ".").replace("D", "E").replace("d", "e"))
+        return np.nan if cell is None or cell is np.ma.masked else float(cell)
     except (TypeError, ValueError):
         return None
 
 
-def _numbers(name: str, table: _Table, index: int, what: str) -> np.ndarray:
+def _numbers(table: _Table, index: int, what: str) -> np.ndarray:
     cells = table.cells[index]
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiu":
         return np.asarray(np.ma.filled(np.ma.asarray(cells, dtype=np.float64), np.nan))
     found = [_number(cell) for cell in cells]
     if None in found:
         row = found.index(None)
-        raise InputError(f"{name} {table.rows[row]} {what}", cells[row] or "empty", allowed="a finite number")
+        where = f"{table.name} {table.rows[row]} {what}"
+        raise InputError(where, cells[row] or "empty", allowed="a finite number")
     return np.array(found, dtype=np.float64)
 
 
-def _headings(said: list[tuple[str, bool]], count: int, wanted: str) -> tuple[list[str], list[str], list[str]]:
+def _headings(said: list[tuple[str, bool]], count: int) -> tuple[list[str], list[str], list[str]]:
     """Return the names of columns and their units, empty where there are none, and the remarks that are neither."""
-    for only_units in (False, True):
+    texts = [text for text, _ in said]
+    for first in ({"axis"}, {"unit"}):
         for index in reversed(range(len(said))):
-            for cells in _apart(said[index][0], count):
-                meanings = [_meanings(cell) for cell in cells]
-                # A remark may hold such a word by chance, and two words: it must name both, or the first.
-                named = any(wanted in found for found in meanings) and bool(set.union(*meanings) & {"axis", "unit"})
-                words = any(found - {"unit"} for found in meanings) and not said[index][1]
-                if named or words or meanings[0] == ({"unit"} if only_units else {"axis"}):
-                    rest = [text for text, _ in said]
-                    units = next(
-                        (row for text in rest[index + 1 :] for row in _apart(text, count) if _are_units(row)), []
-                    )
-                    return cells, units or [""] * count, rest[:index] + rest[index + 1 :]
-    return [""] * count, [""] * count, [text for text, _ in said]
+            for cells in _apart(texts[index], count):
+                meanings = [_meaning(cell) for cell in cells]
+                values, axes = (set().union(*meanings) & kind for kind in (_VALUES, {"axis", "unit"}))
+                # A remark may hold such a word by chance, and two words: it must name both, or wavelengths first.
+                if (values and axes) or ((values or "axis" in axes) and said[index][1]) or meanings[0] == first:
+                    below = (row for text in texts[index + 1 :] for row in _apart(text, count) if _are_units(row))
+                    return cells, next(below, [""] * count), texts[:index] + texts[index + 1 :]
+    return [""] * count, [""] * count, texts
 
 
 def _are_units(cells: list[str]) -> bool:
-    return any(map(_understood, cells)) and not any(_meanings(cell) - {"unit", "flux"} for cell in cells)
+    return any(map(_unit, cells)) and not any(_meaning(cell) - {"unit", "flux"} for cell in cells)
 
 
 def _apart(text: str, count: int) -> Iterator[list[str]]:
@@ -357,16 +340,17 @@ def _apart(text: str, count: int) -> Iterator[list[str]]:
             yield [cell.strip(" \t\"'").replace(chr(0), " ") for cell in cells]
 
 
-def _choose(name: str, table: _Table, wanted: str) -> tuple[int, int]:
+def _choose(table: _Table, wanted: str) -> tuple[int, int]:
     """Return which column holds wavelengths, and which the values."""
-    meanings = [_meanings(heading) for heading in table.headings]
-    for found, unit in zip(meanings, table.units, strict=True):
-        if not found and unit and _understood(unit):
-            found.add("unit")
+    meanings = [
+        _meaning(heading) or ({"unit"} if unit and _unit(unit) else set())
+        for heading, unit in zip(table.headings, table.units, strict=True)
+    ]
     every = range(len(meanings))
     axes = [i for i in every if "axis" in meanings[i]] or [i for i in every if "unit" in meanings[i]]
     named = [i for i in every if wanted in meanings[i]]
-    named = [i for i in named if _is_exact(table.headings[i], wanted)] or named
+    # A heading that says no more than what is wanted goes first: albedo, where albedo_ch4 stands beside it.
+    named = [i for i in named if _says_only(table.headings[i], wanted)] or named
     if len(every) == 2 and not axes:
         axes = [i for i in every if i not in named and not meanings[i]][:1]
     values = named or [i for i in every if i not in axes and not meanings[i]]
@@ -374,43 +358,26 @@ def _choose(name: str, table: _Table, wanted: str) -> tuple[int, int]:
         return axes[0], values[0]
     shown = ", ".join(heading or "unnamed" for heading in table.headings) or "no columns of numbers"
     allowed = f"one of wavelengths and one of {'fluxes' if wanted == 'flux' else wanted + 's'}"
-    raise InputError(f"{name} columns", shown, allowed=allowed, hint=f"name the columns: {_NAMES}; and {wanted}")
+    raise InputError(f"{table.name} columns", shown, allowed=allowed, hint=f"name the columns: {_NAMES}; and {wanted}")
 
 
 # Units.
 
 
-def _letters(text: str) -> set[str]:
-    return set(re.findall(r"[a-z]+\d*", _plain(text)))
-
-
-def _plain(text: str) -> str:
-    """Return a text in lower case, Greek and Swedish letters spelled out, one spelling of 1/cm and 1/um."""
-    plain = text.lower()
-    for letter, word in (
-        ("\u00b5", "u"),
-        ("\u03bc", "u"),
-        ("\u00e5", "angstrom"),
-        ("\u212b", "angstrom"),
-        ("\u03bb", "lambda"),
-    ):
-        plain = plain.replace(letter, word)
-    power = r"(?<![a-z])([cu]m)\s*(?:\^|\*\*)?\s*[({]?\s*[-\u2212]\s*1\s*[)}]?(?![\d.])"
-    return re.sub(rf"1\s*/\s*([cu]m)(?![a-z])|{power}|(cm)\u207b\u00b9", lambda m: f" {m[1] or m[2] or m[3]}1 ", plain)
-
-
-def _understood(text: str) -> str:
-    """Return the unit of light's wavelength, frequency or energy that a text is; "" if it is none."""
-    known = _words_of("unit", "short").get(_plain(text).strip(" ()[]"))
-    if known or not text.strip():
-        return known[0] if known else ""
+@functools.cache
+def _unit(text: str) -> _Entry | None:
+    """Return the unit of light's wavelength, frequency or energy that a text is; None if it is none."""
+    known = _entries("unit", "short").get(_plain(text).strip(" ()[]"))
+    if not text.strip() or (known and (known.nm or known.per_nm)):
+        return known
     from astropy import units
 
+    name = known.name if known else text
     try:
-        units.Unit(text).to(units.nm, equivalencies=units.spectral())
+        one, two = units.Quantity((1.0, 2.0), name).to_value(units.nm, equivalencies=units.spectral())
     except (ValueError, TypeError):
-        return ""
-    return text
+        return None
+    return _Entry("unit", name, *((one, None) if two > one else (None, one)), frozenset())
 
 
 def _within(heading: str) -> str:
@@ -421,59 +388,42 @@ def _within(heading: str) -> str:
 
 def _units_in(text: str, *kinds: str) -> set[str]:
     """Return the units of wavelengths that a text names, without those of measures (``2.5A``) and of flux densities."""
-    plain, found = _plain(text), set()
+    plain, found, known = _plain(text), set(), _entries(*kinds)
     for word in re.finditer(r"[a-z]+\d*", plain):
-        before, after = plain[: word.start()].rstrip(), plain[word.end() :]
-        measured = before[-1:].isdigit() or before[-1:] in tuple("/*^") or before.endswith(" per")
-        if not measured and after[:1] not in tuple("/*^-") and word[0] in _words_of(*kinds):
-            found.add(_words_of(*kinds)[word[0]][0])
+        before, after = plain[: word.start()].rstrip(), plain[word.end() :][:1]
+        if word[0] in known and not (re.search(r"[\d/*^]$|\bper$", before) or after in tuple("/*^-")):
+            found.add(known[word[0]].name)
     return found
 
 
-def _unit_of_axis(name: str, table: _Table, axis: int, given: str | None) -> str:
-    """Return the unit of wavelengths that somebody or the file states; "" where it states none."""
+def _in_nm(table: _Table, axis: int, given: str | None, raw: np.ndarray, by_size: bool) -> np.ndarray:
+    """Return wavelengths in nm by the unit that somebody or the file states."""
     heading, stated = table.headings[axis], given or table.units[axis].strip()
-    if stated:
-        if not _understood(stated):
-            raise InputError(f"{name} wavelength unit", stated, allowed=_UNITS, hint=_UNKNOWN)
-        return _understood(stated)
-    known, numbered = _understood(_within(heading)), _names(heading, "axis") == {"wavenumber"}
-    found = {known} - {""} or _units_in(heading, "unit", "short")
-    if len(found) > 1 or (numbered and any(length_nm(unit) for unit in found)):
-        raise InputError(f"{name} column", heading, allowed=_NAMES)
-    if found or numbered:
-        return next(iter(found), _WAVENUMBER)
-    for text in table.remarks:
-        if names := _names(text, "axis"):
-            found |= _units_in(text, "unit") or ({_WAVENUMBER} if names == {"wavenumber"} else set())
-    found = found or set().union(*(_units_in(text, "unit") for text in table.remarks))
-    if len(found) > 1:
-        raise InputError(
-            f"{name} wavelength unit", " and ".join(sorted(found)), allowed=f"one of {_UNITS}", hint=_UNSAID
-        )
-    return next(iter(found), "")
-
-
-def _in_nm(raw: np.ndarray, unit: str) -> np.ndarray:
-    if unit == _WAVENUMBER:
-        return 1e7 / raw
-    if (size := length_nm(unit)) is not None:
-        return raw * size
-    from astropy import units
-
-    return np.asarray(units.Quantity(raw, unit).to_value(units.nm, equivalencies=units.spectral()))
-
-
-def _is_percent(table: _Table, index: int, wanted: str) -> bool:
-    own = f"{table.headings[index]} {table.units[index]}"
-    return any(_PERCENT.search(text) for text in (own, *(text for text in table.remarks if wanted in _meanings(text))))
+    inner, numbered = _within(heading), _named(heading, "axis") == {"wavenumber"}
+    found = {stated} if stated else {inner} if _unit(inner) else _units_in(heading, "unit", "short")
+    if len(found) > 1 or (numbered and any(map(length_nm, found))):
+        raise InputError(f"{table.name} column", heading, allowed=_NAMES)
+    for text in () if found or numbered else table.remarks:
+        if axes := _named(text, "axis"):
+            found |= _units_in(text, "unit") or ({"1 / cm"} if axes == {"wavenumber"} else set())
+    if not found:
+        found = {"1 / cm"} if numbered else set().union(*(_units_in(text, "unit") for text in table.remarks))
+    if not found and by_size and (raw.max() < _UM_BELOW or _LEAST_NM <= raw.min() <= raw.max() <= _MOST_NM):
+        found = {"um" if raw.max() < _UM_BELOW else "nm"}
+    said = " and ".join(sorted(found)) or inner
+    unit = _unit(said)
+    if unit is None:
+        span = f"not stated, numbers from {raw.min():g} to {raw.max():g}"
+        hint = _UNKNOWN if said and len(found) < 2 else _UNSAID
+        raise InputError(f"{table.name} wavelength unit", said or span, allowed=_UNITS, hint=hint)
+    return raw * unit.nm if unit.nm else np.asarray(unit.per_nm / raw)
 
 
 def _unit_of_flux(table: _Table, index: int) -> str:
-    """Return the unit of flux densities as the file states it; several joined by "and", "" for none."""
-    heading = table.headings[index]
-    if stated := table.units[index].strip() or _within(heading):
-        return stated
-    found = _names(heading, "flux") or set().union(*(_names(text, "flux") for text in table.remarks))
-    found = found or {text.strip() for remark in (heading, *table.remarks) for text in _FLUX.findall(remark)}
-    return " and ".join(sorted(found))
+    """Return the unit of flux densities that the file states, as astropy spells it; several are joined by "and"."""
+    heading, remarks = table.headings[index], table.remarks
+    stated = table.units[index].strip() or _within(heading)
+    found = {stated} - {""} or _named(heading, "flux") or set().union(*(_named(text, "flux") for text in remarks))
+    found = found or {text.strip() for remark in (heading, *remarks) for text in _FLUX.findall(remark)}
+    known = _entries("spelling")
+    return re.sub(r"[^\W\d_]+", lambda m: known[m[0]].name if m[0] in known else m[0], " and ".join(sorted(found)))

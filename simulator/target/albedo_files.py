@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from catalogs import Albedo, check_rows, read_curve
+from catalogs import Albedo, read_curve
 from cpic_core import InputError, at_home, read_file
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
@@ -45,7 +45,4 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
     if is_sqlite(data) or (data.startswith(b"PK") and b"allphotdata.npy" in data):
         hint = "this is a grid of models: give log10_mh and log10_fsed with it"
         raise InputError("albedo file", str(place), allowed="a table of wavelength and albedo", hint=hint)
-    found = read_curve(place.name, data, "albedo", unit=unit, by_size=True)
-    good = (found.values >= 0.0) & (found.values <= LARGEST_ALBEDO)
-    check_rows(place.name, found.rows, "albedo", found.values, good, f"0 to {LARGEST_ALBEDO:g}")
-    return Albedo(found.wavelength_nm, found.values)
+    return Albedo(*read_curve(place.name, data, "albedo", unit=unit, most=LARGEST_ALBEDO, by_size=True)[:2])

@@ -1,6 +1,5 @@
 """Spectra from files of wavelength and flux density, in any of the usual units."""
 
-import re
 import warnings
 from pathlib import Path
 
@@ -12,16 +11,6 @@ from simulator.band_integrals import check_table
 
 _MAX_BYTES = 200_000_000
 _SPEED_OF_LIGHT_NM_S = 2.99792458e17
-_SPELLINGS = (
-    (r"\b(?:A|AA|[Aa]ng|ANG|[Aa]ngstroms?|ANGSTROMS?)\b|\u00c5|\u212b", "Angstrom"),
-    (r"\b(?:[Ee]rgs?|ERGS?)\b", "erg"),
-    (r"\b(?:[Pp]hotons?|PHOTONS?)\b", "photon"),
-    (r"\b(?:sec|SEC|S)\b", "s"),
-    (r"\b[Mm]icrons?\b|[\u00b5\u03bc]m", "um"),
-    (r"\bCM(?=\b|[\d^*-])", "cm"),
-    (r"\bHZ\b", "Hz"),
-)
-"""How units of flux densities are written, and how astropy reads them: to it ``A`` is an ampere."""
 
 
 def read_spectrum(path: str | Path) -> Spectrum:
@@ -48,8 +37,7 @@ def read_spectrum(path: str | Path) -> Spectrum:
     """
     place = Path(path)
     data = read_file(place, key="spectrum file", allowed="a readable file", max_bytes=_MAX_BYTES)
-    found = read_curve(place.name, data, "flux")
-    return photon_flux(place.name, found.wavelength_nm, found.values, found.unit)
+    return photon_flux(place.name, *read_curve(place.name, data, "flux"))
 
 
 def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> Spectrum:
@@ -86,9 +74,7 @@ def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: st
 
 
 def _by_astropy(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> np.ndarray:
-    spelled, hint = unit, "the unit is not understood"
-    for pattern, word in _SPELLINGS:
-        spelled = re.sub(pattern, word, spelled)
+    hint = "the unit is not understood"
     if unit.strip():
         from astropy import units
 
@@ -96,7 +82,7 @@ def _by_astropy(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: st
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # several slashes are read from the left, as people mean them
-                quantity = flux * units.Unit(spelled)
+                quantity = flux * units.Unit(unit)
             return np.asarray(quantity.to_value(photlam, units.spectral_density(wavelength_nm * units.nm)))
         except (ValueError, TypeError):
             pass
