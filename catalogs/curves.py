@@ -187,7 +187,7 @@ def _says_only(heading: str, wanted: str) -> bool:
 
 
 def _words(text: str) -> set[str]:
-    return set(re.findall(r"[a-z]+\d*", _plain(text)))
+    return set(re.findall(r"(?<![\da-z.])[a-z]+\d*", _plain(text)))
 
 
 def _plain(text: str) -> str:
@@ -255,7 +255,7 @@ def _from_text(name: str, text: str) -> _Table:
     mark: str | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         body, _, remark = line.partition("#")
-        if not body.strip(" \t,;") or (not rows and body.lstrip()[0] in "!\\|"):
+        if not body.strip(" \t,;") or (not rows and body.lstrip()[0] in "!\\"):
             said.append((remark or body.strip("!\\ "), False))
             continue
         if not rows:
@@ -280,7 +280,7 @@ def _from_text(name: str, text: str) -> _Table:
 
 
 def _split(line: str, mark: str | None) -> list[str]:
-    return [cell.strip(" \t\"'") for cell in (line.strip() if mark is None else line.strip(" ")).split(mark)]
+    return [cell.strip(" \t\"'") for cell in (line.strip() if mark is None else line.strip(" |")).split(mark)]
 
 
 def _likeness(line: str, mark: str | None) -> tuple[int, int]:
