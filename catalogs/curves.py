@@ -29,7 +29,9 @@ _NOISE = 0.01
 # Albedos without a unit: what cannot be nm is um and the other way round; Angstrom and wavenumbers overlap.
 _UM_BELOW, _LEAST_NM, _MOST_NM = 20.0, 100.0, 3000.0
 _VALUES = {"transmission", "flux", "albedo"}
-_MARKS = (";", ",", "\t", "|", None)
+_MARKS, _BESIDE_COMMAS = (";", ",", "\t", "|", None), (";", "\t")
+_REMARKS, _LONGEST, _HEADINGS = 1000, 1000, 50_000
+"""Remarks that are looked at, those nearest to the numbers; characters of each; lines without numbers above them."""
 _LETTERS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u00e5": "angstrom", "\u03bb": "lambda", "\u207b": "-"})
 _PER = re.compile(
     r"1\s*/\s*([cu]m)(?![a-z])|(?<![a-z])([cu]m)\s*(?:\^|\*\*)?\s*[({]?\s*[-\u2212]\s*[1\u00b9]\s*[)}]?(?![\d.])"
@@ -49,14 +51,18 @@ class _Entry(NamedTuple):
 
 
 class _Table(NamedTuple):
-    """Columns by heading and unit (either may be empty); ``rows`` says where each row stands."""
+    """Columns by heading and unit (either may be empty); ``places`` are the numbers of rows or lines, as ``word`` says."""
 
     name: str
     headings: Sequence[str]
     units: Sequence[str]
     cells: Sequence[Any]
-    rows: Sequence[str]
+    word: str
+    places: Sequence[int]
     remarks: Sequence[str] = ()
+
+    def at(self, row: int) -> str:
+        return f"{self.word} {self.places[row]}"
 
 
 def read_curve(
@@ -97,8 +103,8 @@ def read_curve(
         value is no number in its range, repeated or out of order.
     """
     table = _tabled(name, data)
-    if len(table.rows) < 2:
-        shown = f"{len(table.rows)} rows of numbers"
+    if len(table.places) < 2:
+        shown = f"{len(table.places)} rows of numbers"
         raise InputError(name, shown, allowed=f"two or more rows of wavelength and {wanted}")
     axis, other = _choose(table, wanted)
     raw, values = _numbers(table, axis, "wavelength"), _numbers(table, other, wanted)
@@ -122,7 +128,7 @@ def read_curve(
     order = np.argsort(nm, kind="stable")
     same = np.flatnonzero(np.diff(nm[order]) <= 0.0)
     if same.size:
-        where = " and ".join(table.rows[index] for index in sorted(order[same[0] : same[0] + 2]))
+        where = " and ".join(table.at(index) for index in sorted(order[same[0] : same[0] + 2]))
         raise InputError(f"{name} {where}", "the same wavelength", allowed="one row for each wavelength")
     nm, values = nm[order], values[order].clip(0.0, most)
     nm.setflags(write=False)
@@ -139,7 +145,7 @@ def length_nm(unit: str) -> float | None:
 def _check(table: _Table, what: str, values: np.ndarray, good: np.ndarray, allowed: str) -> None:
     """Refuse the first value that is not good."""
     for row in np.flatnonzero(~good)[:1]:
-        raise InputError(f"{table.name} {table.rows[row]} {what}", float(values[row]), allowed=allowed)
+        raise InputError(f"{table.name} {table.at(row)} {what}", float(values[row]), allowed=allowed)
 
 
 # Words.
@@ -225,7 +231,7 @@ def _from_npz(name: str, data: bytes) -> _Table:
     if any(array.size != count for array in lines.values()):
         shown = ", ".join(f"{key}: {array.size}" for key, array in lines.items())
         raise InputError(f"{name} columns", shown, allowed="columns of equal length")
-    return _Table(name, list(lines), [""] * len(lines), list(lines.values()), _numbered(count))
+    return _Table(name, list(lines), [""] * len(lines), list(lines.values()), "row", range(1, count + 1))
 
 
 def _from_table(name: str, data: bytes) -> _Table:
@@ -234,53 +240,53 @@ def _from_table(name: str, data: bytes) -> _Table:
     except InputError as error:
         reason = error.hint or f"allowed: {error.allowed}"
         raise InputError(name, str(error.value), allowed="a whole table of a curve", hint=reason) from None
-    columns = [column for column in table.columns if _holds_numbers(column.cells)]
-    headings, units = [column.heading for column in columns], [column.unit for column in columns]
-    remarks = [getattr(column, "description", "") for column in columns]
-    return _Table(name, headings, units, [column.cells for column in columns], _numbered(len(table)), remarks)
+    columns = [column for column in table.columns if _holds_numbers(column.cells)] or table.columns
+    cells = [column.cells for column in columns]
+    said = [(column.heading, column.unit, getattr(column, "description", "")) for column in columns]
+    headings, units, remarks = ([text[:_LONGEST] for text in texts] for texts in zip(*said, strict=True))
+    return _Table(name, headings, units, cells, "row", range(1, len(table) + 1), remarks)
 
 
 def _holds_numbers(cells: Iterable[Any]) -> bool:
     return next((number is not None for number in map(_number, cells) if not (number and np.isnan(number))), True)
 
 
-def _numbered(count: int) -> list[str]:
-    return [f"row {number}" for number in range(1, count + 1)]
-
-
 def _from_text(name: str, text: str) -> _Table:
     said: list[tuple[str, bool]] = []  # what stands beside the numbers, and whether it may be a heading of words
     rows: list[list[str]] = []
-    places: list[str] = []
+    places: list[int] = []
     mark: str | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         body, _, remark = line.partition("#")
-        if not body.strip(" \t,;") or (not rows and body.lstrip()[0] in "!\\"):
-            said.append((remark or body.strip("!\\ "), False))
+        if not body.strip(" \t,;") or (not rows and body.lstrip()[:1] in "!\\"):
+            if not rows or len(said) < _REMARKS:
+                said.append(((remark or body.strip("!\\ "))[:_LONGEST], False))
             continue
         if not rows:
             mark = min(_MARKS, key=lambda item: _likeness(body, item))
             cells = _split(body, mark)
             count = sum(_number(cell) is not None for cell in cells)
-            if 2 * count < len(cells) or not count:
-                said.append((body, True))
+            if (2 * count < len(cells) or not count) and len(said) < _HEADINGS:
+                said.append((body[:_LONGEST], True))
                 continue
             if count < min(2, len(cells)):
                 raise InputError(f"{name} line {number}", "something else", allowed="numbers, or a heading of words")
         rows.append(_split(body, mark))
-        places.append(f"line {number}")
+        places.append(number)
         if len(rows[-1]) != len(rows[0]):
-            shown, allowed = f"{len(rows[-1])} cells", f"{len(rows[0])}, as in {places[0]}"
+            shown, allowed = f"{len(rows[-1])} cells", f"{len(rows[0])}, as in line {places[0]}"
             raise InputError(f"{name} line {number}", shown, allowed=allowed)
     columns = list(zip(*rows, strict=True))
     if columns and not any(columns[-1]):  # a mark behind the last cell
         columns.pop()
-    headings, units, remarks = _headings(said, len(columns))
-    return _Table(name, headings, units, columns, places, remarks)
+    headings, units, remarks = _headings(said[-_REMARKS:], len(columns))
+    return _Table(name, headings, units, columns, "line", places, remarks)
 
 
 def _split(line: str, mark: str | None) -> list[str]:
-    return [cell.strip(" \t\"'") for cell in (line.strip() if mark is None else line.strip(" |")).split(mark)]
+    """Return the cells of a line; between semicolons or tabs, commas without any point are those of decimals."""
+    text = line.replace(",", ".") if mark in _BESIDE_COMMAS and "." not in line else line
+    return [cell.strip(" \t\"'") for cell in (text.strip() if mark is None else text.strip(" |")).split(mark)]
 
 
 def _likeness(line: str, mark: str | None) -> tuple[int, int]:
@@ -291,10 +297,10 @@ def _likeness(line: str, mark: str | None) -> tuple[int, int]:
 
 
 def _number(cell: Any) -> float | None:
-    """Return the number of a cell, nan for an empty one, None for words; a comma or a ``D`` may stand in it."""
+    """Return the number of a cell, nan for an empty one, None for words; ``D`` may stand for its power of ten."""
     try:
         if isinstance(cell, str):
-            return None if "_" in cell else float(cell.replace(",", ".").replace("D", "E").replace("d", "e"))
+            return None if "_" in cell else float(cell.replace("D", "E").replace("d", "e"))
         return np.nan if cell is None or cell is np.ma.masked else float(cell)
     except (TypeError, ValueError):
         return None
@@ -307,7 +313,7 @@ def _numbers(table: _Table, index: int, what: str) -> np.ndarray:
     found = [_number(cell) for cell in cells]
     if None in found:
         row = found.index(None)
-        where = f"{table.name} {table.rows[row]} {what}"
+        where = f"{table.name} {table.at(row)} {what}"
         raise InputError(where, cells[row] or "empty", allowed="a finite number")
     return np.array(found, dtype=np.float64)
 
@@ -321,7 +327,7 @@ def _headings(said: list[tuple[str, bool]], count: int) -> tuple[list[str], list
                 meanings = [_meaning(cell) for cell in cells]
                 values, axes = (set().union(*meanings) & kind for kind in (_VALUES, {"axis", "unit"}))
                 # A remark may hold such a word by chance, and two words: it must name both, or wavelengths first.
-                if (values and axes) or ((values or "axis" in axes) and said[index][1]) or meanings[0] == first:
+                if (values and axes) or ((values or "axis" in axes) and said[index][1]) or meanings[:1] == [first]:
                     below = (row for text in texts[index + 1 :] for row in _apart(text, count) if _are_units(row))
                     return cells, next(below, [""] * count), texts[:index] + texts[index + 1 :]
     return [""] * count, [""] * count, texts
@@ -364,7 +370,7 @@ def _choose(table: _Table, wanted: str) -> tuple[int, int]:
 # Units.
 
 
-@functools.cache
+@functools.lru_cache(maxsize=256)
 def _unit(text: str) -> _Entry | None:
     """Return the unit of light's wavelength, frequency or energy that a text is; None if it is none."""
     known = _entries("unit", "short").get(_plain(text).strip(" ()[]"))
