@@ -36,22 +36,22 @@ _LETTERS = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u00e5": "angstrom", "\
 _PER = re.compile(
     r"1\s*/\s*([cu]m)(?![a-z])|(?<![a-z])([cu]m)\s*(?:\^|\*\*)?\s*[({]?\s*[-\u2212]\s*[1\u00b9]\s*[)}]?(?![\d.])"
 )
-_PERCENT = re.compile(r"(?<![\d<>])(?<!\d\s)%|\bper ?cent\b|\bpct\b", re.IGNORECASE)
+_PERCENT = re.compile(r"(?<![\d<>])(?<!\d\s)(?:%|\bper ?cent\b|\bpct\b)", re.IGNORECASE)
 _FLUX = re.compile(r"\b(?:ergs?|photons?|ph|W)\b[\w\s/.*^-]*(?:/|-[12])[\w\s/.*^-]*")
 
 
 class _Entry(NamedTuple):
-    """Words for one thing: those joined by ``_`` all have to stand. Units are of a size, or over one."""
+    """Words for one thing: those joined by ``_`` all have to stand. Units have a size, or are over one; 0 else."""
 
     kind: str
     name: str
-    nm: float | None
-    per_nm: float | None
+    nm: float
+    per_nm: float
     words: frozenset[str]
 
 
 class _Table(NamedTuple):
-    """Columns by heading and unit (either may be empty); ``places`` are the numbers of rows or lines, as ``word`` says."""
+    """Columns by heading and unit (either may be empty); ``places`` number its rows or lines."""
 
     name: str
     headings: Sequence[str]
@@ -108,19 +108,14 @@ def read_curve(
         raise InputError(name, shown, allowed=f"two or more rows of wavelength and {wanted}")
     axis, other = _choose(table, wanted)
     raw, values = _numbers(table, axis, "wavelength"), _numbers(table, other, wanted)
-    own = (f"{table.headings[other]} {table.units[other]}", *(text for text in table.remarks if _is(text, wanted)))
-    if wanted != "flux" and any(map(_PERCENT.search, own)):
+    said = [text for text in table.remarks if wanted in _meaning(text)]
+    if wanted != "flux" and any(map(_PERCENT.search, [table.headings[other], table.units[other], *said])):
         values = 0.01 * values
-    noise = _NOISE * np.nanmax(values) if wanted == "transmission" else 0.0
-    _check(table, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
+    noise = _NOISE * values.max(initial=0.0, where=np.isfinite(values)) if wanted == "transmission" else 0.0
     good = np.isfinite(values) & (values >= -noise) & (values <= most + noise)
-    _check(
-        table,
-        wanted,
-        values,
-        good,
-        "a finite number, not negative" if np.isinf(most) else f"0 to {most:g}, in percent with % in the heading",
-    )
+    allowed = f"0 to {most:g}, in percent with % in the heading" if most < np.inf else "finite, not negative"
+    _check(table, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
+    _check(table, wanted, values, good, allowed)
     nm = _in_nm(table, axis, unit, raw, by_size)
     if wanted != "albedo":
         ordered = np.append(True, np.diff(nm) * (nm[-1] - nm[0]) > 0.0)
@@ -139,7 +134,7 @@ def read_curve(
 def length_nm(unit: str) -> float | None:
     """Return the nanometres of a unit of length that a file names; None for any other unit."""
     entry = _entries("unit", "short").get(_plain(unit).strip())
-    return entry.nm if entry else None
+    return (entry.nm or None) if entry else None
 
 
 def _check(table: _Table, what: str, values: np.ndarray, good: np.ndarray, allowed: str) -> None:
@@ -154,10 +149,11 @@ def _check(table: _Table, what: str, values: np.ndarray, good: np.ndarray, allow
 @functools.cache
 def _vocabulary() -> tuple[_Entry, ...]:
     with _WORDS.open(encoding="utf-8", newline="") as file:
-        rows = [(row, word) for row in csv.DictReader(file) for word in row["words"].split()]
-    sizes = [[float(row[key]) if row[key] else None for key in ("nm", "per_nm")] for row, _ in rows]
-    entries = zip(rows, sizes, strict=True)
-    return tuple(_Entry(row["kind"], row["name"], *size, frozenset(word.split("_"))) for (row, word), size in entries)
+        return tuple(
+            _Entry(row["kind"], row["name"], float(row["nm"]), float(row["per_nm"]), frozenset(word.split("_")))
+            for row in csv.DictReader(file)
+            for word in row["words"].split()
+        )
 
 
 @functools.cache
@@ -181,15 +177,9 @@ def _meaning(heading: str) -> set[str]:
     return {"unit"} if words and words <= _entries("unit", "short").keys() else set()
 
 
-def _is(heading: str, wanted: str) -> bool:
-    return wanted in _meaning(heading)
-
-
 def _says_only(heading: str, wanted: str) -> bool:
-    words = _words(re.sub(r"[(\[].*", "", heading)) - _entries("filler").keys()
-    return any(
-        entry.words <= words <= entry.words | _entries("flux").keys() for entry in _vocabulary() if entry.name == wanted
-    )
+    words, aside = _words(re.sub(r"[(\[].*", "", heading)) - _entries("filler").keys(), _entries("flux").keys()
+    return any(entry.words <= words <= entry.words | aside for entry in _vocabulary() if entry.name == wanted)
 
 
 def _words(text: str) -> set[str]:
@@ -383,7 +373,7 @@ def _unit(text: str) -> _Entry | None:
         one, two = units.Quantity((1.0, 2.0), name).to_value(units.nm, equivalencies=units.spectral())
     except (ValueError, TypeError):
         return None
-    return _Entry("unit", name, *((one, None) if two > one else (None, one)), frozenset())
+    return _Entry("unit", name, one if two > one else 0.0, 0.0 if two > one else one, frozenset())
 
 
 def _within(heading: str) -> str:

@@ -181,7 +181,13 @@ def test_percent_where_the_file_says_so(wanted, name, head, mark):
 
 
 @pytest.mark.parametrize(
-    "remark", ["# nm\n# transmission known to 1 %\n", "# nm, cut at T<1%\n", "wavelength_nm T humidity_%\n"]
+    "remark",
+    [
+        "# nm\n# transmission known to 1 %\n",
+        "# nm, cut at T<1%\n",
+        "# nm\n# peak transmission 80 percent\n",
+        "wavelength_nm T humidity_%\n",
+    ],
 )
 def test_percent_that_is_of_something_else(remark):
     tail = " 40" if "humidity" in remark else ""
