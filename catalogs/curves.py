@@ -56,10 +56,13 @@ class _Table(NamedTuple):
     name: str
     headings: Sequence[str]
     units: Sequence[str]
-    cells: Sequence[Any]
+    columns: Sequence[Any]
     word: str
     places: Sequence[int]
     remarks: Sequence[str] = ()
+
+    def cells(self, index: int) -> Any:
+        return getattr(self.columns[index], "cells", self.columns[index])  # made where they are asked for
 
     def at(self, row: int) -> str:
         return f"{self.word} {self.places[row]}"
@@ -162,19 +165,20 @@ def _entries(*kinds: str) -> dict[str, _Entry]:
     return {word: entry for entry in _vocabulary() if entry.kind in kinds for word in entry.words}
 
 
-def _named(text: str, kind: str) -> set[str]:
+@functools.lru_cache(maxsize=512)
+def _named(text: str, kind: str) -> frozenset[str]:
     """Return what of one kind a text names."""
     words = _words(text)
-    return {entry.name for entry in _vocabulary() if entry.kind == kind and entry.words <= words}
+    return frozenset(entry.name for entry in _vocabulary() if entry.kind == kind and entry.words <= words)
 
 
-def _meaning(heading: str) -> set[str]:
+def _meaning(heading: str) -> frozenset[str]:
     """Return what a heading names: values, ``error``, ``axis``, or ``unit`` for nothing but units of wavelengths."""
     words = _words(heading)
     found = _named(heading, "error") or _named(heading, "value")
     if found or _named(heading, "axis"):
-        return found or {"axis"}
-    return {"unit"} if words and words <= _entries("unit", "short").keys() else set()
+        return found or frozenset(("axis",))
+    return frozenset(("unit",) if words and words <= _entries("unit", "short").keys() else ())
 
 
 def _says_only(heading: str, wanted: str) -> bool:
@@ -230,11 +234,9 @@ def _from_table(name: str, data: bytes) -> _Table:
     except InputError as error:
         reason = error.hint or f"allowed: {error.allowed}"
         raise InputError(name, str(error.value), allowed="a whole table of a curve", hint=reason) from None
-    columns = [column for column in table.columns if _holds_numbers(column.cells)] or table.columns
-    cells = [column.cells for column in columns]
-    said = [(column.heading, column.unit, getattr(column, "description", "")) for column in columns]
+    said = [(column.heading, column.unit, getattr(column, "description", "")) for column in table.columns]
     headings, units, remarks = ([text[:_LONGEST] for text in texts] for texts in zip(*said, strict=True))
-    return _Table(name, headings, units, cells, "row", range(1, len(table) + 1), remarks)
+    return _Table(name, headings, units, table.columns, "row", range(1, len(table) + 1), remarks)
 
 
 def _holds_numbers(cells: Iterable[Any]) -> bool:
@@ -297,7 +299,7 @@ def _number(cell: Any) -> float | None:
 
 
 def _numbers(table: _Table, index: int, what: str) -> np.ndarray:
-    cells = table.cells[index]
+    cells = table.cells(index)
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiu":
         return np.asarray(np.ma.filled(np.ma.asarray(cells, dtype=np.float64), np.nan))
     found = [_number(cell) for cell in cells]
@@ -342,7 +344,7 @@ def _choose(table: _Table, wanted: str) -> tuple[int, int]:
         _meaning(heading) or ({"unit"} if unit and _unit(unit) else set())
         for heading, unit in zip(table.headings, table.units, strict=True)
     ]
-    every = range(len(meanings))
+    every = [i for i in range(len(meanings)) if meanings[i] or _holds_numbers(table.cells(i))]
     axes = [i for i in every if "axis" in meanings[i]] or [i for i in every if "unit" in meanings[i]]
     named = [i for i in every if wanted in meanings[i]]
     # A heading that says no more than what is wanted goes first: albedo, where albedo_ch4 stands beside it.
@@ -352,7 +354,7 @@ def _choose(table: _Table, wanted: str) -> tuple[int, int]:
     values = named or [i for i in every if i not in axes and not meanings[i]]
     if axes and len(values) == 1:
         return axes[0], values[0]
-    shown = ", ".join(heading or "unnamed" for heading in table.headings) or "no columns of numbers"
+    shown = ", ".join(table.headings[i] or "unnamed" for i in every) or "no columns of numbers"
     allowed = f"one of wavelengths and one of {'fluxes' if wanted == 'flux' else wanted + 's'}"
     raise InputError(f"{table.name} columns", shown, allowed=allowed, hint=f"name the columns: {_NAMES}; and {wanted}")
 
