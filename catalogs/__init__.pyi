@@ -1,10 +1,8 @@
 from catalogs.bands import (
-    LENGTHS_NM as LENGTHS_NM,
     Band as Band,
     band_from_file as band_from_file,
     band_provenance as band_provenance,
     load_bands as load_bands,
-    two_columns as two_columns,
 )
 from catalogs.binaries import (
     POSITION_ERROR_ARCSEC as POSITION_ERROR_ARCSEC,
@@ -29,6 +27,7 @@ from catalogs.coordinates import (
     separation_arcsec as separation_arcsec,
     tangent_offset as tangent_offset,
 )
+from catalogs.curves import length_nm as length_nm, read_curve as read_curve
 from catalogs.exoplanet_archive import PLANETS_QUERY as PLANETS_QUERY, archive_url as archive_url
 from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, star_key as star_key
 from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source

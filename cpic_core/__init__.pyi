@@ -19,6 +19,7 @@ from cpic_core.files import (
     dump_json as dump_json,
     exclusive_lock as exclusive_lock,
     guarded as guarded,
+    npz_in as npz_in,
     open_npz as open_npz,
     parse_json as parse_json,
     read_npz as read_npz,

@@ -202,7 +202,7 @@ _FILES = {
     "catalog": ("Star table", "CSV, ECSV, VOTable or FITS, with name, V, distance, and spectral type or temperature."),
     "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
     "other": ("The other instrument", "The same, of the one that the first is compared with."),
-    "albedo": ("Spectrum of the planet", "Two columns: wavelength and geometric albedo."),
+    "albedo": ("Spectrum of the planet", "Wavelengths, with their unit in the heading, and geometric albedos."),
     "known_planets": ("Known planets", "Table that is laid over the shipped one planet by planet."),
 }
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, PrivateAttr
 
-from catalogs import band_provenance, load_bands
+from catalogs import band_from_file, band_provenance, load_bands
 from cpic_core import InputError, Provenance, by_line, is_file, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
@@ -37,7 +37,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class BandConfig(FrozenModel):
-    """One band: top-hat of ``width_nm`` around ``center_nm``, or a two-column transmittance file."""
+    """One band: top-hat of ``width_nm`` around ``center_nm``, or a file of transmissions, from which both follow."""
 
     camera: CameraName = "VIS"
     center_nm: Annotated[float, Field(ge=300, le=1750)]
@@ -202,7 +202,7 @@ class Instrument(FrozenModel):
             Naming key, value, unit and allowed range of the first fault.
         """
         plain, provenance = split_sourced(dict(own))
-        plain = _with_own_sky(plain, self.sky.model_dump())
+        plain = _with_own_sky(_with_curves(plain), self.sky.model_dump())
         values = deep_merge(self.model_dump() | {"name": f"{self.name}+changes"}, plain)
         new = validate(Instrument, values, where="instrument")
         kept = {key: item for key, item in self._provenance.items() if not _within(plain, key)}
@@ -328,7 +328,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
         shipped = _tree(base)
-        own = _with_own_sky(own, shipped["sky"])
+        own = _with_own_sky(_with_curves(own), shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         drop_bands(own, merged)
@@ -343,6 +343,17 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
 def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
     """Return what is laid over an instrument, with its section ``sky`` made ready for that."""
     return own | {"sky": own_sky(own["sky"], base)} if isinstance(own.get("sky"), Mapping) else own
+
+
+def _with_curves(own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is laid over an instrument; bands with a file have its curve's centre and width if they name none."""
+    bands = dict(own["bands"]) if isinstance(own.get("bands"), Mapping) else {}
+    for name, band in bands.items():
+        file = band.get("transmission_file") if isinstance(band, Mapping) else None
+        if isinstance(file, str) and not {"center_nm", "width_nm"} <= band.keys():
+            curve = band_from_file(file, name, t_opt=1.0, qe=1.0)
+            bands[name] = {"center_nm": round(curve.center_nm, 6), "width_nm": round(curve.width_nm, 6), **band}
+    return {**own, "bands": bands} if bands else dict(own)
 
 
 @functools.lru_cache(maxsize=16)

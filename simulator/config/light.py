@@ -267,7 +267,7 @@ class ConstantAlbedo(FrozenModel):
 
 
 class TableAlbedo(FrozenModel):
-    """A user's spectrum: a two-column file, or wavelengths and values.
+    """A user's spectrum: a file, or wavelengths and values.
 
     Attributes
     ----------

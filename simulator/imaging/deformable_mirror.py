@@ -14,13 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs import LENGTHS_NM
+from catalogs import length_nm
 from cpic_core import FloatArray, InputError, NDArray, check_whole, numeric_context
 from simulator.config.map_files import read_maps, real_map
 
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
-_LONG_NAMES = {name: scale for name, scale in LENGTHS_NM.items() if len(name) > 2} | {"\u00b5m": 1e3}
-_LONG_NAMES |= dict.fromkeys(("meter", "meters", "metre", "metres"), 1e9)
 MAX_SURFACE_NM = 1e4
 MAX_SIDE = 4096
 
@@ -214,4 +212,6 @@ def _factor(name: str, found: str | None, asked: str | None) -> float:
 
 def _nm_per(unit: object) -> float | None:
     """Return the nanometres per unit of length, None for another unit. Capitals matter in short names (Mm, mm)."""
-    return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower())) if isinstance(unit, str) else None
+    if not isinstance(unit, str):
+        return None
+    return UNITS_NM.get(unit, length_nm(unit) if len(unit) > 2 or not unit.isascii() else None)

@@ -42,7 +42,7 @@ def planet_albedo(
     model : {"parametric", "jupiter", "saturn", "uranus", "neptune"}, str or Path
         ``parametric``: Rayleigh scattering over a cloud deck with methane absorption, fitted to public band albedos
         (`simulator.target.parametric`). A planet: as measured (Karkoschka 1998 up to 1050 nm). Anything else is the
-        path of a two-column file.
+        path of a file of albedos.
     log10_mh : float
         Metallicity over the Sun's, decimal logarithm, 0 to 2; for ``parametric``, as the next two. The defaults of both
         are Jupiter-like.

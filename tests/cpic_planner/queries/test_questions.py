@@ -230,9 +230,9 @@ def test_files_are_named_as_they_are_called_and_not_as_an_option(tmp_path, name,
 @pytest.mark.parametrize("name", ["band.txt", "time_s.dat", "snr"])
 def test_curves_are_named_as_they_are_called_and_not_as_an_option(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
-    Path(name).write_text("# nm\n500 0.5\n400 0.5\n")
+    Path(name).write_text("# nm\n500 0.5\n400 0.5\n450 0.5\n")
     for path in (name, tmp_path / name):
-        with pytest.raises(InputError, match=f"^{path}: wavelength = "), called_as(option_names(EtcQuestion)):
+        with pytest.raises(InputError, match=f"^{name} line 4 wavelength = "), called_as(option_names(EtcQuestion)):
             band_from_file(path, "X", t_opt=0.5, qe=0.5)
 
 

@@ -78,7 +78,7 @@ def test_files_beside_the_instruments_file_are_found(tmp_path, monkeypatch):
     folder = tmp_path / "mine"
     folder.mkdir()
     write_npz(folder / "mask.npz", {"transmission": np.ones((64, 64))})
-    (folder / "curve.txt").write_text("500 0.8\n540 0.8\n")
+    (folder / "curve.txt").write_text("# nm\n500 0.8\n540 0.8\n")
     (folder / "mine.yaml").write_text(
         "kind: instrument\ncoronagraph: {apodizer: {value: mask.npz, source: laboratory, confidence: A}}\n"
         "bands: {F520: {transmission_file: curve.txt}}\n"
@@ -269,3 +269,42 @@ def test_leap_seconds_are_those_of_astropy(refused):
                 assert checked_utc("start_utc", text) == text
             else:
                 refused("start_utc", checked_utc, "start_utc", text)
+
+
+HAT = {"camera": "VIS", "t_opt": 0.2, "qe": 0.9}
+
+
+def curve_beside(folder):
+    """A trapezium: mean wavelength 850 nm, area over peak 58 nm."""
+    (folder / "curve.dat").write_text("# nm T\n700 0\n820 0\n822 0.9\n878 0.9\n880 0\n999 0\n")
+    return str(folder / "curve.dat")
+
+
+@pytest.mark.parametrize("name", ["F520", "mine"])
+def test_a_band_with_a_curve_and_no_edges_has_those_of_the_curve(tmp_path, name):
+    """In a file, a mapping and a change: the same instrument as with the edges written out."""
+    file = curve_beside(tmp_path)
+    own = {"transmission_file": file} | ({} if name == "F520" else HAT)
+    followed = load_instrument({"bands": {name: own}})
+    written = load_instrument({"bands": {name: own | {"center_nm": 850.0, "width_nm": 58.0}}})
+    assert followed.content_hash == written.content_hash
+    assert followed.lambda_d_arcsec(name) == pytest.approx(850e-9 / 2.0 * 206264.806, rel=1e-8)
+    (tmp_path / "i.yaml").write_text(
+        f"kind: instrument\nbands: {{{name}: {own | {'transmission_file': 'curve.dat'}}}}\n"
+    )
+    assert load_instrument(tmp_path / "i.yaml").bands[name] == written.bands[name]
+    changed = load_instrument().changed({"bands": {name: own}})
+    assert changed.bands[name] == written.bands[name]
+    assert f"bands.{name}.center_nm" not in changed.provenance
+
+
+def test_an_edge_that_is_given_stays(tmp_path):
+    band = load_instrument({"bands": {"mine": HAT | {"transmission_file": curve_beside(tmp_path), "center_nm": 848}}})
+    assert (band.bands["mine"].center_nm, band.bands["mine"].width_nm) == (848.0, 58.0)
+
+
+def test_a_curve_that_cannot_be_read_is_refused_with_its_name(tmp_path, refused):
+    (tmp_path / "svo.dat").write_text("8200 0\n8300 0.5\n8400 0\n")
+    band = HAT | {"transmission_file": str(tmp_path / "svo.dat")}
+    refused("svo.dat wavelength unit = not stated, .*# Angstrom", load_instrument, {"bands": {"mine": band}})
+    refused("none.dat", load_instrument, {"bands": {"mine": HAT | {"transmission_file": "none.dat"}}})
