@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
+from catalogs.own_tables import is_strict, keep
 from catalogs.shim_tmp import coordinates_of, degrees_of, star_name_of
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
@@ -61,7 +62,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
         Naming file, row, column, value, unit and range, if a column is missing or ambiguous, no row can be used or, in
         a strict table, a unit is not understood, a cell is not what its column holds, or a name occurs twice.
     """
-    given = read_rows(raw, QUANTITIES, _ONE_OF, about="name", strict=strict)
+    given = keep(read_rows(raw, QUANTITIES, _ONE_OF, about="name", strict=is_strict(strict)))
     _refuse_half(raw.name, given.headings)
 
     def named(where: str, row: Row) -> None:

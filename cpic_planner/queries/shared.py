@@ -334,7 +334,19 @@ def _catalog(given: Any) -> Any:
     return given if isinstance(given, Catalogue) else checked_table_name(given)
 
 
-class CatalogQuestion(Question):
+class TablesQuestion(Question):
+    """A question that tables of a user's own can be part of."""
+
+    # It refuses a table, or changes nothing.
+    strict: bool = asked(
+        False,
+        "Refuse a table of your own for the first row or cell that cannot be used, instead of leaving it out with a "
+        "remark.",
+        physics=False,
+    )
+
+
+class CatalogQuestion(TablesQuestion):
     """A question about stars of a table."""
 
     # A table counts by what is read of it, which is in the hashes of results.
