@@ -108,8 +108,10 @@ from catalogs.table_cells import (
 from catalogs.table_files import (
     RawColumn as RawColumn,
     RawTable as RawTable,
+    Reject as Reject,
     TableBytes as TableBytes,
     astropy_table as astropy_table,
+    column_of as column_of,
     parse_table as parse_table,
     read_bytes as read_bytes,
 )

@@ -42,6 +42,8 @@ from catalogs.known_planet_table import (
     star_key as star_key,
     table_of,
 )
+from catalogs.names import snapshot_aliases
+from catalogs.nomenclature import designation_key
 from catalogs.own_tables import is_strict, keep, tell
 from catalogs.shim_tmp import host_of_planet, star_name_of
 from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
@@ -62,14 +64,25 @@ PRESETS = "snapshot, archive_2019, latest"
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _EDGE_ON = 0.99
+_TAU_JD = 2458849.5
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
+_KIND_BY_METHOD = {"radial velocity": "Msini", "imaging": "Mass", "astrometry": "Mass", "transit": "Mass"}
+"""Kind of a mass of which the table does not say it, by the method of discovery."""
 _HOSTS = ("hip", "hd", "tic", "gaia")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
 _NAMES = (("star",), ("planet",))
-_STATUS_WORDS = {"retracted": "refuted", "unconfirmed": "candidate"}
-"""Statuses of exoplanet.eu in our words."""
+_STATUS_WORDS = {
+    "retracted": "refuted",
+    "refuted": "refuted",
+    "controversial": "controversial",
+    "unconfirmed": "candidate",
+    "candidate": "candidate",
+    "objects of interest": "candidate",
+    "confirmed": "confirmed",
+}
+"""Parts of what exoplanet.eu, the Open Exoplanet Catalogue and the archive say of a planet, and our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 
 
@@ -349,11 +362,14 @@ def _rows_of_file(
 
     rows = given.made(read)
     unweighted = {_key(row) for row in given.rows if "solution_weight" not in row}
+    newest = sorted(range(len(rows)), key=lambda i: str(rows[i].get("updated", "")), reverse=True)
+    given.rows[:], given.numbers[:] = [given.rows[i] for i in newest], [given.numbers[i] for i in newest]
     twins = given.refuse_twins(
         lambda row: (_key(row), "" if _key(row) in unweighted else row.get("reference", "")),
         remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
     )
-    return _one_each([row for row, new in zip(rows, twins, strict=True) if new]), given
+    kept = sorted(i for i, stays in zip(newest, twins, strict=True) if stays)
+    return _one_each([rows[i] for i in kept]), given
 
 
 def _name(row: Row) -> None:
@@ -361,6 +377,9 @@ def _name(row: Row) -> None:
     host = host_of_planet(row["planet"]) if "planet" in row else None
     if "star" not in row and (star := (host and host[0]) or star_name_of(row)):
         row["star"] = star
+    if "star" in row and designation_key(row["star"]) not in snapshot_aliases():
+        others = (name.strip() for name in row.get("star_aliases", "").split(","))
+        row["star"] = next((name for name in others if designation_key(name) in snapshot_aliases()), row["star"])
     letter = row.pop("letter", None)
     if "planet" not in row and letter and "star" in row:
         row["planet"] = f"{row['star']} {letter}"
@@ -391,7 +410,7 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
     texts = {name: value for name, value in given.items() if isinstance(value, str)}
     if "status" in texts:
         word = texts["status"].lower()
-        texts["status"] = _STATUS_WORDS.get(word, word)
+        texts["status"] = next((ours for part, ours in _STATUS_WORDS.items() if part in word), word)
         if texts["status"] not in STATUSES:
             raise InputError(f"{where} column {table.headings['status']}", given["status"], allowed=", ".join(STATUSES))
     alone = "status" in texts and len(texts) == len(given)
@@ -403,8 +422,11 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
     for word in stated:
         if word not in FLAGS:
             raise InputError(f"{where} column flags", word, allowed=", ".join(GIVEN_FLAGS))
-    method = texts.pop("mass_method", "").lower()
-    for name in _HOSTS:
+    method = texts.pop("mass_detection_type", "").lower()
+    if "candidate" in texts.pop("solution_type", "").lower():
+        allowed = "the solution of a confirmed planet"
+        raise InputError(f"{where} column {table.headings['solution_type']}", given["solution_type"], allowed=allowed)
+    for name in (*_HOSTS, "star_aliases"):
         texts.pop(name, None)
     if alone:  # what says the status is all that the row is about
         texts.setdefault("status_reference", reference_text(texts.pop("reference", "")))
@@ -415,6 +437,11 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         for name, value in given.items()
         if not isinstance(value, str) and not ("_err" in name and value == 0)
     }
+    if "periastron_tau" in numbers:
+        axis, mass = numbers.get("semi_major_axis_au", math.nan), numbers.get("star_mass_msun", math.nan)
+        period_days = numbers.get("period_days", 365.25 * math.sqrt(axis**3 / mass))  # Kepler's third law
+        jd = _TAU_JD + numbers.pop("periastron_tau") * period_days
+        numbers |= {"periastron_jd": jd, "period_days": period_days} if math.isfinite(jd) else {}
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
     edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
@@ -426,7 +453,10 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
         if error is not None:
             numbers.setdefault("msini_err_mjup", error)
-    numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
+    kind = texts.pop("best_mass_kind", "")
+    if not kind and "best_mass_kind" not in table.headings:
+        kind = _KIND_BY_METHOD.get(method or texts.get("discovery_method", "").lower(), "")
+    numbers, found = settle(numbers, kind, where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     found += tuple(word for word in stated if word in GIVEN_FLAGS)
     found += ("columns_not_used",) if own and table.unused else ()

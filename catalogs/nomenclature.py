@@ -6,58 +6,48 @@ would be different stars. Greek letters take SIMBAD's three-letter forms (``alf`
 the IAU abbreviations.
 """
 
+import csv
 import re
 import unicodedata
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-#: SIMBAD abbreviation of each Greek letter -> (letter, other spellings).
-_GREEK_NAMES = """
-alf α alpha alp, bet β beta, gam γ gamma, del δ delta, eps ε epsilon epsi, zet ζ zeta, eta η, tet θ theta the thet,
-iot ι iota, kap κ kappa, lam λ lambda, mu μ, nu ν, ksi ξ xi, omi ο omicron, pi π, rho ρ, sig σ sigma, tau τ,
-ups υ upsilon, phi φ, chi χ khi, psi ψ, ome ω omega
-"""
+with (Path(__file__).resolve().parent / "data" / "designations.csv").open(encoding="utf-8", newline="") as _stream:
+    _ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in csv.DictReader(_stream)]
 GREEK: dict[str, tuple[str, tuple[str, ...]]] = {
-    short: (letter, tuple(others)) for short, letter, *others in map(str.split, _GREEK_NAMES.split(","))
+    key: (forms[0], forms[1:]) for kind, key, forms in _ROWS if kind == "letter"
 }
-
-_SKY_NAMES = """
-And Andromedae, Ant Antliae, Aps Apodis, Aqr Aquarii, Aql Aquilae, Ara Arae, Ari Arietis, Aur
-Aurigae, Boo Bootis, Cae Caeli, Cam Camelopardalis, Cnc Cancri, CVn Canum Venaticorum, CMa Canis
-Majoris, CMi Canis Minoris, Cap Capricorni, Car Carinae, Cas Cassiopeiae, Cen Centauri, Cep Cephei,
-Cet Ceti, Cha Chamaeleontis, Cir Circini, Col Columbae, Com Comae Berenices, CrA Coronae Australis,
-CrB Coronae Borealis, Crv Corvi, Crt Crateris, Cru Crucis, Cyg Cygni, Del Delphini, Dor Doradus, Dra
-Draconis, Equ Equulei, Eri Eridani, For Fornacis, Gem Geminorum, Gru Gruis, Her Herculis, Hor
-Horologii, Hya Hydrae, Hyi Hydri, Ind Indi, Lac Lacertae, Leo Leonis, LMi Leonis Minoris, Lep
-Leporis, Lib Librae, Lup Lupi, Lyn Lyncis, Lyr Lyrae, Men Mensae, Mic Microscopii, Mon Monocerotis,
-Mus Muscae, Nor Normae, Oct Octantis, Oph Ophiuchi, Ori Orionis, Pav Pavonis, Peg Pegasi, Per
-Persei, Phe Phoenicis, Pic Pictoris, Psc Piscium, PsA Piscis Austrini, Pup Puppis, Pyx Pyxidis, Ret
-Reticuli, Sge Sagittae, Sgr Sagittarii, Sco Scorpii, Scl Sculptoris, Sct Scuti, Ser Serpentis, Sex
-Sextantis, Tau Tauri, Tel Telescopii, Tri Trianguli, TrA Trianguli Australis, Tuc Tucanae, UMa Ursae
-Majoris, UMi Ursae Minoris, Vel Velorum, Vir Virginis, Vol Volantis, Vul Vulpeculae
-"""
-CONSTELLATIONS: dict[str, str] = {short: " ".join(words) for short, *words in map(str.split, _SKY_NAMES.split(","))}
+"""SIMBAD's abbreviation of each Greek letter -> (letter, other spellings)."""
+CONSTELLATIONS: dict[str, str] = {key: forms[0] for kind, key, forms in _ROWS if kind == "constellation"}
 """Latin genitive of each constellation by its IAU abbreviation."""
 
-_GREEK_FORMS: dict[str, str] = {}
-for _short, (_letter, _others) in GREEK.items():
-    for _form in (_short, _letter, *_others):
-        _GREEK_FORMS[_form] = _short
-_GREEK_FORMS.update({"ς": "sig", "ϵ": "eps", "ϑ": "tet", "ϕ": "phi", "ϰ": "kap", "ϱ": "rho", "µ": "mu"})
 
-_SKY: dict[str, str] = {short.lower(): short.lower() for short in CONSTELLATIONS}
-_SKY.update({genitive.lower(): short.lower() for short, genitive in CONSTELLATIONS.items()})
+def _keys(kind: str) -> dict[str, str]:
+    """Return the key that each spelling of a kind stands for, both in lower case."""
+    return {form.lower(): key.lower() for own, key, forms in _ROWS if own == kind for form in (key, *forms) if form}
+
+
+_GREEK_FORMS, _SKY, _LISTS = _keys("letter"), _keys("constellation"), _keys("list")
 _LONGEST_SKY = max(map(len, _SKY))
-
-#: Catalogue prefixes that take a plain number; all the nearby-star lists share the Gliese-Jahreiss numbers.
-_PREFIXES = {name: name for name in ("hip", "hd", "hr", "gj", "ltt", "lhs", "nltt", "sao", "ads")}
-_PREFIXES |= {"hic": "hip", "bs": "hr"} | dict.fromkeys(("gl", "gliese", "wo", "nn"), "gj")
-
-
-_CATALOGUE = re.compile(r"([a-z]+)\s*[-_]?\s*0*(\d+(?:\.\d+)?)\s*([a-e]{0,3})", re.IGNORECASE)
+_CATALOGUE = re.compile(
+    rf"({'|'.join(sorted(map(re.escape, _LISTS), key=len, reverse=True))})"
+    r"\s*[-_]?\s*0*(\d+(?:\.\d+)?)\s*([a-e]{0,3})",
+    re.IGNORECASE,
+)
+_ZONE = re.compile(r"(bd|cd|cpd) ?([-+]) ?(\d{1,2}) ?[°d ] ?0*(\d+[a-e]?)(?: ([a-e]))?", re.IGNORECASE)
 _COMPONENT = re.compile(r"[A-Ea-e]{1,3}")
 _LETTER_INDEX = re.compile(r"([^\W\d]+)\.?[\s-]*0*(\d{0,2})")
 _NUMBER = re.compile(r"0*(\d{1,3})")
 _VARIABLE = re.compile(r"v\s*0*(\d{3,4})|([a-z]{2})", re.IGNORECASE)
 _LONGEST = 200
+#: Lists of stars by the column of a table that holds their numbers, the likeliest to be known elsewhere first.
+_NUMBERS = {"hip": "HIP", "hd": "HD", "gj": "GJ", "hr": "HR", "tic": "TIC", "gaia": "Gaia DR3"}
+_WHOLE_FLOAT = 2.0**53
+_PLANET = re.compile(
+    r"(.*\S) ([b-z])|(.*\d(?:[A-E]|\([A-E]{1,3}\))?)([b-z])|(.*[\d )][A-E])([b-z])"
+    r"|((?:C?TOI|TIC|KOI|KIC|EPIC)[- ]?\d+|K\d{5})\.(\d\d)"
+)
 _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 
 
@@ -65,7 +55,7 @@ def _plain(text: str) -> str:
     """Fold compatibility forms (superscripts, thin spaces) and accents; keep Greek letters."""
     folded = unicodedata.normalize("NFKC", text.replace("µ", "μ"))
     stripped = "".join(c for c in unicodedata.normalize("NFD", folded) if unicodedata.category(c) not in ("Mn", "Cf"))
-    return " ".join(stripped.replace("_", " ").split())
+    return " ".join(stripped.replace("_", " ").replace("−", "-").split())
 
 
 def _head_key(head: str) -> str:
@@ -118,8 +108,11 @@ def designation_key(text: str) -> str:
     lead = _LEAD.match(name)
     if lead:
         name = name[lead.end() :]
-    if (found := _CATALOGUE.fullmatch(name)) and found[1].lower() in _PREFIXES:
-        return " ".join(filter(None, (_PREFIXES[found[1].lower()], found[2], found[3].lower())))
+    name = re.sub(r" ?\(([A-E]{1,3})\)$", r" \1", name)
+    if found := _CATALOGUE.fullmatch(name):
+        return " ".join(filter(None, (_LISTS[found[1].lower()], found[2], found[3].lower())))
+    if found := _ZONE.fullmatch(name):
+        return " ".join(filter(None, (f"{found[1]}{found[2]}{found[3]:>02} {found[4]}", found[5]))).lower()
     words = name.split()
     component = ""
     head, sky = _split_sky(words)
@@ -140,3 +133,88 @@ def split_component(key: str) -> tuple[str, str]:
     if base and last != "cae" and _COMPONENT.fullmatch(last):  # "cae" is Caelum
         return base, last
     return key, ""
+
+
+def star_name_of(row: Mapping[str, Any]) -> str | None:
+    """Return the name of a star that has numbers in lists of stars and no name.
+
+    Parameters
+    ----------
+    row : mapping of str to object
+        Cells by column: ``hip``, ``hd``, ``gj``, ``hr``, ``tic``, ``gaia`` as numbers or text, with the letters of the
+        list or without (``1475``, ``1475.0``, ``HIP1475``, ``1475B``, ``Gl 15A``), ``component`` as a letter.
+
+    Returns
+    -------
+    str or None
+        ``HIP 1475``, ``HD 1326 A``, ``TIC 440109725``, ``Gaia DR3 385334230892516480``; None without a number. HIP goes
+        first, since the catalogue knows nearly all of its stars by it; then the lists of bright and near stars, last
+        those of faint ones. The letter of a component is that of the number, else of another number, else of the
+        column, so that two stars of one number have two names.
+
+    Examples
+    --------
+    >>> from catalogs.nomenclature import star_name_of
+    >>> star_name_of({"hip": 1475.0, "gj": "15B"}), star_name_of({"hd": "HD1326A"}), star_name_of({"hip": None})
+    ('HIP 1475 B', 'HD 1326 A', None)
+    """
+    found = [split for column in _NUMBERS if (split := numbered_star(row.get(column), column))[0]]
+    if not found:
+        return None
+    letters = [letter for _, letter in found] + [str(row.get("component") or "").strip()]
+    return " ".join(filter(None, (found[0][0], next(filter(_COMPONENT.fullmatch, letters), "").upper())))
+
+
+def numbered_star(cell: Any, column: str) -> tuple[str, str]:
+    """Return the star of a number in a list, and the letter of its component.
+
+    Parameters
+    ----------
+    cell : object
+        Number or text, as of :func:`star_name_of`; a number without its list is of Gaia's third release.
+    column : {"hip", "hd", "gj", "hr", "tic", "gaia"}
+        The list.
+
+    Returns
+    -------
+    tuple of str
+        ``("HIP 1475", "B")``; the letter is ``""`` if there is none; both are ``""`` without such a number.
+        A Gaia number that was read as a float is none: its last digits are lost.
+    """
+    prefix, text = _NUMBERS[column], re.sub(r"(\d)\.0*$", r"\1", str(cell).strip())
+    base, letter = split_component(designation_key(f"{prefix} {text}" if text[:1].isdigit() else text))
+    own, _, number = base.rpartition(" ")
+    known = own == prefix.lower() or (own, column) == ("gaia dr2", "gaia")
+    whole = number.isdigit() or (column == "gj" and number.replace(".", "", 1).isdigit())
+    if not (known and whole and number.strip("0.")) or (isinstance(cell, float) and cell >= _WHOLE_FLOAT):
+        return "", ""
+    return f"{prefix.replace('DR3', own[-3:].upper())} {number}", letter.upper()
+
+
+def host_of_planet(name: str) -> tuple[str, str] | None:
+    """Split the name of a planet into its star and its letter or number.
+
+    Parameters
+    ----------
+    name : str
+        ``HD 154857 b``, ``HD 10647b``, ``GJ 15 A b``, ``Kepler-16 (AB) b``, ``TOI-700.01``. A planet around two stars
+        (``(AB)``) is of the system; one around ``(A)`` or ``(B)`` of that component.
+
+    Returns
+    -------
+    tuple of str, or None
+        The star as it is written and the letter (``b``) or number (``01``); None if the name ends in none of the two. A
+        letter that is written to a name without a number (``51 Pegb``) is not seen.
+
+    Examples
+    --------
+    >>> from catalogs.nomenclature import host_of_planet
+    >>> host_of_planet("Kepler-16 (AB) b"), host_of_planet("TOI-700.01"), host_of_planet("Dimidium")
+    (('Kepler-16', 'b'), ('TOI-700', '01'), None)
+    """
+    found = _PLANET.fullmatch(" ".join(name.split()))
+    if not found:
+        return None
+    star, part = filter(None, found.groups())
+    star = re.sub(r"^K0*(?=\d+$)", "KOI-", star)
+    return re.sub(r" ?\(([A-E])([A-E]*)\)$", lambda pair: "" if pair[2] else f" {pair[1]}", star), part

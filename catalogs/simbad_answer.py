@@ -21,7 +21,7 @@ from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.star_systems import is_blend_id
 from catalogs.stars import StarTable
 from catalogs.table_cells import Column, Columns, Rows, read_rows
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import RawColumn, RawTable, column_of
 from catalogs.tap_client import RefreshError
 from cpic_core import FloatArray, InputError, NDArray
 
@@ -158,17 +158,17 @@ def _columns(table: RawTable, columns: Columns, check: Callable[[Rows], None]) -
 def _raw(given: RawColumn, columns: Columns) -> RawColumn:
     """Return one column of the answer with its cells as people write them; a pure number has no unit."""
     meant = columns.meant_by(given.heading).column
-    cells = [None if cell == "~" else cell for cell in given.cells]
+    cells = [None if cell == "~" else cell for cell in given.cells.tolist()]
     if meant is not None and meant.name in ("ra_deg", "dec_deg") and any(map(_is_sexagesimal, cells)):
         from astropy.coordinates import Angle
 
         unit = "hourangle" if meant.name == "ra_deg" else "deg"  # what SIMBAD gave before TAP
         try:
-            return RawColumn(given.heading, "deg", [Angle(str(cell), unit=unit).deg for cell in cells])
+            return column_of(given.heading, "deg", [Angle(str(cell), unit=unit).deg for cell in cells])
         except ValueError as error:
             where = f"the answer column {given.heading}"
             raise InputError(where, "unreadable", allowed="angles", hint=str(error)) from None
-    return RawColumn(given.heading, given.unit if meant is not None and meant.unit else "", cells)
+    return column_of(given.heading, given.unit if meant is not None and meant.unit else "", cells)
 
 
 def _is_sexagesimal(cell: object) -> bool:

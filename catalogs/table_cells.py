@@ -10,7 +10,7 @@ import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -29,27 +29,38 @@ class Synonym(NamedTuple):
     """What one source calls a quantity.
 
     ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
-    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none.
+    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none; ``beside``
+    is another heading without which a file is not of that source, ``""`` if the heading says enough.
     """
 
     heading: str
     unit: str = ""
     convention: str = ""
     source: str = ""
+    beside: str = ""
 
 
 CONVENTIONS: dict[str, str] = {
     "error_upper": "upper error; with the lower one their mean counts",
     "error_lower": "lower error; with the upper one their mean counts",
-    "log10": "logarithm to base 10",
-    "jd-2400000": "Julian date less 2 400 000",
-    "jd-2450000": "Julian date less 2 450 000",
-    "mjd": "modified Julian date",
-    "planet_omega": "argument of periastron of the planet's own orbit, 180 deg from the star's",
     "limit": "1 or -1 where the value is a limit: then it is no value",
+    "log10": "logarithm to base 10",
+    "rad_or_deg": "degrees where a number is larger than any angle in radians",
+    "redshift": "velocity over the speed of light",
+    "mjd": "modified Julian date",
+    "jd-2457000": "Julian date less 2 457 000",
+    "jd_auto": "Julian date, or one less 2 450 000 where it has four digits before the point",
+    "j1991.25": "at epoch 1991.25",
+    "j2000": "at epoch 2000",
+    "j2016": "at epoch 2016",
+    "gaia_dr2": "number of Gaia DR2",
+    "gaia_dr3": "number of Gaia DR3",
 }
 """What a source means by a number, beyond its unit."""
-_SHIFTS = {"jd-2400000": 2400000.0, "jd-2450000": 2450000.0, "mjd": 2400000.5, "planet_omega": -180.0}
+_SHIFTS = {"jd-2457000": 2457000.0, "mjd": 2400000.5}
+_EPOCHS = {"j1991.25": 1991.25, "j2016": 2016.0}
+_RELEASES = {"gaia_dr2": "Gaia DR2", "gaia_dr3": "Gaia DR3"}
+_SPEED_OF_LIGHT_KM_S = 299792.458
 
 
 @dataclass(frozen=True)
@@ -76,7 +87,9 @@ class Column:
     fills : bool
         Whether a number such as 9999 or -99.99 stands for a missing one.
     vital : bool
-        Whether a row of which this cell is given and cannot be meant is of no use: elements of one orbit stand together.
+        Whether a row is of no use if this cell is given and cannot be meant: elements of one orbit stand together.
+    aside : bool
+        Whether it only stands in for another column where that has none.
     """
 
     name: str
@@ -89,6 +102,7 @@ class Column:
     decimals: int = 0
     fills: bool = False
     vital: bool = False
+    aside: bool = False
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -135,6 +149,7 @@ class Meaning(NamedTuple):
     unit: str = ""
     convention: str = ""
     rank: int = 0
+    beside: str = ""
 
 
 class Columns(dict[str, Column]):
@@ -160,42 +175,48 @@ class Columns(dict[str, Column]):
         self._synonyms, self._cased = synonyms, cased or {}
 
     @functools.cached_property
-    def by_heading(self) -> Mapping[str, Meaning]:
-        """What each heading means, as it is reduced; a column's own name before all others."""
-        found = {heading(name): Meaning(column) for name, column in self.items()}
+    def by_heading(self) -> Mapping[str, Sequence[Meaning]]:
+        """What each heading may mean, as it is reduced; what another heading must confirm comes first."""
+        found: dict[str, list[Meaning]] = {heading(name): [Meaning(column)] for name, column in self.items()}
         for column in self.values():
-            for form in column.headings:
-                found.setdefault(form, Meaning(column, rank=1))
-        for name, forms in self._synonyms().items():
-            for rank, form in enumerate(forms, start=1):
-                found.setdefault(form.heading, Meaning(self[name], form.unit, form.convention, rank))
+            for rank, form in enumerate(self.synonyms_of(column.name), start=1):
+                meant = Meaning(column, form.unit, form.convention, rank, form.beside)
+                found.setdefault(form.heading, []).insert(0 if form.beside else 99, meant)
         return found
 
     def synonyms_of(self, name: str) -> Sequence[Synonym]:
         """Return what else people call a column, and whose word each is."""
         return [*map(Synonym, self[name].headings), *self._synonyms().get(name, ())]
 
-    def meant_by(self, text: str) -> Meaning:
+    def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
+
+        Parameters
+        ----------
+        text : str
+        others : collection of str
+            Headings of the same file as `heading` reduces them, which may tell whose words they are.
 
         Raises
         ------
         InputError
             For a heading whose capitals leave open what it means (``OMEGA``).
         """
-        if item := self._known(text):
+        if item := self._known(text, others):
             return item
-        if (found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)) and (item := self._known(found[1])):
+        found = re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)
+        if found and (item := self._known(found[1], others)):
             return item._replace(unit=found[2].strip())
         return Meaning(None)
 
-    def _known(self, text: str) -> Meaning | None:
+    def _known(self, text: str, others: Collection[str]) -> Meaning | None:
         form = _plain(text)
         if (names := self._cased.get(form.lower())) is None:
-            return self.by_heading.get(form, self.by_heading.get(form.lower()))
-        if form[1:2].isupper() or (item := self.by_heading.get(form[0] + form[1:].lower())) is None:
+            meant = self.by_heading.get(form) or self.by_heading.get(form.lower(), ())
+            return next((item for item in meant if not item.beside or item.beside in others), None)
+        if form[1:2].isupper() or not (meant := self.by_heading.get(form[0] + form[1:].lower())):
             raise InputError(f"column {text}", "more than one meaning", allowed=names, hint="name it as it is meant")
-        return item
+        return meant[0]
 
 
 def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column, ...]:
@@ -214,7 +235,7 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
         if row["table"] == table and (not only or only in rules) and without not in rules:
             low, high = (float(row[end] or math.nan) for end in ("low", "high"))
             texts = {key: row[key] for key in ("name", "description", "kind", "unit")}
-            flags = {word: word in rules for word in ("fills", "vital")}
+            flags = {word: word in rules for word in ("fills", "vital", "aside")}
             found.append(Column(**texts, low=low, high=high, decimals=int(row["decimals"] or 0), **flags))
     return tuple(found)
 
@@ -237,9 +258,11 @@ def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
     with (_DATA / "headings.csv").open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
             if row["table"] == table:
-                forms = row["headings"].split()
+                words = row["convention"].split()
+                beside = next((heading(word[7:]) for word in words if word.startswith("beside:")), "")
+                convention = next((word for word in words if not word.startswith("beside:")), "")
                 found.setdefault(row["quantity"], []).extend(
-                    Synonym(form, row["unit"], row["convention"], row["source"]) for form in forms
+                    Synonym(form, row["unit"], convention, row["source"], beside) for form in row["headings"].split()
                 )
     return found
 
@@ -256,8 +279,8 @@ _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
 _SHOWN = 40
 _MANY = 12
 _ALTERNATIVES = 4
-_SAME = 1e-4
-"""Two columns of one quantity that are closer than this part of it, or of 1, say the same."""
+_SAME = 0.01
+"""Two columns of one quantity that are closer than this part of it say the same: they are rounded apart."""
 _FILL = "it stands for a missing number"
 ROW_OUT, CELL_OUT = "row left out", "taken as missing"
 """What becomes of what cannot be used."""
@@ -541,21 +564,28 @@ def read_rows(
     given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
     given.refuse_lacking(required)
     reading = _Reading(raw, strict, given.left_out)
+    for item in raw.rejects:
+        if strict:
+            raise InputError(f"{raw.name} row {item.row}", item.value, allowed=item.reason, hint="a stray separator?")
+        given.left_out.append(LeftOut(item.row, "", item.column, item.value, f"allowed: {item.reason}", ROW_OUT))
     values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
     reading.names = values.get(about, reading.names)
     values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
-    other = {i for i, cell in enumerate(values.pop(DEFAULT_ROW, ()), start=1) if cell == 0.0}
+    numbers = raw.numbers.tolist()
+    other = {number for number, cell in zip(numbers, values.pop(DEFAULT_ROW, ()), strict=False) if cell is False}
     if other:
         reading.notes.append(f"{raw.name}: {len(other)} rows are not the default solution of a planet: not read")
         given.left_out[:] = [item for item in given.left_out if item.row not in other]
     lost = other | {item.row for item in given.left_out if item.done == ROW_OUT}
-    given.numbers[:] = [number for number in range(1, len(raw) + 1) if number not in lost]
     order = list(values)
-    cells = list(zip(*values.values(), strict=True)) if values else [()] * len(raw)
-    given.rows[:] = [
-        {name: cell for name, cell in zip(order, cells[number - 1], strict=True) if cell is not None}
-        for number in given.numbers
-    ]
+    cells = zip(*values.values(), strict=True) if values else iter([()] * len(raw))
+    for number, line in zip(numbers, cells, strict=True):
+        if number not in lost:
+            given.numbers.append(number)
+            given.rows.append({name: cell for name, cell in zip(order, line, strict=True) if cell is not None})
+    if (epoch := _EPOCHS.get(next((use.convention for use in uses if use.quantity == "ra_deg"), ""))) is not None:
+        for row in given.rows:
+            row.setdefault("epoch_yr", epoch)
     return replace(given, notes=notes + tuple(reading.notes))
 
 
@@ -567,18 +597,19 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
     found: _Chosen = {}
     uses: list[Use] = []
     exact = {column.heading for column in raw.columns} & set(columns)
+    others = frozenset(heading(column.heading) for column in raw.columns)
     for column in raw.columns:
         try:
-            meant = columns.meant_by(column.heading)
+            meant = columns.meant_by(column.heading, others)
         except InputError as error:
             raise InputError(f"{raw.name} {error.key}", error.value, allowed=error.allowed, hint=error.hint) from None
-        own = RawColumn(column.heading, column.unit or meant.unit, _arr(column.cells))
+        own = RawColumn(column.heading, column.unit or meant.unit, column.cells)
         unused = Use(column.heading or "(no heading)", "", own.unit)
         if meant.column is None:
             uses.append(replace(unused, why="not known"))
         elif (name := meant.column.name) in exact and column.heading != name:
             uses.append(replace(unused, why=f"{name} is read"))
-        elif (problem := _unit_problem(raw.name, meant.column, own)) is not None:
+        elif (problem := _unit_problem(raw.name, meant.column, own, meant.convention)) is not None:
             if strict:
                 raise problem
             uses.append(replace(unused, why=f"unit not understood, {problem.allowed}"))
@@ -599,6 +630,7 @@ class _Reading:
 
     def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
         self.raw, self.strict, self.left = raw, strict, left
+        self.numbers = raw.numbers
         self.names: list[Any] = [None] * len(raw)
         self.notes: list[str] = []
 
@@ -614,7 +646,7 @@ class _Reading:
             return [sum(pair) / len(pair) if pair else None for pair in pairs]
         values, (first, _) = read[0]
         for others, (given, _) in read[1:]:
-            odd = sum(map(_differ, values, others)) if column.kind != "text" else 0
+            odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
             if odd:
                 what = f"{column.name} is that of {first.heading}, from which {given.heading} differs in {odd} rows"
                 self.notes.append(f"{self.raw.name}: {what}")
@@ -633,11 +665,7 @@ class _Reading:
             numbers, good = _numbers(cells[there])
             if column.fills:
                 fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
-            numbers = _converter(self.raw.name, column, given)(numbers) + _SHIFTS.get(meant.convention, 0.0)
-            if meant.convention == "log10":
-                numbers = 10.0**numbers
-            elif meant.convention.startswith("error_"):
-                numbers = np.abs(numbers)
+            numbers = _by_convention(_converter(self.raw.name, column, given, meant.convention)(numbers), meant.convention)
             with np.errstate(invalid="ignore"):
                 good &= (numbers >= column.low) & (numbers <= column.high) & ~fills
                 if column.kind == "whole":
@@ -646,6 +674,8 @@ class _Reading:
         else:
             found = [_understood(column.kind, cell) for cell in cells[there].tolist()]
             good = np.array([cell is not NotImplemented for cell in found], bool)
+            if release := _RELEASES.get(meant.convention):
+                found = [f"{release} {cell}" if str(cell).isdigit() else cell for cell in found]
         values: list[Any] = [None] * len(cells)
         for place, value in zip(there[good].tolist(), np.array(found, object)[good].tolist(), strict=True):
             values[place] = value
@@ -655,24 +685,35 @@ class _Reading:
 
     def _leave_out(self, column: Column, given: RawColumn, place: int, *, fill: bool) -> None:
         """Put a cell that is not accepted on the list; refuse it where the table is strict."""
-        cell, name = given.cells[place], self.names[place]
+        cell, name, number = given.cells[place], self.names[place], int(self.numbers[place])
         unit = (given.unit or column.unit) if column.kind in ("float", "whole") else ""
         hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
         if self.strict:
             who = "" if name is None else f" ({name})"
-            key = f"{self.raw.name} row {place + 1}{who} column {given.heading}"
+            key = f"{self.raw.name} row {number}{who} column {given.heading}"
             hint += ": leave the cell empty" if fill else ""
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT
-        self.left.append(LeftOut(place + 1, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+        self.left.append(LeftOut(number, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+
+
+def _by_convention(numbers: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
+    """Return numbers as we write them: errors above 0, full Julian dates, velocities."""
+    if convention.startswith("error_"):
+        return np.abs(numbers)
+    if convention == "redshift":
+        return numbers * _SPEED_OF_LIGHT_KM_S
+    if convention == "jd_auto":
+        return np.where((numbers > 1000.0) & (numbers < 10000.0), numbers + 2450000.0, numbers)
+    return numbers + _SHIFTS.get(convention, 0.0)
 
 
 def _differ(one: Any, other: Any) -> bool:
     """Tell whether two cells say different things."""
     if one is None or other is None or isinstance(one, bool) or isinstance(other, bool):
         return one is not None and other is not None and one != other
-    return bool(abs(one - other) > _SAME * max(1.0, abs(one), abs(other)))
+    return bool(abs(one - other) > _SAME * max(abs(one), abs(other)))
 
 
 def _understood(kind: str, cell: Any) -> Any:
@@ -726,17 +767,19 @@ def _hip(cell: Any) -> int | None:
 _READERS: dict[str, Callable[[Any], Any]] = {"text": _text, "bool": _flag, "int": _hip}
 
 
-def _unit_problem(label: str, column: Column, given: RawColumn) -> InputError | None:
+def _unit_problem(label: str, column: Column, given: RawColumn, convention: str) -> InputError | None:
     """Return why the unit of a column of the file is not understood, None if it is."""
     try:
         if column.kind in ("float", "whole"):
-            _converter(label, column, given)
+            _converter(label, column, given, convention)
     except InputError as error:
         return error
     return None
 
 
-def _converter(label: str, column: Column, given: RawColumn) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def _converter(
+    label: str, column: Column, given: RawColumn, convention: str
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Return the conversion from the unit of the file, the identity where it names none or the same.
 
     Raises
@@ -744,35 +787,33 @@ def _converter(label: str, column: Column, given: RawColumn) -> Callable[[NDArra
     InputError
         For a unit that is none of the column's.
     """
-    if given.unit.replace(" ", "") in ("", column.unit.replace(" ", ""), "---", "-", "none"):
+    text = given.unit
+    if convention == "rad_or_deg" and (np.abs(_numbers(given.cells.compressed())[0]) > 2.0 * math.pi).any():
+        text = "deg"
+    if text.replace(" ", "") in ("", column.unit.replace(" ", ""), "---", "-", "none") and convention != "log10":
         return lambda values: values
     from astropy import units
 
     logarithm = re.fullmatch(r"(?:dex|log|log10)\((.*)\)", column.unit)
     try:
-        unit, is_log10 = written_unit(given.unit)
+        unit, is_log10 = written_unit(text or column.unit)
         target = units.Unit(logarithm[1] if logarithm else "" if column.unit == "dex" else column.unit)
         if column.name == "ra_deg" and unit == units.hour:
             unit = units.hourangle
+        if convention == "redshift":
+            unit = units.Unit(column.unit)
         if column.unit == "dex" and not is_log10 and unit != units.dimensionless_unscaled:
-            raise ValueError(given.unit)
+            raise ValueError(text)
         bare = is_log10 and unit == units.dimensionless_unscaled  # dex, of what does not say
         factor = 1.0 if bare and logarithm else float((1.0 * unit).to_value(target))
     except (ValueError, TypeError):
         allowed = f"a unit like {column.unit or 'none'}"
-        raise InputError(f"{label} column {given.heading}", f"unit {given.unit}", allowed=allowed) from None
-    if logarithm or column.unit == "dex":
-        return (
-            (lambda values: values + math.log10(factor)) if is_log10 or column.unit != "dex" else lambda values: values
-        )
-    if is_log10:
+        raise InputError(f"{label} column {given.heading}", f"unit {text}", allowed=allowed) from None
+    if logarithm:
+        return lambda values: values + math.log10(factor)
+    if column.unit == "dex":
+        return lambda values: values
+    if is_log10 or convention == "log10":
         return lambda values: 10.0**values * factor
     return lambda values: values * factor
 
-
-def _arr(cells):
-    if isinstance(cells, list):
-        data = np.empty(len(cells), object)
-        data[:] = cells
-        return np.ma.array(data, mask=[c is None for c in cells])
-    return cells

@@ -1,7 +1,7 @@
-"""Tables from files: CSV with nothing but the standard library; ECSV, VOTable and FITS with astropy.
+"""Tables from files in every format that astronomers hand around, told apart by what they hold, each read by a library.
 
-A file is read once, as bytes; what it is, its content says before its name does. One that refers to another file or to
-an address is refused before it is parsed: reading a table opens nothing but that table.
+A file is read once, as bytes. One that refers to another file or to an address is refused before it is parsed: reading
+a table opens nothing but that table and the ReadMe beside it that describes its bytes.
 """
 
 import base64
@@ -10,22 +10,72 @@ import hashlib
 import io
 import re
 import warnings
-from dataclasses import dataclass
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from cpic_core import InputError, NDArray, bounded_fits, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
-_FORMATS = "CSV, ECSV, VOTable or FITS"
+_MAX_README_BYTES = 10_000_000
+_MAX_CELLS = 200_000_000
+_MAX_MARKED_BYTES = 50_000_000  # of HTML, LaTeX and Excel, which take many times their size in memory
+_SMALL_BYTES = 2_000_000  # up to here the standard library is as fast as importing pyarrow
+_HEAD_BYTES = 200_000
+_FORMATS = "CSV, ECSV, VOTable, FITS, MRT, IPAC, Parquet, Excel, HTML, LaTeX or plain text"
 _PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
 _NAMES = "names of columns in the first line"
 _FAILED = re.compile(r"QUERY_STATUS\W+(?:value\W+)?ERROR\b", re.IGNORECASE)
 _CUT_OFF = re.compile(r"\bOVERFLOW\b|\btruncated\b", re.IGNORECASE)
 _CUT = "was cut off, as it says itself: rows are missing"
-_MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "--", "-", "…", "..."))
+_MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "<na>", "nat", "--", "---", "-", "…", "...", "~", r"\n"))
+_WITH_COMMA = rf"(?i)\s*(?:[-+]?(?:\d+,?\d*|,\d+)(?:E[-+]?\d+)?|{'|'.join(map(re.escape, sorted(_MISSING)))})\s*"
+_LOOKED_AT = 100  # lines from which a layout is told
+_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$")
+_RULE = re.compile(r"(?=.*(?:--|==|\|:?-))[-=+|:;, \t]+")
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_DESCRIBED = re.compile(r"^Byte-by-byte Description of file", re.MULTILINE | re.IGNORECASE)
+_IPAC = re.compile(r"(?:(?:\\.*|[ \t]*)\r?\n)*(?:\|.*\|[ \t]*\r?\n){1,4}(?=[ \t]+[^|\s+])")
+_LATEX = re.compile(r"\\begin\{(?:tabular|tabulary|longtable|deluxetable)[x*]*\}|\\startdata")
+_VIZIER = re.compile(r"^#Column\s+(\S+)\s+\(\S+\)[ \t]+(.*?)[ \t]*(?:\[ucd=(.*?)\])?[ \t]*$", re.MULTILINE)
+_LATEX_WORDS = (
+    (r"\\frac\{(.*?)\}\{(.*?)\}", r"\1/\2"),
+    (r"\^\{?\\circ\}?", "deg"),
+    (r"\^\{?\\prime\\prime\}?", "arcsec"),
+    (r"\\pm(?![a-z])", "±"),
+    (r"\\(?:nodata|[clv]?dots)(?![a-z])", ""),
+    (r"\\[,;:! ]|~", " "),
+    (r"\\([_#%&$])", r"\1"),
+    (r"\\[A-Za-z]+\*?(?:\[.*?\])?", ""),
+    (r"[${}^]", ""),
+)
+_Mark = str | tuple[tuple[int, int | None], ...]
+"""What stands between cells; or, of tables of fixed width, where each begins and ends."""
+
+
+class _Cells:
+    """The cells of a column, made when they are first asked for."""
+
+    @overload
+    def __get__(self, column: None, owner: Any) -> "_Cells": ...
+    @overload
+    def __get__(self, column: "RawColumn", owner: Any) -> "np.ma.MaskedArray[Any, Any]": ...
+    def __get__(self, column: Any, owner: Any) -> Any:
+        if column is None:
+            raise AttributeError("cells")  # so that dataclasses see no default
+        made = vars(column)["_cells"]
+        if callable(made):
+            made = vars(column)["_cells"] = made()
+        return made
+
+    def __set__(self, column: "RawColumn", cells: Any) -> None:
+        vars(column)["_cells"] = cells
 
 
 @dataclass(frozen=True)
@@ -37,22 +87,46 @@ class TableBytes:
     sha256: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RawColumn:
-    """One column as the file gives it; cells are None where missing."""
+    """One column as the file gives it.
+
+    Parameters
+    ----------
+    heading, unit : str
+        As the file has them; "" if it has none.
+    cells : numpy.ma.MaskedArray
+        One value per row, masked where missing: texts (object), int64, float64 or bool. A file may give a function
+        that makes them, which is called once, when they are asked for.
+    description, ucd : str
+        What the file says of the column, and its UCD (IVOA); "" if it says nothing.
+    """
 
     heading: str
     unit: str
-    cells: list[Any]
+    cells: _Cells = _Cells()
+    description: str = ""
+    ucd: str = ""
+
+
+@dataclass(frozen=True)
+class Reject:
+    """A row that cannot be used, counted from 1 below the heading; the column and value that are the reason."""
+
+    row: int
+    column: str
+    value: str
+    reason: str
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """All columns of a file, of equal length, and remarks on the reading."""
+    """All columns of a file, of equal length, remarks on the reading, and the broken rows that were left out."""
 
     name: str
-    columns: list[RawColumn]
+    columns: Sequence[RawColumn]
     notes: tuple[str, ...] = ()
+    rejects: tuple[Reject, ...] = ()
 
     def __len__(self) -> int:
         return len(self.columns[0].cells)
@@ -62,9 +136,17 @@ class RawTable:
         """Words for the provenance of a table that says that rows are missing; ``""`` for any other."""
         return ", cut off: rows are missing" if any(note.endswith(_CUT) for note in self.notes) else ""
 
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """The number of each row, counted from 1 below the heading: those of `rejects` are left out."""
+        left_out = [reject.row for reject in self.rejects]
+        return np.setdiff1d(np.arange(1, len(self) + len(left_out) + 1), left_out)
+
 
 def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest, simbad_2012") -> TableBytes:
     """Read a file whole; ``key`` is what it is asked for as, ``presets`` what may be given instead of a file.
+
+    A ReadMe of the CDS beside it that describes its bytes is read too and put in front of them.
 
     Parameters
     ----------
@@ -80,13 +162,33 @@ def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapsh
     InputError
         If there is no such file, or it is no regular file, larger than 1 GB, or cannot be read.
     """
-    allowed = f"{presets}, or the name of a {_FORMATS} file" if presets else f"the name of a {_FORMATS} file"
+    allowed = f"{presets}, or the name of a table ({_FORMATS})" if presets else f"the name of a table ({_FORMATS})"
     data = read_file(path, key=key, allowed=allowed, max_bytes=_MAX_BYTES)
-    return TableBytes(Path(path).name, data, hashlib.sha256(data).hexdigest())
+    place = Path(path).expanduser()
+    readme = place.with_name("ReadMe")
+    if place.suffix.lower() in (".dat", ".txt", ".tab", "") and place != readme and readme.is_file():
+        told = read_file(readme, key=key, allowed="a ReadMe of the CDS", max_bytes=_MAX_README_BYTES)
+        data = _described(place.name, data, told)
+    return TableBytes(place.name, data, hashlib.sha256(data).hexdigest())
 
 
-def parse_table(file: TableBytes) -> RawTable:
+def _described(name: str, data: bytes, readme: bytes) -> bytes:
+    """Return a data file of the CDS behind its description in a ReadMe; alone where that has none of it."""
+    line = rb"-{40,}[ \t]*\r?\n"
+    title = rb"Byte-by-byte Description of file:[^\n]*(?<![\w.])" + re.escape(name.encode()) + rb"(?![\w.])[^\n]*\n"
+    found = re.search(title + rb"(?:" + line + rb".*?){2}" + line, readme, re.DOTALL)
+    return data if found is None else found[0] + data
+
+
+def parse_table(file: TableBytes, readme: bytes | None = None) -> RawTable:
     """Read a table of any accepted format.
+
+    Parameters
+    ----------
+    file : TableBytes
+        What was read.
+    readme : bytes, optional
+        The ReadMe of the CDS that describes the bytes of a data file.
 
     Raises
     ------
@@ -94,68 +196,80 @@ def parse_table(file: TableBytes) -> RawTable:
         If it is empty, of another format, damaged, or says of itself that the query behind it failed.
     """
     if not file.data.strip():
-        raise InputError(file.name, "an empty file", allowed=f"a {_FORMATS} table with a heading and rows")
-    start = file.data[:512].lstrip()
-    if start.startswith(b"SIMPLE  ="):
-        table = _astropy(file, "fits")
-    elif start.startswith(b"<?xml") or b"<VOTABLE" in start.upper():
-        table = _astropy(file, "votable")
-    else:
-        text = _text(file)
-        table = _astropy(file, "ecsv") if text.startswith("# %ECSV") else _csv(file.name, text)
+        raise InputError(file.name, "an empty file", allowed=f"a table with a heading and rows ({_FORMATS})")
+    if readme is not None:
+        file = replace(file, data=_described(file.name, file.data, readme))
+    what, read = _reader(file)
+    try:
+        table = read()
+    except InputError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise InputError(file.name, "unreadable", allowed=f"a whole {what}", hint=reason) from None
+    if not table.columns:
+        raise InputError(file.name, "no columns", allowed="a table with columns")
+    if len(table) == 0 and table.rejects:
+        first = table.rejects[0]
+        raise InputError(f"{file.name} row {first.row}", first.value, allowed=first.reason, hint="a stray separator?")
     if len(table) == 0:
-        raise InputError(file.name, "no rows", allowed="at least one star")
+        raise InputError(file.name, "no rows", allowed="at least one row below the heading")
     return table
 
 
-def _text(file: TableBytes) -> str:
-    try:
-        text = file.data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = ""
-    if not text or "\0" in text:
-        raise InputError(
-            file.name, "binary or not UTF-8", allowed=f"a {_FORMATS} table", hint="save it as CSV in UTF-8"
-        )
-    return text
+def _reader(file: TableBytes) -> tuple[str, Callable[[], RawTable]]:
+    """Return what a file is, in words, and the function that reads it."""
+    start = file.data[:512].lstrip()
+    if start.startswith(b"SIMPLE  ="):
+        return "FITS table", partial(_astropy, file, "fits")
+    if start.startswith(b"PAR1"):
+        return "Parquet file", partial(_parquet, file)
+    if start.startswith(b"PK\x03\x04"):
+        return "Excel workbook", partial(_excel, file)
+    if start.startswith(b"\xd0\xcf\x11\xe0"):
+        raise InputError(file.name, "an old Excel file (.xls)", allowed=_FORMATS, hint="save it as .xlsx or CSV")
+    if not _is_votable(start):
+        file, notes = _in_utf8(file)
+        start = file.data[:512].lstrip()
+    if _is_votable(start):
+        return "VOTable", partial(_astropy, file, "votable")
+    text = file.data[:_HEAD_BYTES].decode("utf-8", "ignore")
+    if start.startswith(b"# %ECSV"):
+        return "ECSV table", partial(_astropy, file, "ecsv", notes)
+    if start.startswith(b"<"):
+        return "HTML table", partial(_html, file, notes)
+    if _LATEX.search(text):
+        return "LaTeX table", partial(_latex, file, notes)
+    if _DESCRIBED.search(text):
+        return "MRT or CDS table", partial(_astropy, file, "cds", notes)
+    if _IPAC.match(text):
+        return "IPAC table", partial(_astropy, file, "ipac", notes)
+    return "table", partial(_plain_text, file, notes)
 
 
-def _csv(name: str, text: str) -> RawTable:
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise InputError(name, "no heading", allowed="a heading line and rows")
-    counts = {mark: lines[0].count(mark) for mark in (",", ";", "\t", "|")}
-    mark = max(counts, key=lambda item: counts[item])
-    if not counts[mark]:
-        raise InputError(f"{name} heading", "one column", allowed="columns separated by comma, semicolon or tab")
-    try:
-        rows = list(csv.reader(lines, delimiter=mark, strict=True, skipinitialspace=True))
-    except csv.Error as error:
-        raise InputError(name, "broken quoting", allowed="a CSV table", hint=str(error)) from None
-    if any(map(_is_number, rows[0])):  # no heading, or one written as a comment
-        comments = [line.lstrip("# \t") for line in text.splitlines() if line.lstrip().startswith("#")]
-        headed = [
-            row for row in csv.reader(comments, delimiter=mark, skipinitialspace=True) if len(row) == len(rows[0])
-        ]
-        if not headed or any(map(_is_number, headed[-1])):
-            raise InputError(f"{name} heading", "numbers", allowed=_NAMES)
-        rows.insert(0, headed[-1])
-    headings = [text.strip() for text in rows[0]]
-    if not any(headings):
-        raise InputError(f"{name} heading", "empty", allowed=_NAMES)
-    width = len(headings)
-    filled = [row for row in rows[1:] if any(map(str.strip, row))]  # spreadsheets write blank rows as separators alone
-    for number, row in enumerate(filled, start=1):
-        if len(row) < width or any(map(str.strip, row[width:])):
-            allowed = f"{width} cells, as in the heading"
-            raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
-    notes = remarks(name, "\n".join(line for line in text.splitlines() if line.lstrip().startswith("#")))
-    cells: list[list[str | None]] = [[_unguarded(_cell(row[i])) for row in filled] for i in range(width)]
-    if mark == ";" and (commas := [text for text, column in zip(headings, cells, strict=True) if _has_commas(column)]):
-        cells = [[_pointed(cell) for cell in column] if _has_commas(column) else column for column in cells]
-        notes += (f"{name}: decimal commas read in {', '.join(commas)}",)
-    columns = [RawColumn(text, "", column) for text, column in zip(headings, cells, strict=True)]
-    return RawTable(name, [column for column in columns if column.heading or any(column.cells)], notes)
+def _is_votable(start: bytes) -> bool:
+    return b"<VOTABLE" in start.upper() or (start.startswith(b"<?xml") and b"<html" not in start.lower())
+
+
+def _in_utf8(file: TableBytes) -> tuple[TableBytes, tuple[str, ...]]:
+    """Return a text as UTF-8 without a byte-order mark, and a note where it is written in another way."""
+    data = file.data
+    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if data.isascii() and b"\0" not in data:
+        return file, ()
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if encoding == "utf-8-sig" and "\0" not in text:
+            bare = data.removeprefix(b"\xef\xbb\xbf")
+            return replace(file, data=bare), ()
+        if text.strip() and not _CONTROL.search(text):
+            shown = {"utf-16": "UTF-16", "cp1252": "Windows-1252"}[encoding]
+            text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)  # which names the other encoding
+            return replace(file, data=text.encode()), (f"{file.name}: read as {shown}, not being UTF-8",)
+    raise InputError(file.name, "binary", allowed=f"a table ({_FORMATS})", hint="save it as CSV in UTF-8")
 
 
 def remarks(name: str, said: str) -> tuple[str, ...]:
@@ -178,44 +292,360 @@ def remarks(name: str, said: str) -> tuple[str, ...]:
     return (f"{name} {_CUT}",) if _CUT_OFF.search(said) else ()
 
 
-def _has_commas(cells: list[str | None]) -> bool:
+def _plain_text(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+    """Read columns apart by commas, semicolons, tabs, bars or blanks, or of fixed width, every cell as a text."""
+    name, data = file.name, file.data
+    small = len(data) <= _SMALL_BYTES
+    lines = _lines(data if small else data[:_HEAD_BYTES])
+    if not any(map(_is_content, lines)):
+        lines = _lines(data)
+    heading, units, first, mark = _layout(name, lines)
+    body = data[len("".join(lines[:first]).encode()) :]
+    said = b"\n".join(re.findall(rb"(?:^|[\r\n])[ \t]*(#[^\r\n]*)", data)).decode()
+    notes += remarks(name, said)
+    if another := re.search(rb"[\r\n]#(?:RESOURCE=|Table\t)", body):  # of VizieR
+        body = body[: another.start()]
+        notes += (f"{name} holds several tables: the first is read",)
+    parted = None if small or mark not in (",", ";", "\t", "|") else _parted_by_arrow(body, mark, len(heading))
+    if parted is None:
+        parted = _parted(_split(name, filter(_is_content, _lines(body)), mark), len(heading))
+    told = {label: (about, ucd) for label, about, ucd in _VIZIER.findall(said)}
+    return _table(name, heading, units, *parted, notes, told, commas=mark != ",")
+
+
+def _lines(data: bytes) -> list[str]:
+    return _LINE.findall(data.decode("utf-8", "ignore"))
+
+
+def _is_content(line: str) -> bool:
+    plain = line.strip()
+    return not (not plain or plain.startswith("#") or _RULE.fullmatch(plain) or re.fullmatch(r"\(\d+ rows?\)", plain))
+
+
+def _layout(name: str, lines: list[str]) -> tuple[list[str], list[str], int, _Mark]:
+    """Return headings, units, the number of the first line below them, and what stands between cells.
+
+    A line of dashes below the headings (VizieR, SIMBAD, rdb, psql, Markdown, fixed width) says all of it.
+    """
+    for i, line in enumerate(lines):
+        rule = line.rstrip()
+        if i == 0 or not _RULE.fullmatch(rule.strip()) or _RULE.fullmatch(lines[i - 1].strip() or "--"):
+            continue
+        mark: _Mark = next((sign for sign in "|\t;," if sign in rule.replace("+", "|")), "")
+        if not mark:
+            starts = [found.start() for found in re.finditer(r"[-=]+", rule)]
+            mark = tuple(zip([0, *starts[1:]], [*starts[1:], None], strict=True))
+        above = [list(row) for row in _split(name, [text for text in lines[max(i - 2, 0) : i] if text.strip()], mark)]
+        if len(above[-1]) > 1 and (mark == "|" or not lines[i - 1].startswith("#")):
+            with_units = len(above) > 1 and len(above[0]) == len(above[1]) and _is_content(lines[i - 2])
+            return above[-2] if with_units else above[-1], above[-1] if with_units else [], i + 1, mark
+    places = [i for i, line in enumerate(lines) if _is_content(line)]
+    if not places:
+        raise InputError(name, "no heading", allowed="a heading line and rows")
+    sample = [lines[i] for i in places[:_LOOKED_AT]]
+    mark = max((",", ";", "\t", "|", "  ", " "), key=lambda sign: _fit(sample, sign))
+    rows = list(_split(name, sample, mark))
+    if len(rows[0]) < 2:
+        allowed = "columns separated by comma, semicolon, tab, bar or blanks"
+        raise InputError(f"{name} heading", "one column", allowed=allowed)
+    if any(map(_is_number, rows[0])):  # no heading, or one written as a comment
+        comments = [line.strip().lstrip("# \t") for line in lines[: places[0]] if line.lstrip().startswith("#")]
+        headed = [row for row in _split(name, filter(None, comments), mark) if len(row) == len(rows[0])]
+        headed = headed or [row for text in comments if len(row := re.split(r"[\s,;|]+", text)) == len(rows[0])]
+        if not headed or any(map(_is_number, headed[-1])):
+            raise InputError(f"{name} heading", "numbers", allowed=_NAMES)
+        units = _units_of([headed[-1], *rows]) if len(headed) > 1 else []
+        return headed[-2] if units else headed[-1], units, places[0], mark
+    if len(rows) > 1 and all(re.fullmatch(r"\d*[NSMD]", cell, re.IGNORECASE) for cell in rows[1]):  # types of rdb
+        return rows[0], [], places[1] + 1, mark
+    units = _units_of(rows[1:])
+    return rows[0], units, places[bool(units)] + 1, mark
+
+
+def _fit(lines: list[str], mark: str) -> tuple[float, bool, int]:
+    """Return how well a mark parts lines: the share with as many cells as the heading, and how many these are."""
+    try:
+        first, *rest = _split("", lines, mark)
+    except InputError:
+        first, *rest = [line.split(mark) for line in lines]
+    fitting = [len(row) >= len(first) and not any(row[len(first) :]) for row in rest]
+    return (np.mean(fitting) if rest else 1.0) * (len(first) > 1), mark.strip(" ") != "", len(first)
+
+
+def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the units that stand between headings and numbers, if the first of these rows holds some."""
+    given = [i for i, cell in enumerate(rows[0]) if cell.strip("-")] if len(rows) > 1 else []
+    numbers = any(i < len(row) and _is_number(row[i]) for row in rows[1:] for i in given)
+    if not numbers or any(map(_is_number, rows[0])):
+        return []
+    from astropy import units
+
+    plain = [cell.strip("[]()-") for cell in rows[0]]
+    try:
+        return plain if all(units.Unit(plain[i]) is not None for i in given) else []
+    except (ValueError, TypeError):
+        return []
+
+
+def _split(name: str, lines: Iterable[str], mark: _Mark) -> Iterator[list[str]]:
+    """Return the cells of each line."""
+    if isinstance(mark, tuple):
+        return ([line[start:end].strip() for start, end in mark] for line in lines)
+    if mark == "  ":
+        return (re.split(r"\s{2,}|\t", line.strip()) for line in lines)
+    if mark == " ":
+        lines = (line.strip().replace("\t", " ") for line in lines)
+    given = list(lines)
+    try:
+        rows = list(csv.reader(given, delimiter=mark, strict=True, skipinitialspace=True))
+    except csv.Error as error:
+        if mark not in ("\t", "|"):
+            raise InputError(name, "broken quoting", allowed="a CSV table", hint=str(error)) from None
+        rows = [line.split(mark) for line in given]  # who writes these seldom quotes
+    return ([cell.strip() for cell in row] for row in rows)
+
+
+def _parted(rows: Iterable[Sequence[Any]], width: int) -> tuple[list[Sequence[Any]], tuple[Reject, ...]]:
+    """Return the columns of rows, and those rows that have other numbers of cells than the heading."""
+    filled = [row for row in rows if any(cell not in ("", None) for cell in row)]  # spreadsheets write blank rows
+    bad = {i for i, row in enumerate(filled) if len(row) < width or any(cell not in ("", None) for cell in row[width:])}
+    columns = list(zip(*(row[:width] for i, row in enumerate(filled) if i not in bad), strict=True)) or [()] * width
+    return columns, tuple(_rejected(i + 1, len(filled[i]), width) for i in sorted(bad))
+
+
+def _rejected(row: int, cells: int, width: int) -> Reject:
+    return Reject(row, "", f"{cells} cells", f"{width} cells, as in the heading")
+
+
+def _parted_by_arrow(body: bytes, mark: str, width: int) -> Any:
+    """Return what `_parted` returns of a large file, with columns of Arrow; None if it needs a second look."""
+    import pyarrow as pa
+    from pyarrow import compute, csv as tables
+
+    bad: list[Reject] = []
+    mendable = []
+
+    def rejected(row: tables.InvalidRow) -> str:
+        if not _is_content(row.text):
+            return "skip"
+        bad.append(_rejected(row.number, row.actual_columns, width))
+        mendable.append(row.actual_columns > width and not any(row.text.rsplit(mark, row.actual_columns - width)[1:]))
+        return "skip"
+
+    if re.search(rb"[\r\n][ \t]*#", body):
+        body = re.sub(rb"(?<![^\r\n])[ \t]*#[^\r\n]*", b"", body)
+    names = list(map(str, range(width)))
+    found = tables.read_csv(
+        pa.py_buffer(body),
+        tables.ReadOptions(column_names=names, use_threads=False, block_size=2**24),
+        tables.ParseOptions(mark, newlines_in_values=b'"' in body, invalid_row_handler=rejected),
+        tables.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
+    )
+    blank = np.ones(len(found), bool)
+    for column in found.columns:
+        if not blank.any():
+            break
+        blank &= compute.equal(compute.utf8_trim_whitespace(column), "").to_numpy()
+    quoted = b'"' in body and len(found) + len(bad) < len(body.rstrip().splitlines())  # a quotation of several lines
+    if any(mendable) or quoted or (blank.any() and bad):
+        return None
+    return (found.filter(~blank) if blank.any() else found).columns, tuple(bad)
+
+
+def _table(
+    name: str,
+    heading: Sequence[str],
+    units: Sequence[str],
+    cells: Sequence[Any],
+    rejects: tuple[Reject, ...],
+    notes: tuple[str, ...],
+    told: Mapping[str, tuple[str, str]] | None = None,
+    *,
+    commas: bool = False,
+) -> RawTable:
+    """Return a table of columns of texts or values; those without heading and content are left out."""
+    if not any(heading):
+        raise InputError(f"{name} heading", "empty", allowed=_NAMES)
+    columns, pointed = [], []
+    for i, text in enumerate(heading):
+        if with_commas := commas and _has_commas(cells[i]):
+            pointed.append(text)
+        if all(isinstance(cell, str) for cell in cells[i][:1]) or hasattr(cells[i], "combine_chunks"):
+            make: Any = partial(_texts, cells[i], text, with_commas)
+        else:
+            make = column_of("", "", cells[i]).cells
+        column = RawColumn(text, units[i] if units else "", make, *(told or {}).get(text, ()))
+        if text or not np.ma.getmaskarray(column.cells).all():
+            columns.append(column)
+    if pointed:
+        notes += (f"{name}: decimal commas read in {', '.join(pointed)}",)
+    return RawTable(name, columns, notes, rejects)
+
+
+def _has_commas(column: Any) -> bool:
     """Tell whether a column is of numbers with decimal commas: what spreadsheets write between semicolons."""
-    given = [cell for cell in cells if cell is not None]
-    return any("," in cell for cell in given) and all(_is_number(cell.replace(",", ".", 1)) for cell in given)
+    if not hasattr(column, "combine_chunks"):
+        return any("," in cell for cell in column) and all(map(re.compile(_WITH_COMMA).fullmatch, column))
+    from pyarrow import compute
 
-
-def _pointed(cell: str | None) -> str | None:
-    return None if cell is None else cell.replace(",", ".")
+    if not compute.any(compute.match_substring(column, ",")).as_py():
+        return False
+    return bool(compute.all(compute.match_substring_regex(column, f"^(?:{_WITH_COMMA})$")).as_py())
 
 
 def _is_number(text: str) -> bool:
     return re.fullmatch(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", text) is not None
 
 
-def _cell(text: str) -> str | None:
-    plain = text.strip()
-    return None if plain.lower() in _MISSING else plain
+def _texts(column: Any, heading: str, pointed: bool = False, guarded: bool = True) -> np.ma.MaskedArray[Any, Any]:
+    """Return texts without blanks around them, masked where the word is one for a missing value.
+
+    In a column of signs (``DE-`` of declinations in three parts) a dash is none.
+    """
+    signs = heading.strip().lower().endswith(("-", "sign"))
+    missing = _MISSING - {"-"} if signs else _MISSING
+    given = column.to_numpy(zero_copy_only=False) if hasattr(column, "combine_chunks") else column
+    plain = (
+        "" if cell is None else cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in given
+    )
+    texts = [str(cell).strip() for cell in plain]
+    gone = [text.lower() in missing for text in texts]
+    if guarded:
+        texts = [unguarded(text) for text in texts]
+    cells = np.empty(len(texts), object)
+    cells[:] = [text.replace(",", ".") for text in texts] if pointed else texts
+    cells[gone] = ""
+    return np.ma.MaskedArray(cells, gone, fill_value="")
 
 
-def _unguarded(cell: Any) -> Any:
-    return unguarded(cell) if isinstance(cell, str) else cell
+def column_of(heading: str, unit: str, cells: Sequence[Any]) -> RawColumn:
+    """Return a column of a list: numbers if all cells are, else texts; None and nan are missing.
+
+    Parameters
+    ----------
+    heading, unit : str
+    cells : sequence
+        Texts, numbers, truth values and None.
+    """
+    given = [cell for cell in cells if cell is not None]
+    for kind, dtype in ((bool | np.bool_, np.bool_), (Integral, np.int64), (Real, np.float64)):
+        if given and all(isinstance(cell, kind) for cell in given):
+            gone = [cell is None for cell in cells]
+            try:
+                data = np.array([dtype() if cell is None else cell for cell in cells], dtype)
+            except OverflowError:
+                continue
+            return RawColumn(heading, unit, _masked(data, gone, heading))
+    return RawColumn(heading, unit, _texts(cells, heading, guarded=False))
 
 
-def _astropy(file: TableBytes, kind: str) -> RawTable:
-    try:
-        table, notes = astropy_table(file, kind)
-        columns = [raw_column(file.name, name, table[name]) for name in table.colnames]
-        if kind == "ecsv":
-            columns = [RawColumn(item.heading, item.unit, list(map(_unguarded, item.cells))) for item in columns]
-    except InputError:
-        raise
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-        what = {"votable": "VOTable", "fits": "FITS table", "ecsv": "ECSV table"}[kind]
-        raise InputError(file.name, "unreadable", allowed=f"a whole {what}", hint=reason) from None
-    if not columns:
-        raise InputError(file.name, "no columns", allowed="a table with columns")
-    return RawTable(file.name, columns, notes)
+def _masked(data: Any, gone: Any, heading: str, guarded: bool = False) -> np.ma.MaskedArray[Any, Any]:
+    """Return plain values, masked where they are missing or nan.
+
+    A number of single precision becomes the shortest decimal that it stands for: 7.3, not 7.300000190734863.
+    """
+    data, gone = np.asarray(data), np.array(gone, bool)
+    if data.dtype.kind == "f":
+        data = (data.astype(np.str_) if data.itemsize < 8 else data).astype(np.float64)
+        gone |= np.isnan(data)
+        return np.ma.MaskedArray(np.where(gone, np.nan, data), gone)
+    if data.dtype.kind in "ib" or (data.dtype.kind == "u" and (data.size == 0 or data.max() < 2**63)):
+        return np.ma.MaskedArray(data if data.dtype == bool else data.astype(np.int64), gone)
+    texts = _texts(data, heading, guarded=guarded)
+    return np.ma.MaskedArray(texts.filled(""), texts.mask | gone, fill_value="")
+
+
+def _html(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+    """Read the first table of a page that has more than one row."""
+    from bs4 import BeautifulSoup
+
+    _refuse_large(file, len(file.data))
+    found = []
+    for table in BeautifulSoup(file.data.decode(), "html.parser").find_all("table"):
+        lines = [row.find_all(["th", "td"]) for row in table.find_all("tr")]
+        rows = [
+            [text for cell in line for text in [cell.get_text(" ", strip=True)] * min(int(cell.get("colspan", 1)), 99)]
+            for line in lines
+        ]
+        found += [rows] * (len(rows) > 1)
+    if not found:
+        raise InputError(file.name, "no table", allowed="a page with a table of rows and columns")
+    several = (f"{file.name} holds several tables: the first is read",) if len(found) > 1 else ()
+    return _of_rows(file.name, found[0], notes + several)
+
+
+def _latex(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
+    """Read the first table of a text in LaTeX or AASTeX; its commands are taken as text, and none is followed."""
+    _refuse_large(file, len(file.data))
+    text = re.sub(r"(?<!\\)%.*", "", file.data.decode())
+    if found := re.search(r"\\tablehead\{(.*?)\}\s*\\startdata(.*?)\\enddata", text, re.DOTALL):
+        whole = f"{found[1]} \\\\ {found[2]}"
+    elif found := re.search(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}[^\n]*\n(.*?)\\end\{", text, re.DOTALL):
+        whole = found[1]
+    else:
+        raise InputError(file.name, "no table", allowed="a tabular, longtable or deluxetable with headings")
+    lines = re.split(r"\\\\(?:\[.*?\])?|\\tabularnewline", whole)
+    rows = [[_plain_latex(cell) for cell in re.split(r"(?<!\\)&", line)] for line in lines]
+    return _of_rows(file.name, [row for row in rows if any(row)], notes)
+
+
+def _plain_latex(cell: str) -> str:
+    for pattern, plain in _LATEX_WORDS:
+        cell = re.sub(pattern, plain, cell)
+    return " ".join(cell.split())
+
+
+def _excel(file: TableBytes) -> RawTable:
+    """Read the first sheet of a workbook; a formula is what was last computed of it."""
+    from openpyxl import load_workbook
+
+    with zipfile.ZipFile(io.BytesIO(file.data)) as archive:
+        _refuse_large(file, sum(item.file_size for item in archive.infolist()))
+        for name in archive.namelist():
+            with archive.open(name) as inside:
+                if b"<!DOCTYPE" in inside.read(4096):
+                    raise InputError(file.name, "a document type (DOCTYPE)", allowed="a plain workbook")
+    book = load_workbook(io.BytesIO(file.data), read_only=True, data_only=True, keep_links=False)
+    sheet = book.worksheets[0]
+    sheet.reset_dimensions()
+    rows: list[Sequence[Any]] = []
+    left = _MAX_CELLS // 10
+    for row in sheet.iter_rows(values_only=True):
+        if (left := left - len(row)) < 0:
+            raise InputError(file.name, "too many cells", allowed=f"a sheet of up to {_MAX_CELLS // 10}")
+        rows.append(row)
+    several = len(book.sheetnames) > 1
+    notes = (f"{file.name} holds several sheets: the first, {sheet.title}, is read",) if several else ()
+    width = max((sum(cell is not None for cell in row) for row in rows), default=0)
+    start = next((i for i, row in enumerate(rows) if 2 * sum(cell is not None for cell in row) > width), 0)  # titles
+    long = max(map(len, rows), default=0)
+    return _of_rows(file.name, [[*row, *[None] * (long - len(row))] for row in rows[start:]], notes)
+
+
+def _of_rows(name: str, rows: Sequence[Sequence[Any]], notes: tuple[str, ...]) -> RawTable:
+    """Return a table of rows of cells, the first of them the headings and the second perhaps the units."""
+    texts = [["" if cell is None else str(cell).strip() for cell in row] for row in rows[:_LOOKED_AT]]
+    units = _units_of(texts[1:])
+    columns, rejects = _parted(rows[2 if units else 1 :], len(texts[0]))
+    return _table(name, texts[0], units, columns, rejects, notes)
+
+
+def _refuse_large(file: TableBytes, size: int) -> None:
+    if size > _MAX_MARKED_BYTES:
+        shown = f"{size / 1e6:.0f} MB unpacked"
+        raise InputError(file.name, shown, allowed=f"up to {_MAX_MARKED_BYTES / 1e6:.0f} MB", hint="save it as CSV")
+
+
+def _astropy(file: TableBytes, kind: str, notes: tuple[str, ...] = ()) -> RawTable:
+    table, said = astropy_table(file, kind)
+    columns = [table[name] for name in table.colnames]
+    plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
+    if len(plain) < len(columns):
+        left = ", ".join(column.info.name for column in columns if getattr(column, "ndim", 1) != 1)
+        notes += (f"{file.name}: columns of several values per row are left out: {left}",)
+    guarded = kind not in ("fits", "votable")
+    raw = [raw_column(file.name, column.info.name, column, guarded=guarded) for column in plain]
+    return RawTable(file.name, raw, notes + said)
 
 
 def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
@@ -224,8 +654,8 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
     Parameters
     ----------
     file : TableBytes
-    kind : {"votable", "fits", "ecsv"}
-        What its first bytes say that it is.
+    kind : {"votable", "fits", "ecsv", "cds", "ipac"}
+        What its content says that it is.
 
     Raises
     ------
@@ -247,7 +677,8 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
             from astropy.io import ascii as text_tables
 
             # As lines: a text without an end of line would be taken for the name of a file.
-            table = text_tables.read(_text(file).splitlines(), format="ecsv")
+            lines = [line.rstrip("\r\n") for line in _lines(file.data)]
+            table = text_tables.read(lines, format=kind)
         return table, remarks(file.name, repr(table.meta))
 
 
@@ -360,7 +791,7 @@ def _outside_and_said(xml: bytes) -> tuple[str, str]:
     return "", "\n".join(said)
 
 
-def raw_column(name: str, heading: str, column: Any) -> RawColumn:
+def raw_column(name: str, heading: str, column: Any, *, guarded: bool = False) -> RawColumn:
     """Return a column of an astropy table as plain cells.
 
     Parameters
@@ -371,6 +802,8 @@ def raw_column(name: str, heading: str, column: Any) -> RawColumn:
         Name of the column.
     column : astropy.table.Column
         Masked cells and nan are missing; a number of single precision becomes the shortest decimal that it stands for.
+    guarded : bool
+        Whether texts may be guarded against being taken for formulas.
 
     Raises
     ------
@@ -380,18 +813,48 @@ def raw_column(name: str, heading: str, column: Any) -> RawColumn:
     values = getattr(column, "value", column)  # a Quantity column has its numbers there
     if getattr(values, "ndim", 1) != 1:
         raise InputError(f"{name} column {heading}", f"{values.ndim}-dimensional", allowed="one value per row")
-    gone = np.ma.getmaskarray(values).tolist()
-    data = np.ma.getdata(values)
-    if data.dtype == np.float32:  # 7.3 shall be 7.3, not 7.300000190734863
-        data = data.astype(np.str_).astype(np.float64)
-    cells = [None if lost else _plain(cell) for cell, lost in zip(data.tolist(), gone, strict=True)]
     unit = getattr(column, "unit", None)
-    return RawColumn(heading, "" if unit is None else str(unit), cells)
+    about, ucd = getattr(column, "description", None), (getattr(column, "meta", None) or {}).get("ucd")
+    data, gone = np.ma.getdata(values), np.ma.getmaskarray(values)
+    cells: Any = partial(_masked, data, gone, heading, guarded)
+    return RawColumn(heading, "" if unit is None else str(unit), cells, str(about or ""), str(ucd or ""))
 
 
-def _plain(cell: Any) -> Any:
-    if isinstance(cell, bytes):
-        cell = cell.decode("utf-8", "replace")
-    if isinstance(cell, str):
-        return _cell(cell)
-    return None if isinstance(cell, float) and np.isnan(cell) else cell
+def _parquet(file: TableBytes) -> RawTable:
+    """Read a Parquet file; columns of lists and of records are left out."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    stored = parquet.ParquetFile(pa.BufferReader(file.data))
+    about, kinds = stored.metadata, {field.name: field.type for field in stored.schema_arrow}
+    unpacked = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
+    if unpacked > 4 * _MAX_BYTES or about.num_rows * about.num_columns > _MAX_CELLS:
+        shown = f"{about.num_rows} rows of {about.num_columns} columns, {unpacked / 1e9:.1f} GB unpacked"
+        raise InputError(file.name, shown, allowed=f"up to {4 * _MAX_BYTES / 1e9:.0f} GB, {_MAX_CELLS:.0e} cells")
+    plain = [name for name, kind in kinds.items() if not pa.types.is_nested(kind) and not pa.types.is_binary(kind)]
+    texts = [name for name in plain if pa.types.is_string(kinds[name]) or pa.types.is_large_string(kinds[name])]
+    stored = parquet.ParquetFile(pa.BufferReader(file.data), read_dictionary=texts)
+    table = stored.read(columns=plain)
+    left = ", ".join(name for name in kinds if name not in plain)
+    notes = (f"{file.name}: columns of several values per row are left out: {left}",) if left else ()
+    columns = [RawColumn(name, "", partial(_arrow_cells, file.name, name, table[name])) for name in plain]
+    return RawTable(file.name, columns, notes)
+
+
+def _arrow_cells(name: str, heading: str, column: Any) -> np.ma.MaskedArray[Any, Any]:
+    import pyarrow as pa
+    from pyarrow import compute
+
+    kind = column.type
+    if pa.types.is_dictionary(kind):  # a short file may hold a long text a million times
+        lengths = [compute.max(compute.binary_length(part.dictionary)).as_py() for part in column.chunks]
+        longest = max(filter(None, lengths), default=0)
+        if longest * len(column) > _MAX_BYTES:
+            raise InputError(f"{name} column {heading}", "too long texts", allowed=f"up to {_MAX_BYTES / 1e9:.0f} GB")
+        return _texts(column.cast(kind.value_type), heading, guarded=False)
+    gone = column.is_null().to_numpy()
+    if pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+        return _masked(column.fill_null(False if pa.types.is_boolean(kind) else 0).to_numpy(), gone, heading)
+    if pa.types.is_floating(kind) or pa.types.is_decimal(kind):
+        return _masked(column.cast(pa.float64()) if pa.types.is_decimal(kind) else column.to_numpy(), gone, heading)
+    return _texts(column.cast(pa.string()), heading, guarded=False)

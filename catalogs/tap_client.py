@@ -24,7 +24,7 @@ from multiprocessing.connection import wait
 from typing import Any
 from urllib.parse import urlsplit
 
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import RawTable, column_of
 from cpic_core import InputError
 
 _PAUSE_FACTOR = 2.0
@@ -196,7 +196,7 @@ def ask(
         asked = {"service": asdict(service), "url": url, "query": query, "environment": dict(os.environ)}
         said = _PROCESS.answer(asked, service.timeout_s)
         if "columns" in said:
-            return RawTable("the answer", [RawColumn(*column) for column in said["columns"]])
+            return RawTable("the answer", [column_of(*column) for column in said["columns"]])
         text, kind = said["problem"], said["kind"]
         what = f"{url}{' refused the query' * (kind == 'query')}: {text}"
         if kind != "way" or attempt == service.retries:

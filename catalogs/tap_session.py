@@ -184,9 +184,9 @@ def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
         kind = "cut" if len(table) >= maxrec else "limit"
         raise Problem(f"the answer was cut off at {len(table)} rows (allowed: {maxrec})", kind)
     for column in columns:
-        if any(isinstance(cell, str) and len(cell) > _MOST_TEXT for cell in column.cells):
+        if any(isinstance(cell, str) and len(cell) > _MOST_TEXT for cell in column.cells.tolist()):
             raise Problem(f"the answer holds a text of more than {_MOST_TEXT} letters ({column.heading})", "final")
-    return [(column.heading, column.unit, column.cells) for column in columns]
+    return [(column.heading, column.unit, column.cells.tolist()) for column in columns]
 
 
 def _misfit(start: bytes) -> str:

@@ -8,6 +8,7 @@ other headings and units are understood stands in one table (:mod:`catalogs.tabl
 
 import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 
 from catalogs import stellar_physics
@@ -25,7 +26,7 @@ from catalogs.table_files import RawTable
 from cpic_core import InputError, listed
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
-_ONE_OF = (_NAMES, ("v_mag", "bp_rp_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+_ONE_OF = (_NAMES, ("v_mag", "opt_mag", "g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 _SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
 _MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
 ASSUMED_PC = 10.0
@@ -67,16 +68,16 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
 
     def named(where: str, row: Row) -> None:
         _write_out(row, where)
-        given.refuse_missing(where, row, _ONE_OF[:1])
+        given.refuse_missing(where, row, _ONE_OF)
 
     given.made(named)
+    counts = Counter(designation_key(row["name"]) for row in given.rows)
+    for row in given.rows:
+        if counts[designation_key(row["name"])] > 1 and "component" in row:
+            row["name"] += f" {row['component']}"
     given.refuse_twins(lambda row: designation_key(row["name"]))
 
-    def filled(where: str, row: Row) -> Row:
-        given.refuse_missing(where, row, _ONE_OF[1:])
-        return _filled(row, where, raw.name)
-
-    rows = given.made(filled)
+    rows = given.made(lambda where, row: _filled(row, where, raw.name))
     table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
     notes = given.notes + given.told() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
@@ -105,6 +106,8 @@ def _write_out(row: Row, where: str) -> None:
     """
     if "name" not in row and (name := star_name_of(row)):
         row["name"] = name
+    if "name" in row:
+        row["name"] = row["name"].replace("_", " ").strip()
     if "hip" in row:
         row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
     parts = [row.pop(key, None) for key in _SPLIT]
@@ -113,8 +116,15 @@ def _write_out(row: Row, where: str) -> None:
         found = coordinates_of(both) if both else degrees_of(*parts)
         if found is not None:
             row["ra_deg"], row["dec_deg"] = found
-    if "v_mag" not in row and {"g_mag", "bp_rp_mag"} <= set(row):
-        row["v_mag"] = stellar_physics.v_of_gaia(row["g_mag"], row["bp_rp_mag"])
+    if "b_mag" in row and "v_mag" in row:
+        row.setdefault("b_v_mag", row["b_mag"] - row["v_mag"])
+    optical, band = row.pop("opt_mag", None), row.pop("opt_band", "")
+    if "v_mag" not in row and optical is not None and band.upper().startswith("V"):
+        row["v_mag"] = optical
+    green, blue, red = (row.pop(key, _NAN) for key in ("g_mag", "bp_mag", "rp_mag"))
+    colour = row.pop("bp_rp_mag", blue - red)
+    if "v_mag" not in row and math.isfinite(green + colour):
+        row["v_mag"] = stellar_physics.v_of_gaia(green, colour)
         row["v_mag_src"] = stellar_physics.GAIA_V_SOURCE
 
 
@@ -233,6 +243,7 @@ def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
         ra = dec = _NAN
     motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
     row |= stellar_physics.place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
+    row["epoch_yr"] = given.get("epoch_yr", 2000.0)
     row |= stellar_physics.light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
     row["v_mag_src"] = given.get("v_mag_src", listed)
     return flags

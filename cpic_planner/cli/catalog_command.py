@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
 
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
-from cpic_core import visible
+from cpic_core import InputError, visible
 from cpic_planner import report
 from cpic_planner.cli.asking import Commands
-from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
+from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
+from cpic_planner.cli.own_tables import REJECTS_ENDINGS, RejectsOption, write_rejects
 from cpic_planner.cli.progress import heard
 
 if TYPE_CHECKING:
@@ -24,6 +30,13 @@ HELP = "Show the tables of stars and planets that ship with the package, and fet
 app = Commands(help=HELP, invoke_without_command=True)
 
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
+
+
+class TableKind(StrEnum):
+    """Kinds of tables of a user's own."""
+
+    STARS = "stars"
+    PLANETS = "planets"
 
 
 app.callback(invoke_without_command=True)(help_alone)
@@ -87,11 +100,61 @@ def _about(item: StoredTable) -> dict[str, Any]:
 
 @app.command("columns")
 @heard
-def columns(as_json: JsonOption = False) -> None:
-    """Show which columns a table of your own may have: of stars (--catalog FILE), of planets (--known-planets FILE).
+def columns(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="A table of your own, of stars or of planets.")
+    ] = None,
+    taken_as: Annotated[
+        TableKind | None,
+        typer.Option("--as", help="Take FILE as a table of this kind [default: each kind that it can be]."),
+    ] = None,
+    rejects: RejectsOption = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse FILE for the first row or cell that cannot be used.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show which columns a table of your own may have, or what the columns of a FILE are taken for.
 
-    Example: cpic catalog columns
+    Without a file: the columns of a table of stars (--catalog FILE of other commands) and of planets (--known-planets
+    FILE), and what else they may be called. With one: for each of its columns what it is taken for and in which unit,
+    which columns are not used and why, how many rows can be used, and how many are left out by which reason.
+
+    Examples:
+
+      cpic catalog columns
+
+      cpic catalog columns my_stars.csv
+
+      cpic catalog columns my_stars.csv --rejects left_out.csv
+
+      cpic catalog columns my_planets.csv --as planets --json
     """
+    if file is not None:
+        _taken(file, taken_as, rejects, strict, as_json)
+        return
+    for option, value in (("--as", taken_as), ("--rejects", rejects), ("--strict", strict or None)):
+        if value is not None:
+            raise InputError(option, "given" if value is True else str(value), allowed="only with a FILE")
+    _possible(as_json)
+
+
+def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
+    """Show what the columns of a file are taken for."""
+    from cpic_planner.cli.options import check_file
+    from cpic_planner.results import ColumnsResult
+
+    check_file(rejects, REJECTS_ENDINGS, "--rejects")
+    found = catalogs.taken_for(file, None if taken_as is None else taken_as.value, strict=strict)
+    if rejects is not None:
+        left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
+        write_rejects(rejects, list(left_out))
+    result = ColumnsResult.of_files(found)
+    Output("json" if as_json else "table").show(result, partial(report.print_columns, result))
+
+
+def _possible(as_json: bool) -> None:
+    """Show the columns that tables may have."""
     from catalogs.known_planet_columns import COLUMNS
 
     needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}

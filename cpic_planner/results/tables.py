@@ -1,15 +1,12 @@
 """Results on tables of a user's own: what their columns are taken for, and what is left out of them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from collections.abc import Sequence
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field
 
-from cpic_planner.results.base import Result, Row, column
-
-if TYPE_CHECKING:
-    from catalogs import LeftOut, Taken
+from catalogs import CONVENTIONS, LeftOut, Taken
+from cpic_planner.results.base import Result, Row, column as told  # a row here has a field of that name
 
 
 class OfTables(Result):
@@ -25,36 +22,36 @@ class OfTables(Result):
 class LeftOutCell(Row):
     """A row of a user's table that is not used, or a cell that is taken as missing."""
 
-    table: str = column("name of the file")
-    row: int = column("number of the row below the heading, from 1")
-    name: str = column("what the row is about; empty if it does not say")
-    column: str = column("heading of the file, or several joined by or")
-    value: str = column("what stands there")
-    reason: str = column("what may stand there, or what is wrong")
-    done: str = column("row left out, or taken as missing")
+    table: str = told("name of the file")
+    row: int = told("number of the row below the heading, from 1")
+    name: str = told("what the row is about; empty if it does not say")
+    column: str = told("heading of the file, or several joined by or")
+    value: str = told("what stands there")
+    reason: str = told("what may stand there, or what is wrong")
+    done: str = told("row left out, or taken as missing")
 
 
 class ColumnTaken(Row):
     """A column of a user's table, and what it is taken for."""
 
-    heading: str = column("heading of the file", label="column of the file")
-    quantity: str = column("our column that it is taken for; empty: not used", label="taken for")
-    unit: str = column("unit in which it is read; empty: none")
-    unit_assumed: bool = column("whether the file names no unit, so that this one is assumed")
-    convention: str = column("what its numbers mean beyond their unit, in words; empty: nothing else")
-    reason: str = column("why it is not used; empty where it is", label="remark")
+    heading: str = told("heading of the file", label="column of the file")
+    quantity: str = told("our column that it is taken for; empty: not used", label="taken for")
+    unit: str = told("unit in which it is read; empty: none")
+    unit_assumed: bool = told("whether the file names no unit, so that this one is assumed")
+    convention: str = told("what its numbers mean beyond their unit, in words; empty: nothing else")
+    reason: str = told("why it is not used; empty where it is", label="remark")
 
 
 class ReasonLeftOut(Row):
     """A reason for which rows or cells of a user's table are not used."""
 
-    done: str = column("row left out, or taken as missing", label="what is done")
-    count: int = column("rows or cells", label="how many", short="number")
-    column: str = column("heading of the file, or several joined by or")
-    reason: str = column("what may stand there, or what is wrong", label="reason")
-    row: int = column("number of the first such row", label="first row")
-    name: str = column("what that row is about; empty if it does not say", label="of")
-    value: str = column("what stands there", label="with")
+    done: str = told("row left out, or taken as missing", label="what is done")
+    count: int = told("rows or cells", label="how many", short="number")
+    column: str = told("heading of the file, or several joined by or")
+    reason: str = told("what may stand there, or what is wrong", label="reason")
+    row: int = told("number of the first such row", label="first row")
+    name: str = told("what that row is about; empty if it does not say", label="of")
+    value: str = told("what stands there", label="with")
 
 
 class TableTaken(Result):
@@ -70,8 +67,6 @@ class TableTaken(Result):
     @classmethod
     def of_file(cls, taken: Taken) -> Self:
         """Return the result of what `catalogs.taken_for` returns."""
-        from catalogs import CONVENTIONS
-
         columns = [
             ColumnTaken(
                 heading=use.heading,
@@ -108,8 +103,13 @@ class ColumnsResult(Result):
     file: str = Field(description="name of the file, without folders")
     tables: list[TableTaken] = Field(description="one; two where it can be read both as stars and as planets")
 
+    @classmethod
+    def of_files(cls, found: Sequence[Taken]) -> Self:
+        """Return the result of what `catalogs.taken_for` returns of one file."""
+        return cls(file=found[0].file, tables=[TableTaken.of_file(one) for one in found])
 
-def left_out_cells(left_out: list[tuple[str, LeftOut]]) -> list[LeftOutCell]:
+
+def left_out_cells(left_out: Sequence[tuple[str, LeftOut]]) -> list[LeftOutCell]:
     """Return rows and cells that were not used, after the name of their table, as rows of a file."""
     return [
         LeftOutCell(

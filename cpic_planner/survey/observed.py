@@ -15,10 +15,10 @@ import numpy as np
 from catalogs import (
     Column,
     Columns,
-    RawColumn,
     RawTable,
     Rows,
     TableBytes,
+    column_of,
     parse_table,
     read_bytes,
     read_rows,
@@ -214,7 +214,7 @@ def _raw_table(file: TableBytes) -> RawTable:
         raise InputError(file.name, "not a table of visits", allowed=allowed, hint=type(error).__name__) from None
     if not names:
         raise InputError(file.name, "no rows", allowed=allowed)
-    return RawTable(file.name, [RawColumn(name, "", [row.get(name) for row in rows]) for name in names])
+    return RawTable(file.name, [column_of(name, "", [row.get(name) for row in rows]) for name in names])
 
 
 _Line = tuple[str, dict[str, Any]]

@@ -147,7 +147,7 @@ def _from_table(place: Path, data: bytes) -> _Columns:
     headings, units, values = [], [], []
     for column in table.columns:
         try:
-            cells = [np.nan if cell is None else float(cell) for cell in column.cells]
+            cells = [np.nan if cell is None else float(cell) for cell in column.cells.tolist()]
         except (TypeError, ValueError):
             continue  # words: neither of the two
         headings.append(column.heading)

@@ -6,7 +6,7 @@ import pytest
 
 from catalogs import RefreshError, TapService, archive_url, load_stars
 from catalogs.exoplanet_archive import read_archive
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import RawTable, column_of
 
 
 @pytest.fixture
@@ -14,10 +14,10 @@ def read(recorded):
     """Read rows as the archive would send them; units and names by column may differ."""
 
     def reading(*rows, units=None, names=None, without=()):
-        columns = [RawColumn("st_nphot", "", [1] * len(rows))]
+        columns = [column_of("st_nphot", "", [1] * len(rows))]
         for name in dict.fromkeys(key for row in rows for key in row if key not in without):
             cells = [None if row.get(name) == "" else row.get(name) for row in rows]
-            columns.append(RawColumn((names or {}).get(name, name), (units or {}).get(name, ""), cells))
+            columns.append(column_of((names or {}).get(name, name), (units or {}).get(name, ""), cells))
         return read_archive(RawTable("the answer", columns), load_stars())
 
     return reading

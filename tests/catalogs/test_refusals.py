@@ -63,7 +63,7 @@ def test_bad_input_is_refused_in_one_line(refusal, tables):
     ("content", "word"),
     [
         (bytes(range(256)) * 20, "binary"),
-        ("name,dist,V,SpT\nZoë,5,5,G2V\n".encode("latin-1"), "UTF-8"),
+        ("name,dist,V,SpT\nZoë\x02,5,5,G2V\n".encode("latin-1"), "binary"),
         (b"SIMPLE  =                    T / broken", "FITS"),
     ],
 )
@@ -76,9 +76,16 @@ def test_bytes_that_are_no_table_are_refused(tables, content, word):
 TEXT = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1, max_size=12)
 
 
-def test_columns_of_arrays_are_refused(refused, tmp_path):
-    Table({"name": ["a"], "dist": [[1.0, 2.0]], "V": [5.0], "SpT": ["G2V"]}).write(tmp_path / "t.fits")
-    refused(r"t\.fits column dist = 2-dimensional", open_catalogue, tmp_path / "t.fits")
+def test_columns_of_arrays_are_left_out(refused, tmp_path):
+    stars = Table({"name": ["a"], "dist": [[1.0, 2.0]], "V": [5.0], "SpT": ["G2V"]})
+    stars.write(tmp_path / "t.fits")
+    refused(r"t\.fits column distance_pc or parallax_mas = missing", open_catalogue, tmp_path / "t.fits")
+    stars["plx"] = [10.0]
+    stars.write(tmp_path / "more.fits")
+    assert (
+        "more.fits: columns of several values per row are left out: dist"
+        in open_catalogue(tmp_path / "more.fits").notes
+    )
 
 
 @settings(max_examples=200, deadline=None)

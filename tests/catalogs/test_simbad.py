@@ -11,7 +11,7 @@ STARS, MEASUREMENTS = queries(Cuts())
 def answered(service, query, **changes):
     """Cells of the columns of an answer."""
     asked = TapService(**({"url": service.url, "retries": 0} | changes))
-    return {column.heading: column.cells for column in ask(asked, service_url(asked), query).columns}
+    return {column.heading: column.cells.tolist() for column in ask(asked, service_url(asked), query).columns}
 
 
 def test_first_query_gives_every_object_within_the_cuts_once(simbad, sky):

@@ -29,9 +29,9 @@ from catalogs.table_cells import heading
         ("RA_d", "ra_deg"),
         ("DEC_d", "dec_deg"),
         ("rad", None),
-        ("DE-", None),
-        ("DE -", None),
-        ("DEd", None),
+        ("DE-", "dec_split_sign"),
+        ("DE -", "dec_split_sign"),
+        ("DEd", "dec_split_d"),
         ("nonsense", None),
         ("", None),
     ],
@@ -39,13 +39,31 @@ from catalogs.table_cells import heading
 def test_heading_to_quantity(text, name):
     quantity, unit, *_ = QUANTITIES.meant_by(text)
     assert (quantity.name if quantity else None) == name
-    assert unit == ("mas" if "[mas]" in text else "")
+    assert unit in ("mas", "dex", "mag", "deg", "dex(cm/s2)", "")
 
 
-def test_no_heading_means_two_things():
-    forms = [form for name in QUANTITIES for form in (heading(name), *(item.heading for item in QUANTITIES.synonyms_of(name)))]
-    assert len(forms) == len(set(forms))
-    assert all(form.lower() == heading(form) for form in forms)
+def test_a_unit_in_the_heading_stands_for_that_of_its_source():
+    assert QUANTITIES.meant_by("plx").unit == "mas"
+    assert QUANTITIES.meant_by("plx [arcsec]").unit == "arcsec"
+    assert QUANTITIES.meant_by("st_lum").unit == "dex(solLum)"
+    assert QUANTITIES.meant_by("lum").unit == "solLum"
+
+
+def test_another_heading_tells_whose_words_they_are():
+    assert QUANTITIES.meant_by("name").column.name == "name"
+    assert QUANTITIES.meant_by("name", {"planetstatus"}).column.name == "planet"
+    assert QUANTITIES.meant_by("RA_ICRS").convention == ""
+    assert QUANTITIES.meant_by("RA_ICRS", {"gmag"}).convention == "j2016"
+
+
+@pytest.mark.parametrize("columns", [QUANTITIES, COLUMNS], ids=["stars", "planets"])
+def test_no_heading_means_two_things(columns):
+    forms = [(item.heading, item.beside, name) for name in columns for item in columns.synonyms_of(name)]
+    forms += [(heading(name), "", name) for name in columns]
+    meant = {}
+    for form, beside, name in forms:
+        assert form.lower() == heading(form)
+        assert meant.setdefault((form, beside), name) == name
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def parsed(data, name="mine.dat"):
 
 
 def cells(table):
-    return {column.heading: column.cells for column in table.columns}
+    return {column.heading: column.cells.tolist() for column in table.columns}
 
 
 def with_cards(columns, **cards):

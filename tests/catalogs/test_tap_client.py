@@ -18,7 +18,7 @@ def asked(service, query=STARS, *, tell=lambda text: None, url="", **changes):
     """Put a question, and return the cells of the answer's columns."""
     patience = TapService(**({"timeout_s": 120.0, "retries": 2, "pause_s": 0.01} | changes))
     found = ask(patience, url or service.url, query, narrower="ask for less", tell=tell)
-    return {column.heading: column.cells for column in found.columns}
+    return {column.heading: column.cells.tolist() for column in found.columns}
 
 
 def test_a_wrong_query_is_refused_with_the_reason_and_not_repeated(simbad):
