@@ -44,7 +44,8 @@ from catalogs.orbits import (
 from catalogs.own_tables import (
     OwnTables as OwnTables,
     Taken as Taken,
-    own_tables as own_tables,
+    possible_columns as possible_columns,
+    tables_read as tables_read,
     taken_for as taken_for,
 )
 from catalogs.planet_refresh import (

@@ -84,6 +84,8 @@ _STATUS_WORDS = {
 }
 """Parts of what exoplanet.eu, the Open Exoplanet Catalogue and the archive say of a planet, and our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
+REQUIRED = (*_NAMED, *_REQUIRED)
+"""Names of columns; of each group a table of planets needs one."""
 
 
 def load_known_planets(

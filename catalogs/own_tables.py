@@ -7,18 +7,22 @@ of any, is kept here while one question is answered.
 import contextlib
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from catalogs.table_cells import ROW_OUT, LeftOut, Rows, Use
+from catalogs.table_cells import ROW_OUT, Columns, Groups, LeftOut, Rows, Use
 from catalogs.table_files import RawTable, parse_table, read_bytes
 from cpic_core import InputError
 
 _LOG = logging.getLogger(__name__)
 TableKind = Literal["stars", "planets"]
+
+
+def _log(remark: str) -> None:
+    _LOG.warning("%s", remark)
 
 
 @dataclass
@@ -29,16 +33,16 @@ class OwnTables:
     ----------
     strict : bool
         Whether a table is refused for the first row or cell that cannot be used.
-    aloud : bool
-        Whether remarks on the reading are logged.
+    tell : callable
+        Gets remarks on the reading.
     tables : dict
         What was left out of each table, by its name and what its columns were taken for, in the order of reading.
     told : set of str
-        Remarks that were logged.
+        Remarks that were told.
     """
 
     strict: bool = False
-    aloud: bool = True
+    tell: Callable[[str], None] = _log
     tables: dict[tuple[str, tuple[Use, ...]], list[LeftOut]] = field(default_factory=dict)
     told: set[str] = field(default_factory=set)
 
@@ -49,24 +53,28 @@ class OwnTables:
         return [(name, item) for name, items in tables for item in items]
 
 
-_READ: ContextVar[OwnTables | None] = ContextVar("own_tables", default=None)
+_READ: ContextVar[OwnTables | None] = ContextVar("tables_read", default=None)
 
 
 @contextlib.contextmanager
-def own_tables(*, strict: bool = False, aloud: bool = True, apart: bool = False) -> Iterator[OwnTables]:
+def tables_read(
+    *, strict: bool = False, tell: Callable[[str], None] | None = None, apart: bool = False
+) -> Iterator[OwnTables]:
     """Read tables of a user's own as one question asks, and yield those that were read.
 
     Parameters
     ----------
-    strict, aloud : bool
+    strict : bool
         As of `OwnTables`.
+    tell : callable, optional
+        Gets remarks on the reading, each once; by default they are logged.
     apart : bool
-        Whether it is no part of a question around it; else it is as strict, and as quiet, as that.
+        Whether it is no part of a question around it; else it is as strict as that, and tells what that tells.
     """
     outer = _READ.get()
-    made = OwnTables(strict, aloud)
+    made = OwnTables(strict, tell or _log)
     if outer is not None and not apart:
-        made = OwnTables(strict or outer.strict, aloud and outer.aloud, outer.tables, outer.told)
+        made = OwnTables(strict or outer.strict, tell or outer.tell, outer.tables, outer.told)
     token = _READ.set(made)
     try:
         yield made
@@ -89,12 +97,12 @@ def keep(rows: Rows) -> Rows:
 
 
 def tell(*remarks: str) -> None:
-    """Log remarks on the reading of a table, each once for a question."""
+    """Tell remarks on the reading of a table, each once for a question."""
     asked = _READ.get() or OwnTables()
-    for remark in remarks if asked.aloud else ():
+    for remark in remarks:
         if remark not in asked.told:
             asked.told.add(remark)
-            _LOG.warning("%s", remark)
+            asked.tell(remark)
 
 
 @dataclass(frozen=True)
@@ -127,13 +135,14 @@ class Taken:
     @property
     def reasons(self) -> list[tuple[LeftOut, int]]:
         """The first row or cell of each reason for which some are left out, and how many there are; most first."""
-        first: dict[tuple[str, str, str], LeftOut] = {}
-        counts: Counter[tuple[str, str, str]] = Counter()
+        first: dict[tuple[bool, str, str], LeftOut] = {}
+        counts: Counter[tuple[bool, str, str]] = Counter()
         for item in sorted(self.left_out, key=lambda item: item.row):
             reason = (item.done != ROW_OUT, item.column, item.why)
             first.setdefault(reason, item)
             counts[reason] += 1
-        return [(first[reason], count) for reason, count in sorted(counts.items(), key=lambda item: (item[0][0], -item[1]))]
+        most_first = sorted(counts.items(), key=lambda item: (item[0][0], -item[1]))
+        return [(first[reason], count) for reason, count in most_first]
 
 
 def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[Taken]:
@@ -154,18 +163,46 @@ def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool
     """
     raw = parse_table(read_bytes(source))
     made, refused = [], []
-    for one, read in (("stars", _stars), ("planets", _planets)):
-        if kind not in (None, one):
-            continue
-        with own_tables(strict=strict, aloud=False, apart=True) as asked:
-            try:
-                made.append(read(raw, strict))
-            except InputError as error:
-                known = max((sum(bool(use.quantity) for use in uses) for _, uses in asked.tables), default=0)
-                refused.append((known, error))
+    for one, read in _READERS.items():
+        if kind in (None, one):
+            with tables_read(apart=True):
+                try:
+                    made.append(read(raw, False))
+                except InputError as error:
+                    refused.append((_known(raw, one), error))
     if not made:
         raise max(refused, key=lambda item: item[0])[1]
+    if strict:
+        for taken in made:
+            _READERS[taken.kind](raw, True)
     return made
+
+
+def possible_columns(kind: TableKind) -> tuple[Columns, Groups]:
+    """Return the columns that a table of a kind may have, and groups of those of which it needs one each.
+
+    Parameters
+    ----------
+    kind : {"stars", "planets"}
+    """
+    if kind == "stars":
+        from catalogs.star_columns import QUANTITIES
+        from catalogs.user_table import REQUIRED
+
+        return QUANTITIES, REQUIRED
+    from catalogs import known_planets
+    from catalogs.known_planet_columns import COLUMNS
+
+    return COLUMNS, known_planets.REQUIRED
+
+
+def _known(raw: RawTable, kind: TableKind) -> int:
+    """Return how many headings of a file are known in tables of a kind."""
+    columns, known = possible_columns(kind)[0], 0
+    for column in raw.columns:
+        with contextlib.suppress(InputError):
+            known += columns.meant_by(column.heading).column is not None
+    return known
 
 
 def _stars(raw: RawTable, strict: bool) -> Taken:
@@ -181,3 +218,6 @@ def _planets(raw: RawTable, strict: bool) -> Taken:
     _, given = own_rows(raw, strict=strict)
     notes = given.notes + given.told()
     return Taken("planets", raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
+
+
+_READERS: dict[TableKind, Callable[[RawTable, bool], Taken]] = {"stars": _stars, "planets": _planets}

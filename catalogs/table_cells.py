@@ -150,6 +150,7 @@ class Meaning(NamedTuple):
     convention: str = ""
     rank: int = 0
     beside: str = ""
+    stated: bool = False
 
 
 class Columns(dict[str, Column]):
@@ -206,7 +207,7 @@ class Columns(dict[str, Column]):
             return item
         found = re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text)
         if found and (item := self._known(found[1], others)):
-            return item._replace(unit=found[2].strip())
+            return item._replace(unit=found[2].strip(), stated=True)
         return Meaning(None)
 
     def _known(self, text: str, others: Collection[str]) -> Meaning | None:
@@ -404,6 +405,7 @@ class Rows:
         found: list[_T] = []
         kept: list[tuple[int, Row]] = []
         first: InputError | None = None
+        cells = {(item.row, item.column): i for i, item in enumerate(self.left_out) if item.done == CELL_OUT}
         for number, row in zip(self.numbers, self.rows, strict=True):
             try:
                 found.append(make(self._where(number, row), row))
@@ -412,7 +414,13 @@ class Rows:
                 if self.strict:
                     raise
                 first = first or error
-                self.left_out.append(_of_error(error, number, str(row.get(self.about, ""))))
+                item = _of_error(error, number, str(row.get(self.about, "")))
+                # A row that lacks what could not be meant is left out for that.
+                odd = [cells[number, name] for name in item.column.split(" or ") if (number, name) in cells]
+                if odd and item.value == "missing":
+                    self.left_out[odd[0]] = replace(self.left_out[odd[0]], name=item.name, done=ROW_OUT)
+                else:
+                    self.left_out.append(item)
         if first is not None and not found:
             raise first
         self.numbers[:] = [number for number, _ in kept]
@@ -434,7 +442,11 @@ class Rows:
             first = next(item for item in items if (item.column, item.why) == (column, why))
             name = f" ({first.name})" if first.name else ""
             reasons.append(f"{count} by {column}, {why} (first: row {first.row}{name}, {first.value})")
-        what = f"{rows} row{'s' * (rows != 1)} left out" if done == ROW_OUT else f"{len(items)} cells taken as missing"
+        what = (
+            f"{rows} row{'s' * (rows != 1)} left out"
+            if done == ROW_OUT
+            else f"{len(items)} cell{'s' * (len(items) != 1)} taken as missing"
+        )
         return f"{self.label}: {what}: {'; '.join(reasons[:_MANY])}" + (
             f"; and {len(reasons) - _MANY} more reasons" if reasons[_MANY:] else ""
         )
@@ -614,7 +626,13 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
                 raise problem
             uses.append(replace(unused, why=f"unit not understood, {problem.allowed}"))
         else:
-            unit = own.unit if column.unit else f"[{own.unit or meant.column.unit}]" if meant.column.unit else ""
+            unit = (
+                own.unit
+                if column.unit or meant.stated
+                else f"[{own.unit or meant.column.unit}]"
+                if meant.column.unit
+                else ""
+            )
             uses.append(Use(column.heading, name, unit, meant.convention))
             found.setdefault(name, []).append((own, meant))
     for name, several in found.items():
@@ -665,7 +683,9 @@ class _Reading:
             numbers, good = _numbers(cells[there])
             if column.fills:
                 fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
-            numbers = _by_convention(_converter(self.raw.name, column, given, meant.convention)(numbers), meant.convention)
+            numbers = _by_convention(
+                _converter(self.raw.name, column, given, meant.convention)(numbers), meant.convention
+            )
             with np.errstate(invalid="ignore"):
                 good &= (numbers >= column.low) & (numbers <= column.high) & ~fills
                 if column.kind == "whole":
@@ -816,4 +836,3 @@ def _converter(
     if is_log10 or convention == "log10":
         return lambda values: 10.0**values * factor
     return lambda values: values * factor
-

@@ -6,10 +6,16 @@ Everything else may be missing and is then filled as in the shipped table, with 
 other headings and units are understood stands in one table (:mod:`catalogs.table_cells`).
 """
 
+import functools
+import itertools
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
@@ -20,13 +26,14 @@ from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
-from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.table_cells import LeftOut, Row, Use, read_rows
+from catalogs.stars import OwnColumns, StarTable, load_stars, star_table
+from catalogs.table_cells import LeftOut, Row, Rows, Use, read_rows
 from catalogs.table_files import RawTable
 from cpic_core import InputError, listed
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
-_ONE_OF = (_NAMES, ("v_mag", "opt_mag", "g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+REQUIRED = (_NAMES, ("v_mag", "opt_mag", "g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+"""Names of columns; of each group a table of stars, and each of its rows, needs one."""
 _SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
 _MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
 ASSUMED_PC = 10.0
@@ -63,12 +70,12 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
         Naming file, row, column, value, unit and range, if a column is missing or ambiguous, no row can be used or, in
         a strict table, a unit is not understood, a cell is not what its column holds, or a name occurs twice.
     """
-    given = keep(read_rows(raw, QUANTITIES, _ONE_OF, about="name", strict=is_strict(strict)))
+    given = keep(read_rows(raw, QUANTITIES, REQUIRED, about="name", strict=is_strict(strict)))
     _refuse_half(raw.name, given.headings)
 
     def named(where: str, row: Row) -> None:
         _write_out(row, where)
-        given.refuse_missing(where, row, _ONE_OF)
+        given.refuse_missing(where, row, REQUIRED)
 
     given.made(named)
     counts = Counter(designation_key(row["name"]) for row in given.rows)
@@ -78,9 +85,21 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     given.refuse_twins(lambda row: designation_key(row["name"]))
 
     rows = given.made(lambda where, row: _filled(row, where, raw.name))
-    table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
+    table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name, _own(raw, given))
     notes = given.notes + given.told() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
+
+
+def _own(raw: RawTable, given: Rows) -> OwnColumns:
+    """Return the columns of a file that are not used, of the rows that are; a heading that is there twice gets a 2."""
+    cells: dict[str, Callable[[], Any]] = {}
+    for column, use in zip(raw.columns, given.uses, strict=True):
+        if not use.quantity and column.heading:
+            heading = next(
+                name for n in itertools.count(1) if (name := column.heading + f" {n}" * (n > 1)) not in cells
+            )
+            cells[heading] = functools.partial(getattr, column, "cells")
+    return OwnColumns(cells, np.searchsorted(raw.numbers, given.numbers))
 
 
 def _refuse_half(label: str, headings: dict[str, str]) -> None:

@@ -151,9 +151,7 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
         return f"{said} {STRICT}" if tables and both and option.path == (_STRICT,) else said
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
-    parameters = [
-        parameter(option.name, annotation=_annotation(option, text_of(option))) for option in options
-    ]
+    parameters = [parameter(option.name, annotation=_annotation(option, text_of(option))) for option in options]
     for i, option in enumerate(options):
         if option.required and option.asked.argument:
             parameters[i] = parameters[i].replace(default=inspect.Parameter.empty)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ import typer
 
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
-from cpic_core import InputError, visible
+from cpic_core import InputError, listed, visible
 from cpic_planner import report
 from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
@@ -23,12 +23,14 @@ from cpic_planner.cli.progress import heard
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from catalogs import Column, StoredTable
+    from catalogs import StoredTable
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
 app = Commands(help=HELP, invoke_without_command=True)
 
+_SHOWN = 6
+"""Other headings of a column that are shown."""
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
 
@@ -155,40 +157,39 @@ def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict:
 
 def _possible(as_json: bool) -> None:
     """Show the columns that tables may have."""
-    from catalogs.known_planet_columns import COLUMNS
-
-    needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
-    needed |= {"sp_type": "one of two", "teff_k": "one of two"}
-    of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
-    of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
-    of_planets["status"] = "or this alone"
-    rows, planets = _column_rows(catalogs.QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
+    rows, planets = (_column_rows(kind) for kind in ("stars", "planets"))
     if as_json:
         print_json({"columns": rows, "planet_columns": planets})
         return
     screen = console()
-    for title, listed in (("stars", rows), ("known planets", planets)):
-        cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in listed)
+    for title, listed_rows in (("stars", rows), ("known planets", planets)):
+        cells = (
+            (row["name"], row["required"], listed(row["also_called"], _SHOWN), row["allowed"]) for row in listed_rows
+        )
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
     report.print_plain(
         screen,
-        "Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
-        "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
-        "unknown, and drawn.",
+        "Upper and lower case, blanks and _ make no difference, but where it is said. Units are those of an ECSV or "
+        "VOTable, or are written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet "
+        "lacks is unknown, and drawn. --json lists every heading; cpic catalog columns FILE says what those of a file "
+        "are taken for.",
     )
 
 
-def _column_rows(columns: Mapping[str, Column], needed: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return what is said of each column."""
-    kinds = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
+def _column_rows(kind: Literal["stars", "planets"]) -> list[dict[str, Any]]:
+    """Return what is said of each column of a kind of table."""
+    words = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
+    columns, groups = catalogs.possible_columns(kind)
+    needed = {name: "yes" if len(group) == 1 else f"one of {len(group)}" for group in groups for name in group}
+    needed |= {"status": "or this alone"} if kind == "planets" else {}
     return [
         {
             "name": item.name,
             "required": needed.get(item.name, ""),
-            "also_called": list(item.headings),
+            "also_called": list(dict.fromkeys(form.heading for form in columns.synonyms_of(item.name))),
             "unit": item.unit,
-            "allowed": kinds.get(item.kind, item.range),
+            "allowed": words.get(item.kind, item.range),
         }
         for item in columns.values()
     ]

@@ -395,9 +395,7 @@ def tell_rows(output: Output, rows: int, every: int) -> None:
         note(f"the first {rows} of {every} rows: --limit {every} gives all")
 
 
-def write_out(
-    path: Path, text: Callable[[], str | bytes], rows: int, every: int, option: str = "--out"
-) -> None:
+def write_out(path: Path, text: Callable[[], str | bytes], rows: int, every: int, option: str = "--out") -> None:
     """Write a table to the file of an option, and say so and how many of all rows it has.
 
     Raises

@@ -44,13 +44,13 @@ def tables_of(question: Any, rejects: Path | None) -> Iterator[None]:
     InputError
         If there is nothing to write about, or the file cannot be written.
     """
-    from catalogs import own_tables
+    from catalogs import tables_read
 
     options.check_file(rejects, REJECTS_ENDINGS, "--rejects")
     named = [getattr(question, name, None) for name in ("strategies", "what")]
     if rejects is not None and not any(named) and not _names_table(question):
         raise _no_table(rejects)
-    with own_tables(strict=getattr(question, "strict", False)) as read:
+    with tables_read(strict=getattr(question, "strict", False), tell=options.note) as read:
         try:
             yield
         finally:
@@ -68,7 +68,8 @@ def _names_table(question: Any) -> bool:
 
 
 def _no_table(rejects: Path) -> InputError:
-    return InputError("--rejects", str(rejects), allowed="with a table of your own: the file of a command that reads one")
+    allowed = "with a table of your own: --catalog FILE, --known-planets FILE, or the table that is simulated"
+    return InputError("--rejects", str(rejects), allowed=allowed)
 
 
 def write_rejects(path: Path, left_out: Sequence[tuple[str, LeftOut]]) -> None:

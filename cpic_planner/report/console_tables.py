@@ -16,6 +16,9 @@ _OPTION = {"stars": "--catalog", "planets": "--known-planets"}
 """Option that takes a table of each kind."""
 
 
+_WORDS = {"not known": "heading not known"}
+
+
 def print_columns(result: results.ColumnsResult, console: Console) -> None:
     """Print what the columns of a file are taken for, and how many of its rows can be used.
 
@@ -49,7 +52,7 @@ def _unit(row: results.ColumnTaken) -> str:
 
 
 def _remark(row: results.ColumnTaken) -> str:
-    return row.convention if row.quantity else f"not used: {row.reason}"
+    return row.convention if row.quantity else f"not used: {_WORDS.get(row.reason, row.reason)}"
 
 
 def _first(row: results.ReasonLeftOut) -> str:

@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from cpic_core import guarded, unguarded
@@ -24,6 +25,7 @@ R = TypeVar("R", bound=Result)
 
 FLAG_SEPARATOR = "|"
 """What stands between the flags of a ranked star in a file."""
+OWN = "column of your own table, as it is there"
 _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
 _MIDDLE = re.compile("_(mean|median)$")
 
@@ -97,6 +99,33 @@ def _at(value: Any, path: Sequence[str]) -> Any:
     for name in path:
         value = getattr(value, name, None)
     return value
+
+
+def own_taken(entries: Sequence[Any]) -> list[Taken]:
+    """Return the columns of a user's table that rows carry, in the order in which these have them.
+
+    Parameters
+    ----------
+    entries : sequence
+        Rows with a field ``own``.
+    """
+    names = dict.fromkeys(name for entry in entries for name in entry.own)
+    return [
+        Taken(Column(name, _dtype_of([entry.own.get(name) for entry in entries]), OWN), partial(_own_value, name))
+        for name in names
+    ]
+
+
+def _own_value(name: str, entry: Any) -> Any:
+    return entry.own.get(name)
+
+
+def _dtype_of(cells: Iterable[Any]) -> str:
+    """Return the type of a column with these cells: numbers or truth values if all are."""
+    kinds = {type(cell) for cell in cells if cell is not None}
+    if kinds == {bool}:
+        return "bool"
+    return "int64" if kinds == {int} else "float64" if kinds and kinds <= {int, float} else "string"
 
 
 def values_of(row: Result, *, before: str = "") -> dict[str, Any]:

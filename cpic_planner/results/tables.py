@@ -9,16 +9,6 @@ from catalogs import CONVENTIONS, LeftOut, Taken
 from cpic_planner.results.base import Result, Row, column as told  # a row here has a field of that name
 
 
-class OfTables(Result):
-    """Base of results of questions that tables of a user's own can be part of."""
-
-    notes: list[str] = Field(
-        default_factory=list,
-        description="remarks on tables of your own: columns that are not used, rows that are left out, by reason; empty "
-        "for shipped tables and in older results",
-    )
-
-
 class LeftOutCell(Row):
     """A row of a user's table that is not used, or a cell that is taken as missing."""
 
