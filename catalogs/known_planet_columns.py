@@ -177,7 +177,7 @@ def settle(numbers: dict[str, float], kind: str, where: str) -> tuple[dict[str, 
     if best is None:
         return found, tuple(flags)
     if kind not in _KINDS:
-        raise InputError(f"{where} best_mass_kind", kind or "missing", allowed=", ".join(_KINDS))
+        raise InputError(f"{where} column best_mass_kind", kind or "missing", allowed=", ".join(_KINDS))
     name = _KINDS[kind]
     if found.get("inclination_deg") == 90.0 and "inclination_err_deg" not in found:
         del found["inclination_deg"]

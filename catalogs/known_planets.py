@@ -43,9 +43,8 @@ from catalogs.known_planet_table import (
     table_of,
 )
 from catalogs.names import snapshot_aliases
-from catalogs.nomenclature import designation_key
+from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
 from catalogs.own_tables import is_strict, keep, tell
-from catalogs.shim_tmp import host_of_planet, star_name_of
 from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
 from cpic_core import InputError, NDArray, check_flag, listed

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from catalogs.shim_tmp import written_unit
 from catalogs.table_files import RawColumn, RawTable
 from cpic_core import InputError, NDArray, listed
 
@@ -26,7 +25,7 @@ _T = TypeVar("_T")
 
 
 class Synonym(NamedTuple):
-    """What one source calls a quantity.
+    """A name by which one source calls a quantity.
 
     ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
     the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none; ``beside``
@@ -57,7 +56,6 @@ CONVENTIONS: dict[str, str] = {
     "gaia_dr3": "number of Gaia DR3",
 }
 """What a source means by a number, beyond its unit."""
-_SHIFTS = {"jd-2457000": 2457000.0, "mjd": 2400000.5}
 _EPOCHS = {"j1991.25": 1991.25, "j2016": 2016.0}
 _RELEASES = {"gaia_dr2": "Gaia DR2", "gaia_dr3": "Gaia DR3"}
 _SPEED_OF_LIGHT_KM_S = 299792.458
@@ -143,7 +141,7 @@ def _plain(text: str) -> str:
 
 
 class Meaning(NamedTuple):
-    """What a heading means: a column, the unit that it names or its source implies, and the source's convention."""
+    """The meaning of a heading: a column, the unit that it names or its source implies, and the source's convention."""
 
     column: Column | None
     unit: str = ""
@@ -215,9 +213,10 @@ class Columns(dict[str, Column]):
         if (names := self._cased.get(form.lower())) is None:
             meant = self.by_heading.get(form) or self.by_heading.get(form.lower(), ())
             return next((item for item in meant if not item.beside or item.beside in others), None)
-        if form[1:2].isupper() or not (meant := self.by_heading.get(form[0] + form[1:].lower())):
+        cased = () if form[1:2].isupper() else self.by_heading.get(form[0] + form[1:].lower(), ())
+        if not cased:
             raise InputError(f"column {text}", "more than one meaning", allowed=names, hint="name it as it is meant")
-        return meant[0]
+        return cased[0]
 
 
 def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column, ...]:
@@ -235,9 +234,9 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
         rules = row["rules"].split()
         if row["table"] == table and (not only or only in rules) and without not in rules:
             low, high = (float(row[end] or math.nan) for end in ("low", "high"))
-            texts = {key: row[key] for key in ("name", "description", "kind", "unit")}
-            flags = {word: word in rules for word in ("fills", "vital", "aside")}
-            found.append(Column(**texts, low=low, high=high, decimals=int(row["decimals"] or 0), **flags))
+            told: dict[str, Any] = {key: row[key] for key in ("name", "description", "kind", "unit")}
+            told |= {word: word in rules for word in ("fills", "vital", "aside")}
+            found.append(Column(**told, low=low, high=high, decimals=int(row["decimals"] or 0)))
     return tuple(found)
 
 
@@ -316,7 +315,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Use:
-    """What one column of a file is taken for.
+    """The quantity that one column of a file is taken for.
 
     Parameters
     ----------
@@ -621,18 +620,13 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
             uses.append(replace(unused, why="not known"))
         elif (name := meant.column.name) in exact and column.heading != name:
             uses.append(replace(unused, why=f"{name} is read"))
-        elif (problem := _unit_problem(raw.name, meant.column, own, meant.convention)) is not None:
+        elif allowed := _unit_problem(meant.column, own.unit, meant.convention):
             if strict:
-                raise problem
-            uses.append(replace(unused, why=f"unit not understood, {problem.allowed}"))
+                raise InputError(f"{raw.name} column {column.heading}", f"unit {own.unit}", allowed=allowed)
+            uses.append(replace(unused, why=f"unit not understood, allowed: {allowed}"))
         else:
-            unit = (
-                own.unit
-                if column.unit or meant.stated
-                else f"[{own.unit or meant.column.unit}]"
-                if meant.column.unit
-                else ""
-            )
+            assumed = f"[{own.unit or meant.column.unit}]" if meant.column.unit else ""
+            unit = own.unit if column.unit or meant.stated else assumed
             uses.append(Use(column.heading, name, unit, meant.convention))
             found.setdefault(name, []).append((own, meant))
     for name, several in found.items():
@@ -680,12 +674,7 @@ class _Reading:
         there = np.flatnonzero(~np.ma.getmaskarray(given.cells))
         fills = np.zeros(len(there), bool)
         if column.kind in ("float", "whole"):
-            numbers, good = _numbers(cells[there])
-            if column.fills:
-                fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
-            numbers = _by_convention(
-                _converter(self.raw.name, column, given, meant.convention)(numbers), meant.convention
-            )
+            numbers, good, fills = _read_numbers(column, given, cells[there], meant.convention)
             with np.errstate(invalid="ignore"):
                 good &= (numbers >= column.low) & (numbers <= column.high) & ~fills
                 if column.kind == "whole":
@@ -718,15 +707,44 @@ class _Reading:
         self.left.append(LeftOut(number, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
+def _read_numbers(
+    column: Column, given: RawColumn, cells: NDArray[Any], convention: str
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return cells as numbers in the unit of a column; which of them are some; and which stand for missing ones."""
+    numbers, good = _numbers(cells)
+    fills = np.zeros(len(cells), bool)
+    if column.fills:
+        fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
+    unit, angle, date = given.unit, column.name in ("ra_deg", "dec_deg"), column.name.endswith("_jd")
+    if convention == "rad_or_deg" and (np.abs(numbers[good]) > 2.0 * math.pi).any():
+        unit = "deg"
+    if convention == "log10" and not re.match(r"\s*\[?(?:dex|log)", unit):
+        unit = f"log({unit or column.unit})"
+    if convention == "jd_auto":
+        numbers = np.where((numbers > 1000.0) & (numbers < 10000.0), numbers + 2450000.0, numbers)
+    if good.all() and not date and (convention == "redshift" or unit in ("", column.unit)):
+        return _by_convention(numbers, convention), good, fills
+    if date and (good & (numbers > 2.4e6) & (numbers < 2.5e6)).all():
+        return numbers, good, fills
+    from catalogs import written_values
+
+    if angle:
+        read = written_values.read_angles(cells, unit, clock=column.name == "ra_deg")
+    elif date:
+        said = {"jd_auto": "", "": ""}.get(convention, convention)
+        pairs = zip(numbers, good, cells, strict=True)
+        mixed = np.array([number if ok else cell for number, ok, cell in pairs], object)
+        read = written_values.read_dates(mixed, f"{given.heading} {given.unit} {said}")
+    else:
+        read = written_values.converted(written_values.read_numbers(cells), unit, column.unit)
+    return _by_convention(read.values, convention), np.isfinite(read.values), fills
+
+
 def _by_convention(numbers: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
-    """Return numbers as we write them: errors above 0, full Julian dates, velocities."""
+    """Return numbers as we write them: errors above 0, velocities."""
     if convention.startswith("error_"):
         return np.abs(numbers)
-    if convention == "redshift":
-        return numbers * _SPEED_OF_LIGHT_KM_S
-    if convention == "jd_auto":
-        return np.where((numbers > 1000.0) & (numbers < 10000.0), numbers + 2450000.0, numbers)
-    return numbers + _SHIFTS.get(convention, 0.0)
+    return numbers * _SPEED_OF_LIGHT_KM_S if convention == "redshift" else numbers
 
 
 def _differ(one: Any, other: Any) -> bool:
@@ -777,62 +795,27 @@ def _flag(cell: Any) -> bool:
     return text in _YES
 
 
-def _hip(cell: Any) -> int | None:
-    found = re.fullmatch(r"(?:HIP\s*)?(\d+)(?:\.0*)?", str(cell).strip(), re.IGNORECASE)
+def _hip(cell: Any) -> int | str | None:
+    """Return a Hipparcos number; as it is written where the letter of a component follows it."""
+    found = re.fullmatch(r"(?:HIP[\s_]*)?(\d+)(?:\.0*)?([\s_]*[A-E]{0,2})[\s_]*", str(cell).strip(), re.IGNORECASE)
     if not found or int(found[1]) > 120404:
         raise ValueError
-    return int(found[1]) or None
+    return f"{found[1]}{found[2].strip(' _')}" if found[2].strip(" _") else int(found[1]) or None
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {"text": _text, "bool": _flag, "int": _hip}
 
 
-def _unit_problem(label: str, column: Column, given: RawColumn, convention: str) -> InputError | None:
-    """Return why the unit of a column of the file is not understood, None if it is."""
+def _unit_problem(column: Column, unit: str, convention: str) -> str:
+    """Return which units a column may have if this is none of them; ``""`` if it is."""
+    if column.kind not in ("float", "whole") or unit in ("", column.unit) or convention == "redshift":
+        return ""
+    if column.name.endswith("_jd"):
+        return ""
+    from catalogs.written_values import unit_of
+
     try:
-        if column.kind in ("float", "whole"):
-            _converter(label, column, given, convention)
+        unit_of(unit, column.unit)
     except InputError as error:
-        return error
-    return None
-
-
-def _converter(
-    label: str, column: Column, given: RawColumn, convention: str
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """Return the conversion from the unit of the file, the identity where it names none or the same.
-
-    Raises
-    ------
-    InputError
-        For a unit that is none of the column's.
-    """
-    text = given.unit
-    if convention == "rad_or_deg" and (np.abs(_numbers(given.cells.compressed())[0]) > 2.0 * math.pi).any():
-        text = "deg"
-    if text.replace(" ", "") in ("", column.unit.replace(" ", ""), "---", "-", "none") and convention != "log10":
-        return lambda values: values
-    from astropy import units
-
-    logarithm = re.fullmatch(r"(?:dex|log|log10)\((.*)\)", column.unit)
-    try:
-        unit, is_log10 = written_unit(text or column.unit)
-        target = units.Unit(logarithm[1] if logarithm else "" if column.unit == "dex" else column.unit)
-        if column.name == "ra_deg" and unit == units.hour:
-            unit = units.hourangle
-        if convention == "redshift":
-            unit = units.Unit(column.unit)
-        if column.unit == "dex" and not is_log10 and unit != units.dimensionless_unscaled:
-            raise ValueError(text)
-        bare = is_log10 and unit == units.dimensionless_unscaled  # dex, of what does not say
-        factor = 1.0 if bare and logarithm else float((1.0 * unit).to_value(target))
-    except (ValueError, TypeError):
-        allowed = f"a unit like {column.unit or 'none'}"
-        raise InputError(f"{label} column {given.heading}", f"unit {text}", allowed=allowed) from None
-    if logarithm:
-        return lambda values: values + math.log10(factor)
-    if column.unit == "dex":
-        return lambda values: values
-    if is_log10 or convention == "log10":
-        return lambda values: 10.0**values * factor
-    return lambda values: values * factor
+        return error.allowed
+    return ""

@@ -14,9 +14,10 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, cast
 
 import numpy as np
 
@@ -24,10 +25,12 @@ from cpic_core import InputError, NDArray, bounded_fits, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
 _MAX_README_BYTES = 10_000_000
+_MAX_UNPACKED_BYTES = 4_000_000_000
 _MAX_CELLS = 200_000_000
-_MAX_MARKED_BYTES = 50_000_000  # of HTML, LaTeX and Excel, which take many times their size in memory
+_MAX_PAGE_BYTES = 50_000_000  # of HTML, LaTeX and Excel, which take many times their size in memory
 _SMALL_BYTES = 2_000_000  # up to here the standard library is as fast as importing pyarrow
 _HEAD_BYTES = 200_000
+_LOOKED_AT = 100  # lines from which a layout is told
 _FORMATS = "CSV, ECSV, VOTable, FITS, MRT, IPAC, Parquet, Excel, HTML, LaTeX or plain text"
 _PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
 _NAMES = "names of columns in the first line"
@@ -35,25 +38,26 @@ _FAILED = re.compile(r"QUERY_STATUS\W+(?:value\W+)?ERROR\b", re.IGNORECASE)
 _CUT_OFF = re.compile(r"\bOVERFLOW\b|\btruncated\b", re.IGNORECASE)
 _CUT = "was cut off, as it says itself: rows are missing"
 _MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "<na>", "nat", "--", "---", "-", "…", "...", "~", r"\n"))
-_WITH_COMMA = rf"(?i)\s*(?:[-+]?(?:\d+,?\d*|,\d+)(?:E[-+]?\d+)?|{'|'.join(map(re.escape, sorted(_MISSING)))})\s*"
-_LOOKED_AT = 100  # lines from which a layout is told
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_COMMENT = re.compile(rb"(?:^|[\r\n])[ \t]*(#[^\r\n]*)")
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffd]")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$")
-_RULE = re.compile(r"(?=.*(?:--|==|\|:?-))[-=+|:;, \t]+")
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+_RULE = re.compile(r"(?=.*(?:--|==|\|:?-))[-=+|:;, \t]+|\(\d+ rows?\)")  # psql ends with the number of rows
 _DESCRIBED = re.compile(r"^Byte-by-byte Description of file", re.MULTILINE | re.IGNORECASE)
 _IPAC = re.compile(r"(?:(?:\\.*|[ \t]*)\r?\n)*(?:\|.*\|[ \t]*\r?\n){1,4}(?=[ \t]+[^|\s+])")
-_LATEX = re.compile(r"\\begin\{(?:tabular|tabulary|longtable|deluxetable)[x*]*\}|\\startdata")
 _VIZIER = re.compile(r"^#Column\s+(\S+)\s+\(\S+\)[ \t]+(.*?)[ \t]*(?:\[ucd=(.*?)\])?[ \t]*$", re.MULTILINE)
+_TABLEHEAD = re.compile(r"\\tablehead\{(.*?)\}\s*\\startdata(.*?)\\enddata", re.DOTALL)
+_TABULAR = re.compile(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}[^\n]*()\n(.*?)\\end\{", re.DOTALL)
 _LATEX_WORDS = (
     (r"\\frac\{(.*?)\}\{(.*?)\}", r"\1/\2"),
     (r"\^\{?\\circ\}?", "deg"),
-    (r"\^\{?\\prime\\prime\}?", "arcsec"),
-    (r"\\pm(?![a-z])", "±"),
-    (r"\\(?:nodata|[clv]?dots)(?![a-z])", ""),
+    (r"\\(?:nodata|[clv]?dots)(?![A-Za-z])|\\(?:tablenotemark|tablefootmark|cite[a-z]*)\{.*?\}", ""),
+    (
+        r"\\(alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|phi|chi|psi|omega)",
+        r"\1",
+    ),
     (r"\\[,;:! ]|~", " "),
-    (r"\\([_#%&$])", r"\1"),
-    (r"\\[A-Za-z]+\*?(?:\[.*?\])?", ""),
-    (r"[${}^]", ""),
+    (r"\\([_#%&])|\\[A-Za-z]+\*?(?:\[.*?\])?|[${}^]", r"\1"),
 )
 _Mark = str | tuple[tuple[int, int | None], ...]
 """What stands between cells; or, of tables of fixed width, where each begins and ends."""
@@ -62,17 +66,12 @@ _Mark = str | tuple[tuple[int, int | None], ...]
 class _Cells:
     """The cells of a column, made when they are first asked for."""
 
-    @overload
-    def __get__(self, column: None, owner: Any) -> "_Cells": ...
-    @overload
-    def __get__(self, column: "RawColumn", owner: Any) -> "np.ma.MaskedArray[Any, Any]": ...
-    def __get__(self, column: Any, owner: Any) -> Any:
+    def __get__(self, column: "RawColumn", owner: Any = None) -> "np.ma.MaskedArray[Any, Any]":
         if column is None:
             raise AttributeError("cells")  # so that dataclasses see no default
-        made = vars(column)["_cells"]
-        if callable(made):
-            made = vars(column)["_cells"] = made()
-        return made
+        made: Any = vars(column)["_cells"]
+        vars(column)["_cells"] = cells = made() if callable(made) else made
+        return cast("np.ma.MaskedArray[Any, Any]", cells)
 
     def __set__(self, column: "RawColumn", cells: Any) -> None:
         vars(column)["_cells"] = cells
@@ -195,7 +194,7 @@ def parse_table(file: TableBytes, readme: bytes | None = None) -> RawTable:
     InputError
         If it is empty, of another format, damaged, or says of itself that the query behind it failed.
     """
-    if not file.data.strip():
+    if not file.data or file.data.isspace():
         raise InputError(file.name, "an empty file", allowed=f"a table with a heading and rows ({_FORMATS})")
     if readme is not None:
         file = replace(file, data=_described(file.name, file.data, readme))
@@ -209,11 +208,10 @@ def parse_table(file: TableBytes, readme: bytes | None = None) -> RawTable:
         raise InputError(file.name, "unreadable", allowed=f"a whole {what}", hint=reason) from None
     if not table.columns:
         raise InputError(file.name, "no columns", allowed="a table with columns")
-    if len(table) == 0 and table.rejects:
-        first = table.rejects[0]
-        raise InputError(f"{file.name} row {first.row}", first.value, allowed=first.reason, hint="a stray separator?")
     if len(table) == 0:
-        raise InputError(file.name, "no rows", allowed="at least one row below the heading")
+        first = next(iter(table.rejects), Reject(0, "", "no rows", "at least one row below the heading"))
+        where = f"{file.name} row {first.row}" if first.row else file.name
+        raise InputError(where, first.value, allowed=first.reason, hint="a stray separator?" if first.row else "")
     return table
 
 
@@ -228,17 +226,17 @@ def _reader(file: TableBytes) -> tuple[str, Callable[[], RawTable]]:
         return "Excel workbook", partial(_excel, file)
     if start.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(file.name, "an old Excel file (.xls)", allowed=_FORMATS, hint="save it as .xlsx or CSV")
+    notes: tuple[str, ...] = ()
     if not _is_votable(start):
         file, notes = _in_utf8(file)
-        start = file.data[:512].lstrip()
-    if _is_votable(start):
+    text = file.data[:_HEAD_BYTES].decode("utf-8", "ignore").lstrip()
+    if _is_votable(text[:512].encode()):
         return "VOTable", partial(_astropy, file, "votable")
-    text = file.data[:_HEAD_BYTES].decode("utf-8", "ignore")
-    if start.startswith(b"# %ECSV"):
+    if text.startswith("# %ECSV"):
         return "ECSV table", partial(_astropy, file, "ecsv", notes)
-    if start.startswith(b"<"):
+    if text.startswith("<"):
         return "HTML table", partial(_html, file, notes)
-    if _LATEX.search(text):
+    if _TABLEHEAD.search(text) or _TABULAR.search(text):
         return "LaTeX table", partial(_latex, file, notes)
     if _DESCRIBED.search(text):
         return "MRT or CDS table", partial(_astropy, file, "cds", notes)
@@ -253,23 +251,19 @@ def _is_votable(start: bytes) -> bool:
 
 def _in_utf8(file: TableBytes) -> tuple[TableBytes, tuple[str, ...]]:
     """Return a text as UTF-8 without a byte-order mark, and a note where it is written in another way."""
-    data = file.data
-    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    if data.isascii() and b"\0" not in data:
+    if file.data.isascii() and b"\0" not in file.data:
         return file, ()
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if encoding == "utf-8-sig" and "\0" not in text:
-            bare = data.removeprefix(b"\xef\xbb\xbf")
-            return replace(file, data=bare), ()
-        if text.strip() and not _CONTROL.search(text):
-            shown = {"utf-16": "UTF-16", "cp1252": "Windows-1252"}[encoding]
-            text = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)  # which names the other encoding
-            return replace(file, data=text.encode()), (f"{file.name}: read as {shown}, not being UTF-8",)
-    raise InputError(file.name, "binary", allowed=f"a table ({_FORMATS})", hint="save it as CSV in UTF-8")
+    encoding = "UTF-16" if file.data.startswith((b"\xff\xfe", b"\xfe\xff")) else "UTF-8"
+    try:
+        text = file.data.decode(encoding)
+    except UnicodeDecodeError:
+        encoding, text = "Windows-1252", file.data.decode("cp1252", "replace")
+    if "\0" in text or (encoding != "UTF-8" and _CONTROL.search(text)):
+        raise InputError(file.name, "binary", allowed=f"a table ({_FORMATS})", hint="save it as CSV in UTF-8")
+    if encoding == "UTF-8":
+        return replace(file, data=file.data.removeprefix(b"\xef\xbb\xbf")), ()
+    bare = re.sub(r"^\s*<\?xml[^>]*\?>", "", text)  # which names the other encoding
+    return replace(file, data=bare.encode()), (f"{file.name}: read as {encoding}, not being UTF-8",)
 
 
 def remarks(name: str, said: str) -> tuple[str, ...]:
@@ -297,20 +291,18 @@ def _plain_text(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
     name, data = file.name, file.data
     small = len(data) <= _SMALL_BYTES
     lines = _lines(data if small else data[:_HEAD_BYTES])
-    if not any(map(_is_content, lines)):
-        lines = _lines(data)
-    heading, units, first, mark = _layout(name, lines)
-    body = data[len("".join(lines[:first]).encode()) :]
-    said = b"\n".join(re.findall(rb"(?:^|[\r\n])[ \t]*(#[^\r\n]*)", data)).decode()
+    heading, units, first, mark = _layout(name, lines if any(map(_is_content, lines)) else _lines(data))
+    start = len("".join(lines[:first]).encode())
+    slow = small or (b"#" in data and data.find(b"\n#", start) >= 0) or mark not in (",", ";", "\t", "|")
+    said = b"\n".join(_COMMENT.findall(data if slow else data[:start])).decode()
     notes += remarks(name, said)
-    if another := re.search(rb"[\r\n]#(?:RESOURCE=|Table\t)", body):  # of VizieR
-        body = body[: another.start()]
-        notes += (f"{name} holds several tables: the first is read",)
-    parted = None if small or mark not in (",", ";", "\t", "|") else _parted_by_arrow(body, mark, len(heading))
+    parted = None if slow else _parted_by_arrow(data, start, mark, len(heading))
     if parted is None:
+        body, *others = re.split(rb"[\r\n]#(?:RESOURCE=|Table\t)", data[start:])  # of VizieR
+        notes += (f"{name} holds several tables: the first is read",) if others else ()
         parted = _parted(_split(name, filter(_is_content, _lines(body)), mark), len(heading))
     told = {label: (about, ucd) for label, about, ucd in _VIZIER.findall(said)}
-    return _table(name, heading, units, *parted, notes, told, commas=mark != ",")
+    return _table(name, heading, units, parted, notes, told, commas=mark != ",")
 
 
 def _lines(data: bytes) -> list[str]:
@@ -319,7 +311,7 @@ def _lines(data: bytes) -> list[str]:
 
 def _is_content(line: str) -> bool:
     plain = line.strip()
-    return not (not plain or plain.startswith("#") or _RULE.fullmatch(plain) or re.fullmatch(r"\(\d+ rows?\)", plain))
+    return not (not plain or plain.startswith("#") or _RULE.fullmatch(plain))
 
 
 def _layout(name: str, lines: list[str]) -> tuple[list[str], list[str], int, _Mark]:
@@ -369,7 +361,7 @@ def _fit(lines: list[str], mark: str) -> tuple[float, bool, int]:
     except InputError:
         first, *rest = [line.split(mark) for line in lines]
     fitting = [len(row) >= len(first) and not any(row[len(first) :]) for row in rest]
-    return (np.mean(fitting) if rest else 1.0) * (len(first) > 1), mark.strip(" ") != "", len(first)
+    return (sum(fitting) / len(rest) if rest else 1.0) * (len(first) > 1), mark.strip(" ") != "", len(first)
 
 
 def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -405,117 +397,101 @@ def _split(name: str, lines: Iterable[str], mark: _Mark) -> Iterator[list[str]]:
     return ([cell.strip() for cell in row] for row in rows)
 
 
-def _parted(rows: Iterable[Sequence[Any]], width: int) -> tuple[list[Sequence[Any]], tuple[Reject, ...]]:
+def _parted(rows: Iterable[Sequence[str]], width: int) -> tuple[Sequence[Any], tuple[Reject, ...]]:
     """Return the columns of rows, and those rows that have other numbers of cells than the heading."""
-    filled = [row for row in rows if any(cell not in ("", None) for cell in row)]  # spreadsheets write blank rows
-    bad = {i for i, row in enumerate(filled) if len(row) < width or any(cell not in ("", None) for cell in row[width:])}
-    columns = list(zip(*(row[:width] for i, row in enumerate(filled) if i not in bad), strict=True)) or [()] * width
-    return columns, tuple(_rejected(i + 1, len(filled[i]), width) for i in sorted(bad))
+    filled = [row for row in rows if any(row)]  # spreadsheets write blank rows as separators alone
+    good = [len(row) >= width and not any(row[width:]) for row in filled]
+    rejects = [_rejected(i, len(row), width) for i, row in enumerate(filled, start=1) if not good[i - 1]]
+    columns = list(zip(*(row[:width] for row in compress(filled, good)), strict=True)) or [()] * width
+    return columns, tuple(rejects)
 
 
 def _rejected(row: int, cells: int, width: int) -> Reject:
     return Reject(row, "", f"{cells} cells", f"{width} cells, as in the heading")
 
 
-def _parted_by_arrow(body: bytes, mark: str, width: int) -> Any:
-    """Return what `_parted` returns of a large file, with columns of Arrow; None if it needs a second look."""
+def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> Any:
+    """Return what `_parted` returns of a large file, with columns of Arrow; None if it is none of the simple ones."""
     import pyarrow as pa
-    from pyarrow import compute, csv as tables
+    from pyarrow import csv as tables
 
-    bad: list[Reject] = []
-    mendable = []
+    rejects: list[Reject] = []
+    simple = data.find(b"\n" + mark.encode() * (width - 1), start) < 0
 
     def rejected(row: tables.InvalidRow) -> str:
-        if not _is_content(row.text):
-            return "skip"
-        bad.append(_rejected(row.number, row.actual_columns, width))
-        mendable.append(row.actual_columns > width and not any(row.text.rsplit(mark, row.actual_columns - width)[1:]))
+        nonlocal simple
+        simple = simple and any(row.text.split(mark)[width:] or ["short"])
+        rejects.append(_rejected(row.number, row.actual_columns, width))
         return "skip"
 
-    if re.search(rb"[\r\n][ \t]*#", body):
-        body = re.sub(rb"(?<![^\r\n])[ \t]*#[^\r\n]*", b"", body)
     names = list(map(str, range(width)))
+    quoted = data.find(b'"', start) >= 0
     found = tables.read_csv(
-        pa.py_buffer(body),
-        tables.ReadOptions(column_names=names, use_threads=False, block_size=2**24),
-        tables.ParseOptions(mark, newlines_in_values=b'"' in body, invalid_row_handler=rejected),
+        pa.py_buffer(memoryview(data)[start:]),
+        tables.ReadOptions(column_names=names, use_threads=False, block_size=2**22),
+        tables.ParseOptions(delimiter=mark, newlines_in_values=quoted, invalid_row_handler=rejected),
         tables.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
     )
-    blank = np.ones(len(found), bool)
-    for column in found.columns:
-        if not blank.any():
-            break
-        blank &= compute.equal(compute.utf8_trim_whitespace(column), "").to_numpy()
-    quoted = b'"' in body and len(found) + len(bad) < len(body.rstrip().splitlines())  # a quotation of several lines
-    if any(mendable) or quoted or (blank.any() and bad):
-        return None
-    return (found.filter(~blank) if blank.any() else found).columns, tuple(bad)
+    whole = not quoted or len(found) + len(rejects) == sum(map(bool, map(bytes.strip, data[start:].splitlines())))
+    return (found.columns, tuple(rejects)) if simple and whole else None  # else a quotation may span lines
 
 
 def _table(
     name: str,
     heading: Sequence[str],
     units: Sequence[str],
-    cells: Sequence[Any],
-    rejects: tuple[Reject, ...],
+    parted: tuple[Sequence[Any], tuple[Reject, ...]],
     notes: tuple[str, ...],
-    told: Mapping[str, tuple[str, str]] | None = None,
+    told: Mapping[str, tuple[str, str]],
     *,
-    commas: bool = False,
+    commas: bool,
 ) -> RawTable:
-    """Return a table of columns of texts or values; those without heading and content are left out."""
+    """Return a table of columns of texts; those without heading and content are left out."""
     if not any(heading):
         raise InputError(f"{name} heading", "empty", allowed=_NAMES)
     columns, pointed = [], []
     for i, text in enumerate(heading):
-        if with_commas := commas and _has_commas(cells[i]):
-            pointed.append(text)
-        if all(isinstance(cell, str) for cell in cells[i][:1]) or hasattr(cells[i], "combine_chunks"):
-            make: Any = partial(_texts, cells[i], text, with_commas)
-        else:
-            make = column_of("", "", cells[i]).cells
-        column = RawColumn(text, units[i] if units else "", make, *(told or {}).get(text, ()))
-        if text or not np.ma.getmaskarray(column.cells).all():
+        point = commas and _has_commas(_given(parted[0][i]))
+        pointed += [text] * point
+        cells: Any = partial(_texts, parted[0][i], text, point=point)
+        column = RawColumn(text, units[i] if units else "", cells, *told.get(text, ()))
+        if text or not column.cells.mask.all():
             columns.append(column)
     if pointed:
         notes += (f"{name}: decimal commas read in {', '.join(pointed)}",)
-    return RawTable(name, columns, notes, rejects)
+    return RawTable(name, columns, notes, parted[1])
 
 
-def _has_commas(column: Any) -> bool:
+def _has_commas(cells: Sequence[str]) -> bool:
     """Tell whether a column is of numbers with decimal commas: what spreadsheets write between semicolons."""
-    if not hasattr(column, "combine_chunks"):
-        return any("," in cell for cell in column) and all(map(re.compile(_WITH_COMMA).fullmatch, column))
-    from pyarrow import compute
+    given = [cell for cell in cells if cell.strip().lower() not in _MISSING]
+    return any("," in cell for cell in given) and all(_is_number(cell.replace(",", ".", 1)) for cell in given)
 
-    if not compute.any(compute.match_substring(column, ",")).as_py():
-        return False
-    return bool(compute.all(compute.match_substring_regex(column, f"^(?:{_WITH_COMMA})$")).as_py())
+
+def _given(column: Any) -> Any:
+    return column.to_pylist() if hasattr(column, "to_pylist") else column
 
 
 def _is_number(text: str) -> bool:
-    return re.fullmatch(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", text) is not None
+    return _NUMBER.fullmatch(text.strip()) is not None
 
 
-def _texts(column: Any, heading: str, pointed: bool = False, guarded: bool = True) -> np.ma.MaskedArray[Any, Any]:
+def _texts(column: Any, heading: str, *, point: bool = False, guarded: bool = True) -> "np.ma.MaskedArray[Any, Any]":
     """Return texts without blanks around them, masked where the word is one for a missing value.
 
     In a column of signs (``DE-`` of declinations in three parts) a dash is none.
     """
-    signs = heading.strip().lower().endswith(("-", "sign"))
-    missing = _MISSING - {"-"} if signs else _MISSING
-    given = column.to_numpy(zero_copy_only=False) if hasattr(column, "combine_chunks") else column
-    plain = (
-        "" if cell is None else cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in given
-    )
-    texts = [str(cell).strip() for cell in plain]
+    missing = _MISSING - {"-"} if heading.strip().lower().endswith(("-", "sign")) else _MISSING
+    texts = [cell.strip() if type(cell) is str else _said(cell) for cell in _given(column)]
     gone = [text.lower() in missing for text in texts]
-    if guarded:
-        texts = [unguarded(text) for text in texts]
-    cells = np.empty(len(texts), object)
-    cells[:] = [text.replace(",", ".") for text in texts] if pointed else texts
+    plain = [unguarded(text) if text[:1] == "'" else text for text in texts] if guarded else texts
+    cells = np.array([text.replace(",", ".") for text in plain] if point else plain, object)
     cells[gone] = ""
     return np.ma.MaskedArray(cells, gone, fill_value="")
+
+
+def _said(cell: Any) -> str:
+    return "" if cell is None else (cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell)).strip()
 
 
 def column_of(heading: str, unit: str, cells: Sequence[Any]) -> RawColumn:
@@ -530,7 +506,7 @@ def column_of(heading: str, unit: str, cells: Sequence[Any]) -> RawColumn:
     given = [cell for cell in cells if cell is not None]
     for kind, dtype in ((bool | np.bool_, np.bool_), (Integral, np.int64), (Real, np.float64)):
         if given and all(isinstance(cell, kind) for cell in given):
-            gone = [cell is None for cell in cells]
+            gone = np.array([cell is None for cell in cells])
             try:
                 data = np.array([dtype() if cell is None else cell for cell in cells], dtype)
             except OverflowError:
@@ -539,54 +515,43 @@ def column_of(heading: str, unit: str, cells: Sequence[Any]) -> RawColumn:
     return RawColumn(heading, unit, _texts(cells, heading, guarded=False))
 
 
-def _masked(data: Any, gone: Any, heading: str, guarded: bool = False) -> np.ma.MaskedArray[Any, Any]:
+def _masked(data: Any, gone: Any, heading: str, *, guarded: bool = False) -> "np.ma.MaskedArray[Any, Any]":
     """Return plain values, masked where they are missing or nan.
 
     A number of single precision becomes the shortest decimal that it stands for: 7.3, not 7.300000190734863.
     """
-    data, gone = np.asarray(data), np.array(gone, bool)
     if data.dtype.kind == "f":
         data = (data.astype(np.str_) if data.itemsize < 8 else data).astype(np.float64)
-        gone |= np.isnan(data)
+        gone = gone | np.isnan(data)
         return np.ma.MaskedArray(np.where(gone, np.nan, data), gone)
-    if data.dtype.kind in "ib" or (data.dtype.kind == "u" and (data.size == 0 or data.max() < 2**63)):
-        return np.ma.MaskedArray(data if data.dtype == bool else data.astype(np.int64), gone)
+    if data.dtype.kind in "ib" or (data.dtype.kind == "u" and data.max(initial=0) < 2**63):
+        return np.ma.MaskedArray(data.astype(bool if data.dtype.kind == "b" else np.int64), gone)
     texts = _texts(data, heading, guarded=guarded)
-    return np.ma.MaskedArray(texts.filled(""), texts.mask | gone, fill_value="")
+    texts[gone] = np.ma.masked
+    return texts
 
 
 def _html(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
     """Read the first table of a page that has more than one row."""
     from bs4 import BeautifulSoup
 
-    _refuse_large(file, len(file.data))
-    found = []
-    for table in BeautifulSoup(file.data.decode(), "html.parser").find_all("table"):
-        lines = [row.find_all(["th", "td"]) for row in table.find_all("tr")]
-        rows = [
-            [text for cell in line for text in [cell.get_text(" ", strip=True)] * min(int(cell.get("colspan", 1)), 99)]
-            for line in lines
-        ]
-        found += [rows] * (len(rows) > 1)
+    _refuse_large(file.name, len(file.data))
+    tables = BeautifulSoup(file.data.decode(), "html.parser").find_all("table")
+    lines = [[row.find_all(["th", "td"]) for row in table.find_all("tr")] for table in tables]
+    found = [[[cell.get_text(" ", strip=True) for cell in row] for row in rows] for rows in lines if len(rows) > 1]
     if not found:
         raise InputError(file.name, "no table", allowed="a page with a table of rows and columns")
-    several = (f"{file.name} holds several tables: the first is read",) if len(found) > 1 else ()
-    return _of_rows(file.name, found[0], notes + several)
+    return _of_rows(file.name, found[0], notes, len(found))
 
 
 def _latex(file: TableBytes, notes: tuple[str, ...]) -> RawTable:
     """Read the first table of a text in LaTeX or AASTeX; its commands are taken as text, and none is followed."""
-    _refuse_large(file, len(file.data))
+    _refuse_large(file.name, len(file.data))
     text = re.sub(r"(?<!\\)%.*", "", file.data.decode())
-    if found := re.search(r"\\tablehead\{(.*?)\}\s*\\startdata(.*?)\\enddata", text, re.DOTALL):
-        whole = f"{found[1]} \\\\ {found[2]}"
-    elif found := re.search(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}[^\n]*\n(.*?)\\end\{", text, re.DOTALL):
-        whole = found[1]
-    else:
-        raise InputError(file.name, "no table", allowed="a tabular, longtable or deluxetable with headings")
-    lines = re.split(r"\\\\(?:\[.*?\])?|\\tabularnewline", whole)
+    found = _TABLEHEAD.findall(text) or _TABULAR.findall(text)
+    lines = [line for part in found[0] for line in re.split(r"\\\\(?:\[.*?\])?|\\tabularnewline", part)]
     rows = [[_plain_latex(cell) for cell in re.split(r"(?<!\\)&", line)] for line in lines]
-    return _of_rows(file.name, [row for row in rows if any(row)], notes)
+    return _of_rows(file.name, list(filter(any, rows)), notes, len(found))
 
 
 def _plain_latex(cell: str) -> str:
@@ -600,52 +565,44 @@ def _excel(file: TableBytes) -> RawTable:
     from openpyxl import load_workbook
 
     with zipfile.ZipFile(io.BytesIO(file.data)) as archive:
-        _refuse_large(file, sum(item.file_size for item in archive.infolist()))
-        for name in archive.namelist():
-            with archive.open(name) as inside:
-                if b"<!DOCTYPE" in inside.read(4096):
-                    raise InputError(file.name, "a document type (DOCTYPE)", allowed="a plain workbook")
+        _refuse_large(file.name, sum(item.file_size for item in archive.infolist()))
+        if any(b"<!DOCTYPE" in archive.open(part).read(4096) for part in archive.namelist()):
+            raise InputError(file.name, "a document type (DOCTYPE)", allowed="a plain workbook")
     book = load_workbook(io.BytesIO(file.data), read_only=True, data_only=True, keep_links=False)
-    sheet = book.worksheets[0]
-    sheet.reset_dimensions()
-    rows: list[Sequence[Any]] = []
-    left = _MAX_CELLS // 10
+    sheet, rows, cells = book.worksheets[0], [], 0
+    sheet.reset_dimensions()  # the file may say any
     for row in sheet.iter_rows(values_only=True):
-        if (left := left - len(row)) < 0:
-            raise InputError(file.name, "too many cells", allowed=f"a sheet of up to {_MAX_CELLS // 10}")
-        rows.append(row)
-    several = len(book.sheetnames) > 1
-    notes = (f"{file.name} holds several sheets: the first, {sheet.title}, is read",) if several else ()
-    width = max((sum(cell is not None for cell in row) for row in rows), default=0)
-    start = next((i for i, row in enumerate(rows) if 2 * sum(cell is not None for cell in row) > width), 0)  # titles
-    long = max(map(len, rows), default=0)
-    return _of_rows(file.name, [[*row, *[None] * (long - len(row))] for row in rows[start:]], notes)
+        rows.append(["" if cell is None else str(cell).strip() for cell in row])
+        if (cells := cells + len(row)) > _MAX_PAGE_BYTES:
+            raise InputError(file.name, "too many cells", allowed=f"up to {_MAX_PAGE_BYTES:.0e}", hint="save it as CSV")
+    filled = [len(row) - row.count("") for row in rows]
+    start = next((i for i, count in enumerate(filled) if 2 * count > max(filled)), 0)  # below titles
+    width = max(map(len, rows), default=0)
+    return _of_rows(file.name, [row + [""] * (width - len(row)) for row in rows[start:]], (), len(book.worksheets))
 
 
-def _of_rows(name: str, rows: Sequence[Sequence[Any]], notes: tuple[str, ...]) -> RawTable:
+def _of_rows(name: str, rows: list[list[str]], notes: tuple[str, ...], tables: int) -> RawTable:
     """Return a table of rows of cells, the first of them the headings and the second perhaps the units."""
-    texts = [["" if cell is None else str(cell).strip() for cell in row] for row in rows[:_LOOKED_AT]]
-    units = _units_of(texts[1:])
-    columns, rejects = _parted(rows[2 if units else 1 :], len(texts[0]))
-    return _table(name, texts[0], units, columns, rejects, notes)
+    notes += (f"{name} holds several tables: the first is read",) if tables > 1 else ()
+    units = _units_of(rows[1:_LOOKED_AT])
+    heading = rows[0] if rows else []
+    return _table(name, heading, units, _parted(rows[2 if units else 1 :], len(heading)), notes, {}, commas=False)
 
 
-def _refuse_large(file: TableBytes, size: int) -> None:
-    if size > _MAX_MARKED_BYTES:
-        shown = f"{size / 1e6:.0f} MB unpacked"
-        raise InputError(file.name, shown, allowed=f"up to {_MAX_MARKED_BYTES / 1e6:.0f} MB", hint="save it as CSV")
+def _refuse_large(name: str, size: int) -> None:
+    if size > _MAX_PAGE_BYTES:
+        allowed = f"up to {_MAX_PAGE_BYTES / 1e6:.0f} MB"
+        raise InputError(name, f"{size / 1e6:.0f} MB unpacked", allowed=allowed, hint="save it as CSV")
 
 
 def _astropy(file: TableBytes, kind: str, notes: tuple[str, ...] = ()) -> RawTable:
     table, said = astropy_table(file, kind)
     columns = [table[name] for name in table.colnames]
     plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
-    if len(plain) < len(columns):
-        left = ", ".join(column.info.name for column in columns if getattr(column, "ndim", 1) != 1)
-        notes += (f"{file.name}: columns of several values per row are left out: {left}",)
+    left = _left_out(file.name, [column.info.name for column in columns if getattr(column, "ndim", 1) > 1])
     guarded = kind not in ("fits", "votable")
     raw = [raw_column(file.name, column.info.name, column, guarded=guarded) for column in plain]
-    return RawTable(file.name, raw, notes + said)
+    return RawTable(file.name, raw, notes + said + left)
 
 
 def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
@@ -816,7 +773,7 @@ def raw_column(name: str, heading: str, column: Any, *, guarded: bool = False) -
     unit = getattr(column, "unit", None)
     about, ucd = getattr(column, "description", None), (getattr(column, "meta", None) or {}).get("ucd")
     data, gone = np.ma.getdata(values), np.ma.getmaskarray(values)
-    cells: Any = partial(_masked, data, gone, heading, guarded)
+    cells: Any = partial(_masked, data, gone, heading, guarded=guarded)
     return RawColumn(heading, "" if unit is None else str(unit), cells, str(about or ""), str(ucd or ""))
 
 
@@ -825,36 +782,37 @@ def _parquet(file: TableBytes) -> RawTable:
     import pyarrow as pa
     from pyarrow import parquet
 
-    stored = parquet.ParquetFile(pa.BufferReader(file.data))
-    about, kinds = stored.metadata, {field.name: field.type for field in stored.schema_arrow}
+    about = parquet.read_metadata(pa.BufferReader(file.data))
     unpacked = sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups))
-    if unpacked > 4 * _MAX_BYTES or about.num_rows * about.num_columns > _MAX_CELLS:
+    if unpacked > _MAX_UNPACKED_BYTES or about.num_rows * about.num_columns > _MAX_CELLS:
         shown = f"{about.num_rows} rows of {about.num_columns} columns, {unpacked / 1e9:.1f} GB unpacked"
-        raise InputError(file.name, shown, allowed=f"up to {4 * _MAX_BYTES / 1e9:.0f} GB, {_MAX_CELLS:.0e} cells")
-    plain = [name for name, kind in kinds.items() if not pa.types.is_nested(kind) and not pa.types.is_binary(kind)]
+        allowed = f"up to {_MAX_UNPACKED_BYTES / 1e9:.0f} GB and {_MAX_CELLS:.0e} cells"
+        raise InputError(file.name, shown, allowed=allowed)
+    kinds = {field.name: field.type for field in about.schema.to_arrow_schema()}
+    plain = [name for name, kind in kinds.items() if not pa.types.is_nested(kind)]
     texts = [name for name in plain if pa.types.is_string(kinds[name]) or pa.types.is_large_string(kinds[name])]
-    stored = parquet.ParquetFile(pa.BufferReader(file.data), read_dictionary=texts)
-    table = stored.read(columns=plain)
-    left = ", ".join(name for name in kinds if name not in plain)
-    notes = (f"{file.name}: columns of several values per row are left out: {left}",) if left else ()
+    table = parquet.read_table(pa.BufferReader(file.data), columns=plain, read_dictionary=texts, use_threads=False)
     columns = [RawColumn(name, "", partial(_arrow_cells, file.name, name, table[name])) for name in plain]
-    return RawTable(file.name, columns, notes)
+    return RawTable(file.name, columns, _left_out(file.name, [name for name in kinds if name not in plain]))
 
 
-def _arrow_cells(name: str, heading: str, column: Any) -> np.ma.MaskedArray[Any, Any]:
+def _left_out(name: str, headings: Sequence[str]) -> tuple[str, ...]:
+    said = f"{name}: columns of several values per row are left out: {', '.join(headings)}"
+    return (said,) if headings else ()
+
+
+def _arrow_cells(name: str, heading: str, column: Any) -> "np.ma.MaskedArray[Any, Any]":
     import pyarrow as pa
     from pyarrow import compute
 
-    kind = column.type
-    if pa.types.is_dictionary(kind):  # a short file may hold a long text a million times
-        lengths = [compute.max(compute.binary_length(part.dictionary)).as_py() for part in column.chunks]
-        longest = max(filter(None, lengths), default=0)
-        if longest * len(column) > _MAX_BYTES:
-            raise InputError(f"{name} column {heading}", "too long texts", allowed=f"up to {_MAX_BYTES / 1e9:.0f} GB")
-        return _texts(column.cast(kind.value_type), heading, guarded=False)
-    gone = column.is_null().to_numpy()
-    if pa.types.is_integer(kind) or pa.types.is_boolean(kind):
-        return _masked(column.fill_null(False if pa.types.is_boolean(kind) else 0).to_numpy(), gone, heading)
-    if pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        return _masked(column.cast(pa.float64()) if pa.types.is_decimal(kind) else column.to_numpy(), gone, heading)
-    return _texts(column.cast(pa.string()), heading, guarded=False)
+    if pa.types.is_dictionary(column.type):  # a short file may hold a long text a million times
+        longest = [compute.max(compute.binary_length(part.dictionary)).as_py() or 0 for part in column.chunks]
+        if max(longest, default=0) * len(column) > _MAX_UNPACKED_BYTES:
+            raise InputError(f"{name} column {heading}", "too long texts", allowed="names, numbers and remarks")
+        return _texts(column.cast(column.type.value_type), heading, guarded=False)
+    gone, given = column.is_null().to_numpy(), column.drop_null().to_numpy()
+    if given.dtype.kind not in "biuf":
+        return _texts(column.cast(pa.string()), heading, guarded=False)
+    data = np.zeros(len(column), given.dtype)
+    data[~gone] = given
+    return _masked(data, gone, heading)

@@ -19,9 +19,8 @@ import numpy as np
 
 from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
-from catalogs.nomenclature import designation_key, split_component
+from catalogs.nomenclature import designation_key, host_of_planet, split_component, star_name_of
 from catalogs.own_tables import is_strict, keep
-from catalogs.shim_tmp import coordinates_of, degrees_of, star_name_of
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
@@ -77,6 +76,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
         _write_out(row, where)
         given.refuse_missing(where, row, REQUIRED)
 
+    _place(given.rows)
     given.made(named)
     counts = Counter(designation_key(row["name"]) for row in given.rows)
     for row in given.rows:
@@ -115,6 +115,26 @@ def _refuse_half(label: str, headings: dict[str, str]) -> None:
                 raise InputError(f"{label} column {column}", f"without {absent}", allowed="both or neither", hint=hint)
 
 
+def _place(rows: list[Row]) -> None:
+    """Give rows, in place, the coordinates that they split over several columns, or have in one cell."""
+    for kind in ("coordinates", _SPLIT[0]):
+        lacking = [row for row in rows if kind in row and not {"ra_deg", "dec_deg"} <= set(row)]
+        if not lacking:
+            continue
+        from catalogs import written_values
+
+        if kind == "coordinates":
+            pair = written_values.read_positions([row["coordinates"] for row in lacking])
+        else:
+            parts = [np.array([row.get(key) for row in lacking], object) for key in _SPLIT]
+            hours, minutes, seconds, sign, degrees, arcmin, arcsec = parts
+            right = written_values.join_sexagesimal(hours, minutes, seconds, clock=True)
+            pair = right, written_values.join_sexagesimal(degrees, arcmin, arcsec, sign if any(sign) else None)
+        for row, ra, dec in zip(lacking, *(item.values.tolist() for item in pair), strict=True):
+            if math.isfinite(ra + dec):
+                row |= {"ra_deg": ra, "dec_deg": dec}
+
+
 def _write_out(row: Row, where: str) -> None:
     """Give a row, in place, the name, the coordinates and the magnitude that other columns of it imply.
 
@@ -123,18 +143,13 @@ def _write_out(row: Row, where: str) -> None:
     InputError
         If its parts are none of coordinates.
     """
-    if "name" not in row and (name := star_name_of(row)):
+    host = host_of_planet(row["planet"]) if "planet" in row and "name" not in row else None
+    if "name" not in row and (name := host[0] if host else star_name_of(row)):
         row["name"] = name
     if "name" in row:
         row["name"] = row["name"].replace("_", " ").strip()
     if "hip" in row:
         row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
-    parts = [row.pop(key, None) for key in _SPLIT]
-    both = row.pop("coordinates", None)
-    if "ra_deg" not in row or "dec_deg" not in row:
-        found = coordinates_of(both) if both else degrees_of(*parts)
-        if found is not None:
-            row["ra_deg"], row["dec_deg"] = found
     if "b_mag" in row and "v_mag" in row:
         row.setdefault("b_v_mag", row["b_mag"] - row["v_mag"])
     optical, band = row.pop("opt_mag", None), row.pop("opt_band", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -111,8 +111,8 @@ def known(
             allowed, hint = "a star with a confirmed or controversial planet", "its planets are only listed"
             raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
-    about = {"catalogue": table.provenance, "notes": table.notes}
-    result = known_answer(model, targets, choice, years=span, bands=question.bands, **about)
+    told: dict[str, Any] = {"years": span, "bands": question.bands, "catalogue": table.provenance}
+    result = known_answer(model, targets, choice, notes=table.notes, **told)
     if only is not None:
         mine = [row for row in result.planets if row.planet == only.name]
         result = result.model_copy(update={"planets": mine})

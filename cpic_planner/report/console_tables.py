@@ -30,14 +30,19 @@ def print_columns(result: results.ColumnsResult, console: Console) -> None:
     for table in result.tables:
         rows = f"{table.n_usable} of {table.n_rows} row{'s' * (table.n_rows != 1)} can be used"
         title = f"{result.file} as a table of {table.taken_as} ({_OPTION[table.taken_as]}): {rows}"
-        layout = "heading quantity unit reason"
-        special = {"quantity": lambda row: row.quantity or MISSING, "unit": _unit, "reason": _remark}
-        print_table(console, title, row_cells(results.ColumnTaken, layout, **special), table.columns, last_width=_WIDE)
+        cells = row_cells(
+            results.ColumnTaken,
+            "heading quantity unit reason",
+            quantity=lambda row: row.quantity or MISSING,
+            unit=_unit,
+            reason=_remark,
+        )
+        print_table(console, title, cells, table.columns, last_width=_WIDE)
         if table.left_out:
             shown = row_cells(
                 results.ReasonLeftOut,
                 "done count column first reason",
-                first=Cells("first", lambda row: _first(row), right=False, label="first of them"),
+                first=Cells("first", _first, right=False, label="first of them"),
             )
             print_table(console, "Left out, by reason", shown, table.left_out, last_width=_WIDE)
         print_plain(console, *(note for note in table.notes if not _is_shown(note, result.file)))

@@ -104,8 +104,8 @@ class OfTables(Result):
 
     notes: list[str] = Field(
         default_factory=list,
-        description="remarks on the reading of tables of your own: columns that are not used, rows that are left out; empty "
-        "for shipped tables and in older results",
+        description="remarks on the reading of tables of your own: columns that are not used, rows that are left out; "
+        "empty for shipped tables and in older results",
     )
 
 

@@ -305,7 +305,7 @@ def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str 
 
 
 def parquet_bytes(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
-    """Return rows as a Parquet file: unit and meaning of every column stand in its metadata, texts without values empty.
+    """Return rows as a Parquet file, without nulls: unit and meaning of every column stand in its metadata.
 
     Parameters
     ----------

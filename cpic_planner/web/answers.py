@@ -113,7 +113,7 @@ def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
         question = asking.question(pairs)
         if sent is not None:
             check_optics(question, sent)
-        with tables_read(strict=question.strict, tell=lambda remark: None):  # the answer has them
+        with tables_read(strict=getattr(question, "strict", False), tell=lambda remark: None):  # the answer has them
             yield question
 
 

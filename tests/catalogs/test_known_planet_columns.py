@@ -42,7 +42,7 @@ def test_a_table_without_best_masses_is_left_alone():
 
 
 def test_an_unknown_kind_is_refused(refused):
-    refused("a row best_mass_kind = Guess", settle, dict(MASS), "Guess", "a row")
+    refused("a row column best_mass_kind = Guess", settle, dict(MASS), "Guess", "a row")
 
 
 def test_links_become_words_with_their_bibcode():
