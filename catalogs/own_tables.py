@@ -161,7 +161,7 @@ def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool
     InputError
         If it is neither: why it is none of the kind of which it has more columns.
     """
-    raw = parse_table(read_bytes(source))
+    raw = parse_table(read_bytes(source, key="file", presets=""))
     made, refused = [], []
     for one, read in _READERS.items():
         if kind in (None, one):

@@ -33,7 +33,7 @@ def print_columns(result: results.ColumnsResult, console: Console) -> None:
         cells = row_cells(
             results.ColumnTaken,
             "heading quantity unit reason",
-            quantity=lambda row: row.quantity or MISSING,
+            quantity=lambda row: row.quantity or "not used",
             unit=_unit,
             reason=_remark,
         )
@@ -57,7 +57,7 @@ def _unit(row: results.ColumnTaken) -> str:
 
 
 def _remark(row: results.ColumnTaken) -> str:
-    return row.convention if row.quantity else f"not used: {_WORDS.get(row.reason, row.reason)}"
+    return row.convention if row.quantity else _WORDS.get(row.reason, row.reason)
 
 
 def _first(row: results.ReasonLeftOut) -> str:

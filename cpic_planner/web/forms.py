@@ -215,6 +215,8 @@ def own_form(form: Form) -> Form:
     form : Form
         That of the question without files.
     """
+    if form.sends:
+        return form
     wrong = {field.name: field.error for field in form.wrong}
     kept = [
         replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))
