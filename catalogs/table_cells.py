@@ -412,19 +412,27 @@ class Rows:
             except InputError as error:
                 if self.strict:
                     raise
-                first = first or error
                 item = _of_error(error, number, str(row.get(self.about, "")))
                 # A row that lacks what could not be meant is left out for that.
                 odd = [cells[number, name] for name in item.column.split(" or ") if (number, name) in cells]
                 if odd and item.value == "missing":
-                    self.left_out[odd[0]] = replace(self.left_out[odd[0]], name=item.name, done=ROW_OUT)
+                    item = replace(self.left_out[odd[0]], name=item.name, done=ROW_OUT)
+                    self.left_out[odd[0]] = item
+                    error = InputError(error.key, item.value, allowed=error.allowed, hint=error.hint)
                 else:
                     self.left_out.append(item)
-        if first is not None and not found:
-            raise first
+                first = first or error
+        if not found and (first is not None or self.left_out):
+            raise first or self._refused(self.left_out[0])
         self.numbers[:] = [number for number, _ in kept]
         self.rows[:] = [row for _, row in kept]
         return found
+
+    def _refused(self, item: LeftOut) -> InputError:
+        """Return why a table is refused of which nothing is left, for its first row."""
+        who = f" ({item.name})" if item.name else ""
+        key = f"{self.label} row {item.row}{who} column {item.column}"
+        return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def told(self) -> tuple[str, ...]:
         """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
