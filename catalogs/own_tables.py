@@ -107,7 +107,7 @@ def tell(*remarks: str) -> None:
 
 @dataclass(frozen=True)
 class Taken:
-    """What a file is taken for as a table of one kind.
+    """The meaning of a file as a table of one kind.
 
     Parameters
     ----------

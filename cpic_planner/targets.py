@@ -355,7 +355,7 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     source : str or Path
         ``"snapshot"``, the catalogue that ships with the package; ``"latest"``, the newest that
         ``cpic catalog refresh`` made; ``"simbad_2012"``, the snapshot with companions where they were first
-        listed; or a table file (CSV, ECSV, VOTable, FITS).
+        listed; or a table file (CSV, VOTable, FITS or another format).
     **cuts
         ``v_mag_max`` (default 7, none for a file of one's own), ``dwarfs_only``, ``singles_only``, ``companions`` and
         ``date_utc`` as in `rank_sample`.

@@ -161,7 +161,7 @@ def simulate(
     """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
 
     WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of
-    stars (CSV, ECSV, VOTable, FITS; each row a scene); several may be given. Each combination of band, exposure and
+    stars (a file in any usual format; each row a scene); several may be given. Each combination of band, exposure and
     gain is one sequence of frames: one file, one number. Options that describe sequences are for scenes, tables and
     calibration kinds. A simulation has its own; --frames, --seed, --fidelity, --tolerance, --instrument, --off and
     --start-utc replace those.

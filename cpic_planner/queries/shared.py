@@ -353,7 +353,7 @@ class CatalogQuestion(TablesQuestion):
     catalog: Any = asked(
         "snapshot",
         "Star table: snapshot, latest (made by cpic catalog refresh), simbad_2012 (the snapshot with companions where "
-        "they were first listed), or a CSV, ECSV, VOTable or FITS file.",
+        "they were first listed), or a file (CSV, VOTable, FITS or another format).",
         physics=False,
         command=str,
         read=_catalog,

@@ -1,4 +1,4 @@
-"""What the columns of a user's table are taken for, on the terminal and on the page."""
+"""Meaning of the columns of a user's table, on the terminal and on the page."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class ReasonLeftOut(Row):
 
 
 class TableTaken(Result):
-    """What a file is taken for as a table of stars or of planets."""
+    """The meaning of a file as a table of stars or of planets."""
 
     taken_as: Literal["stars", "planets"]
     n_rows: int = Field(description="rows of the file")
@@ -85,7 +85,7 @@ class TableTaken(Result):
 
 
 class ColumnsResult(Result):
-    """What the columns of a file are taken for, and how many of its rows can be used."""
+    """The meaning of the columns of a file, and how many of its rows can be used."""
 
     main_rows: ClassVar[str] = "tables"
     schema_version: Literal[1] = 1

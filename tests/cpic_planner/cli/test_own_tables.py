@@ -106,7 +106,9 @@ def test_conventions_of_columns_are_said_in_words(done, tmp_path):
 
 def test_a_file_that_can_be_both_is_said_as_both(call, done, tmp_path):
     path = tmp_path / "both.csv"
-    path.write_text("pl_name,hostname,pl_orbper,pl_bmassj,pl_bmassprov,st_teff,sy_dist,sy_vmag\na b,a,9,1,Mass,5900,9,5\n")
+    path.write_text(
+        "pl_name,hostname,pl_orbper,pl_bmassj,pl_bmassprov,st_teff,sy_dist,sy_vmag\na b,a,9,1,Mass,5900,9,5\n"
+    )
     out, _ = done("catalog", "columns", path, "--json")
     assert list(told(out)[0]) == ["stars", "planets"]
     assert "can be read both as stars and as planets" in done("catalog", "columns", path)[0]
