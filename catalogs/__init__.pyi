@@ -40,6 +40,13 @@ from catalogs.orbits import (
     eccentric_anomaly as eccentric_anomaly,
     orbit_places as orbit_places,
 )
+from catalogs.own_tables import (
+    OwnTables as OwnTables,
+    Taken as Taken,
+    possible_columns as possible_columns,
+    tables_read as tables_read,
+    taken_for as taken_for,
+)
 from catalogs.planet_refresh import (
     RefreshedPlanets as RefreshedPlanets,
     parse_planets as parse_planets,
@@ -89,7 +96,15 @@ from catalogs.stellar_physics import (
     luminosity_from_v as luminosity_from_v,
     radius_from_luminosity as radius_from_luminosity,
 )
-from catalogs.table_cells import Column as Column, Columns as Columns, Rows as Rows, read_rows as read_rows
+from catalogs.table_cells import (
+    CONVENTIONS as CONVENTIONS,
+    Column as Column,
+    Columns as Columns,
+    LeftOut as LeftOut,
+    Rows as Rows,
+    read_rows as read_rows,
+    synonyms_of as synonyms_of,
+)
 from catalogs.table_files import (
     RawColumn as RawColumn,
     RawTable as RawTable,

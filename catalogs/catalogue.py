@@ -284,6 +284,7 @@ def data_credits(provenance: str) -> tuple[str, ...]:
 
 
 def _from_file(path: str | Path, strict: bool) -> Catalogue:
+    from catalogs.own_tables import tell
     from catalogs.table_files import parse_table, read_bytes
 
     file = read_bytes(path)
@@ -294,6 +295,8 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
         table, meta = parse_refreshed(file.data.decode("utf-8", "replace"), file.name)
         whole = int(meta["counts"]["stars"])
         part = f"{file.name} has {len(table)} stars of the {whole} that it was written with"
+        notes = () if len(table) == whole else (part,)
+        tell(*notes)
         day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
         return Catalogue(
             table=with_updates(table),
@@ -302,12 +305,13 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
             ranked_v_mag=RANKED_V_MAG,
             orbits=True,
-            notes=() if len(table) == whole else (part,),
+            notes=notes,
         )
     from catalogs.user_table import user_table
 
     raw = parse_table(file)
     made = user_table(raw, strict=strict)
+    tell(*made.notes)
     return Catalogue(
         table=made.table,
         kind="file",

@@ -44,6 +44,7 @@ from catalogs.known_planet_table import (
 )
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
+from catalogs.own_tables import is_strict, keep, tell
 from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
 from cpic_core import InputError, NDArray, check_flag, listed
@@ -82,6 +83,8 @@ _STATUS_WORDS = {
 }
 """Parts of what exoplanet.eu, the Open Exoplanet Catalogue and the archive say of a planet, and our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
+REQUIRED = (*_NAMED, *_REQUIRED)
+"""Names of columns; of each group a table of planets needs one."""
 
 
 def load_known_planets(
@@ -148,6 +151,7 @@ def _with_file(base: str, name: str, strict: bool) -> KnownPlanetTable:
         notes += (_overlay_note(below, own, file.name),)
     rows = _laid_over(below, own, file.name)
     made = _table(rows, file.name, about, notes)
+    tell(*notes)
     return replace(made, unused=given.unused, uses=given.uses, left_out=tuple(given.left_out))
 
 
@@ -313,6 +317,24 @@ def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
     )
 
 
+def own_rows(raw: RawTable, *, strict: bool = False) -> tuple[list[Row], Rows]:
+    """Return the rows of a user's own table that can be laid over the snapshot, and as they were read.
+
+    Parameters
+    ----------
+    raw : RawTable
+    strict : bool
+        As of `load_known_planets`.
+
+    Raises
+    ------
+    InputError
+        As `load_known_planets`.
+    """
+    known = {_key(row) for row in _shipped_rows("snapshot")}
+    return _rows_of_file(raw, own=True, strict=strict, known=known)
+
+
 def _rows_of_file(
     raw: RawTable, *, own: bool = False, strict: bool = True, known: Collection[tuple[str, str]] | None = None
 ) -> tuple[list[Row], Rows]:
@@ -326,7 +348,9 @@ def _rows_of_file(
         If a column is missing, no row can be used or, in a strict table, a cell is missing or out of range, or a planet
         is there twice without weights.
     """
-    given = read_rows(raw, COLUMNS, _NAMED, about="planet", strict=strict)
+    given = read_rows(raw, COLUMNS, _NAMED, about="planet", strict=is_strict(strict) if own else strict)
+    if own:
+        keep(given)
     if "status" not in given.headings:
         given.refuse_lacking(_REQUIRED)
     if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:

@@ -17,11 +17,11 @@ a table of one's own is never touched.
 import csv
 import functools
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -42,6 +42,46 @@ _DESCRIPTIONS = {
 }
 
 
+class OwnColumns(Mapping[str, NDArray[np.generic]]):
+    """Columns of a user's table that are not used, by their headings: they travel to the output as the file has them.
+
+    Parameters
+    ----------
+    cells : mapping of str to callable
+        Returns the cells of a column, one a row of the file, masked where missing; called when they are asked for.
+    rows : array_like
+        Row of the file of each star, from 0.
+    """
+
+    def __init__(
+        self,
+        cells: Mapping[str, Callable[[], "np.ma.MaskedArray[Any, Any]"]] = MappingProxyType({}),
+        rows: ArrayLike = (),
+    ) -> None:
+        self._cells, self._rows = cells, np.asarray(rows, np.int64)
+
+    def __getitem__(self, heading: str) -> NDArray[np.generic]:
+        """Return a column: numbers, truth values and texts, None where missing."""
+        cells = self._cells[heading]()[self._rows]
+        found = np.ma.getdata(cells).astype(object)
+        found[np.ma.getmaskarray(cells)] = None
+        return _frozen(found)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._cells)
+
+    def __len__(self) -> int:
+        return len(self._cells)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel without the columns: what works in other processes does not need them."""
+        return (OwnColumns, ())
+
+    def select(self, rows: ArrayLike) -> "OwnColumns":
+        """Return the same columns of some of the stars."""
+        return OwnColumns(self._cells, self._rows[np.asarray(rows)]) if self._cells else self
+
+
 @dataclass(frozen=True)
 class StarTable:
     """An immutable table of stars.
@@ -56,12 +96,15 @@ class StarTable:
         One line on each column.
     label : str
         What messages call the table; ``""`` for the embedded catalogue and selections of it.
+    own : OwnColumns
+        Columns of a user's file that are not used; none of other tables.
     """
 
     columns: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str]
     descriptions: Mapping[str, str]
     label: str = ""
+    own: OwnColumns = field(default_factory=OwnColumns)
 
     def __len__(self) -> int:
         """Return the number of stars."""
@@ -107,7 +150,7 @@ class StarTable:
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
         parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
-        return replace(self, columns=MappingProxyType(parts))
+        return replace(self, columns=MappingProxyType(parts), own=self.own.select(chosen))
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
         """Return one star as a dictionary of plain Python values.
@@ -151,7 +194,7 @@ def _immutable(
     return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions), label)
 
 
-def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
+def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColumns | None = None) -> StarTable:
     """Return a table with the columns and units of the embedded one.
 
     Parameters
@@ -160,6 +203,8 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
         One sequence per column of :data:`catalogs.star_columns.COLUMNS`, of equal length.
     label : str
         What messages call the table.
+    own : OwnColumns, optional
+        What else the file has.
 
     Raises
     ------
@@ -178,7 +223,8 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
     for column in COLUMNS:
         columns[column.name] = np.array(list(values[column.name]), kinds[column.kind])
     units = {column.name: column.unit for column in COLUMNS}
-    return _immutable(columns, units, {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS, label)
+    descriptions = {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS
+    return replace(_immutable(columns, units, descriptions, label), own=own or OwnColumns())
 
 
 def load_stars(*, updates: bool = True) -> StarTable:

@@ -146,6 +146,7 @@ class Meaning(NamedTuple):
     convention: str = ""
     rank: int = 0
     beside: str = ""
+    stated: bool = False
 
 
 class Columns(dict[str, Column]):
@@ -203,7 +204,7 @@ class Columns(dict[str, Column]):
             return item
         found = re.fullmatch(r"\s*(.*\w.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", text)
         if found and (item := self._known(found[1], others)):
-            return item._replace(unit=(found[2] or found[3] or "").strip())
+            return item._replace(unit=(found[2] or found[3] or "").strip(), stated=True)
         return Meaning(None)
 
     def _known(self, text: str, others: Collection[str]) -> Meaning | None:
@@ -395,6 +396,7 @@ class Rows:
         found: list[_T] = []
         kept: list[tuple[int, Row]] = []
         first: InputError | None = None
+        cells = {(item.row, item.column): i for i, item in enumerate(self.left_out) if item.done == CELL_OUT}
         for number, row in zip(self.numbers, self.rows, strict=True):
             try:
                 found.append(make(self._where(number, row), row))
@@ -402,13 +404,27 @@ class Rows:
             except InputError as error:
                 if self.strict:
                     raise
+                item = _of_error(error, number, str(row.get(self.about, "")))
+                # A row that lacks what could not be meant is left out for that.
+                odd = [cells[number, name] for name in item.column.split(" or ") if (number, name) in cells]
+                if odd and item.value == "missing":
+                    item = replace(self.left_out[odd[0]], name=item.name, done=ROW_OUT)
+                    self.left_out[odd[0]] = item
+                    error = InputError(error.key, item.value, allowed=error.allowed, hint=error.hint)
+                else:
+                    self.left_out.append(item)
                 first = first or error
-                self.left_out.append(_of_error(error, number, str(row.get(self.about, ""))))
-        if first is not None and not found:
-            raise first
+        if not found and (first is not None or self.left_out):
+            raise first or self._refused(self.left_out[0])
         self.numbers[:] = [number for number, _ in kept]
         self.rows[:] = [row for _, row in kept]
         return found
+
+    def _refused(self, item: LeftOut) -> InputError:
+        """Return why a table is refused of which nothing is left, for its first row."""
+        who = f" ({item.name})" if item.name else ""
+        key = f"{self.label} row {item.row}{who} column {item.column}"
+        return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def told(self) -> tuple[str, ...]:
         """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
@@ -425,7 +441,11 @@ class Rows:
             first = next(item for item in items if (item.column, item.why) == (column, why))
             name = f" ({first.name})" if first.name else ""
             reasons.append(f"{count} by {column}, {why} (first: row {first.row}{name}, {first.value})")
-        what = f"{rows} row{'s' * (rows != 1)} left out" if done == ROW_OUT else f"{len(items)} cells taken as missing"
+        what = (
+            f"{rows} row{'s' * (rows != 1)} left out"
+            if done == ROW_OUT
+            else f"{len(items)} cell{'s' * (len(items) != 1)} taken as missing"
+        )
         return f"{self.label}: {what}: {'; '.join(reasons[:_MANY])}" + (
             f"; and {len(reasons) - _MANY} more reasons" if reasons[_MANY:] else ""
         )
@@ -616,7 +636,8 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
             uses.append(replace(unused, why=f"unit not understood, allowed: {allowed}"))
         else:
             assumed = f"[{unit or meant.column.unit}]" if meant.column.unit else ""
-            uses.append(Use(column.heading, name, unit if column.unit else assumed, meant.convention))
+            said = unit if column.unit or meant.stated else assumed
+            uses.append(Use(column.heading, name, said, meant.convention))
             found.setdefault(name, []).append((column, meant._replace(unit=unit)))
     for name, several in found.items():
         several.sort(key=lambda item: item[1].rank)

@@ -6,27 +6,33 @@ Everything else may be missing and is then filled as in the shipped table, with 
 other headings and units are understood stands in one table (:mod:`catalogs.table_cells`).
 """
 
+import functools
+import itertools
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from catalogs import stellar_physics
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, split_component, star_name_of
+from catalogs.own_tables import is_strict, keep
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
-from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.table_cells import LeftOut, Row, Use, read_rows
+from catalogs.stars import OwnColumns, StarTable, load_stars, star_table
+from catalogs.table_cells import LeftOut, Row, Rows, Use, read_rows
 from catalogs.table_files import RawTable
 from cpic_core import InputError, listed
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
-_ONE_OF = (_NAMES, ("v_mag", "opt_mag", "gaia_g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+REQUIRED = (_NAMES, ("v_mag", "opt_mag", "gaia_g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
+"""Names of columns; of each group a table of stars, and each of its rows, needs one."""
 _SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
 _MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
 ASSUMED_PC = 10.0
@@ -63,12 +69,12 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
         Naming file, row, column, value, unit and range, if a column is missing or ambiguous, no row can be used or, in
         a strict table, a unit is not understood, a cell is not what its column holds, or a name occurs twice.
     """
-    given = read_rows(raw, QUANTITIES, _ONE_OF, about="name", strict=strict)
+    given = keep(read_rows(raw, QUANTITIES, REQUIRED, about="name", strict=is_strict(strict)))
     _refuse_half(raw.name, given.headings)
 
     def named(where: str, row: Row) -> None:
         _write_out(row, where)
-        given.refuse_missing(where, row, (("name",), *_ONE_OF[1:]))
+        given.refuse_missing(where, row, (("name",), *REQUIRED[1:]))
 
     _place(given.rows)
     given.made(named)
@@ -79,9 +85,21 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     given.refuse_twins(lambda row: designation_key(row["name"]))
 
     rows = given.made(lambda where, row: _filled(row, where, raw.name))
-    table = _table(rows, raw.name)
+    table = _table(rows, raw.name, _own(raw, given))
     notes = given.notes + given.told() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
+
+
+def _own(raw: RawTable, given: Rows) -> OwnColumns:
+    """Return the columns of a file that are not used, of the rows that are; a heading that is there twice gets a 2."""
+    cells: dict[str, Callable[[], Any]] = {}
+    for column, use in zip(raw.columns, given.uses, strict=True):
+        if not use.quantity and column.heading:
+            heading = next(
+                name for n in itertools.count(1) if (name := column.heading + f" {n}" * (n > 1)) not in cells
+            )
+            cells[heading] = functools.partial(getattr, column, "cells")
+    return OwnColumns(cells, np.searchsorted(raw.numbers, given.numbers))
 
 
 def _refuse_half(label: str, headings: dict[str, str]) -> None:
@@ -175,15 +193,14 @@ def named_star(
     return _table([row], name)
 
 
-def _table(rows: list[Row], label: str) -> StarTable:
+def _table(rows: list[Row], label: str, own: OwnColumns | None = None) -> StarTable:
     """Return the table of filled rows, with a flag where the stellar grid ends."""
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     clamped = load_stellar_grid().flags(*(columns[name] for name in ("teff_k", "log_g", "metallicity"))).any
     for flags, beyond in zip(columns["quality_flags"], clamped.tolist(), strict=True):
         flags.update({"stellar_grid_clamped"} if beyond else ())
-    return star_table(
-        columns | {"quality_flags": [";".join(sorted(flags)) for flags in columns["quality_flags"]]}, label
-    )
+    columns["quality_flags"] = [";".join(sorted(flags)) for flags in columns["quality_flags"]]
+    return star_table(columns, label, own)
 
 
 def _companions_left_out(table: StarTable) -> tuple[str, ...]:

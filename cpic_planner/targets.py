@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
 _NUMBERS = ("ra_deg", "dec_deg", "distance_pc", "v_mag", "teff_k", "log_g", "metallicity", "luminosity_lsun")
 OLD_YR = 10.0
@@ -201,13 +199,8 @@ def targets_from_table(
 
 
 def as_catalogue(source: CatalogSource) -> Catalogue:
-    """Return the catalogue itself, or what `catalogs.catalogue.open_catalogue` reads; remarks on it are logged."""
-    if isinstance(source, Catalogue):
-        return source
-    opened = open_catalogue(source)
-    for remark in opened.notes:
-        _LOG.warning("%s", remark)
-    return opened
+    """Return the catalogue itself, or what `catalogs.catalogue.open_catalogue` reads."""
+    return source if isinstance(source, Catalogue) else open_catalogue(source)
 
 
 def rank_sample(
@@ -362,7 +355,7 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     source : str or Path
         ``"snapshot"``, the catalogue that ships with the package; ``"latest"``, the newest that
         ``cpic catalog refresh`` made; ``"simbad_2012"``, the snapshot with companions where they were first
-        listed; or a table file (CSV, ECSV, VOTable, FITS).
+        listed; or a table file (CSV, VOTable, FITS or another format).
     **cuts
         ``v_mag_max`` (default 7, none for a file of one's own), ``dwarfs_only``, ``singles_only``, ``companions`` and
         ``date_utc`` as in `rank_sample`.

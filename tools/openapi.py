@@ -13,6 +13,7 @@ from cpic_planner.queries import Option, Question, spelled
 from cpic_planner.schemas import RESULTS
 from cpic_planner.web import answers
 from cpic_planner.web.asking import ETC, IMAGES, MOST_VALUES, RANK, Asking, parameter
+from cpic_planner.web.columns import COLUMNS
 from cpic_planner.web.compare import COMPARE
 from cpic_planner.web.forms import Field
 from cpic_planner.web.job_pages import JobAnswer
@@ -21,7 +22,7 @@ from cpic_planner.web.sent import FILE_FIELDS
 from cpic_planner.web.server import VIEWS
 from cpic_planner.web.star import FIGURES, STAR
 
-_VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments"}
+_VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments", COLUMNS.path: "columns"}
 """Result of each page that is no question of a command."""
 _TYPES = {int: "integer", float: "number", bool: "boolean"}
 _WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")

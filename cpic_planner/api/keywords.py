@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from catalogs import Catalogue, catalogue_of_star
+from catalogs import Catalogue, catalogue_of_star, tables_read
 from cpic_core import InputError, numeric_context
 from cpic_planner import queries
 from cpic_planner.etc import EtcModel, build_model
@@ -107,7 +107,9 @@ def takes(
                 for name in own.keys() & tree.keys():
                     raise InputError(name, "given twice", allowed="once: as a keyword or in strategy")
                 given["strategy"] = dict(tree) | own
-            return function(model.of(fixed | given))
+            question = model.of(fixed | given)
+            with tables_read(strict=getattr(question, "strict", False)):
+                return function(question)
 
         wrapped.__signature__ = signature  # type: ignore[attr-defined]
         wrapped.__doc__ = _documented(function.__doc__ or "", model, parameters)

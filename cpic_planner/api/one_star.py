@@ -97,7 +97,6 @@ def answered(
         For an unknown star or band, or a value out of range.
     """
     table = open_catalogue(question.catalog) if question.v_mag is None else catalogue_of(question)
-    tell(*table.notes)
     star, about, known = named(question, question.target[0], table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
@@ -113,7 +112,8 @@ def answered(
         found = check(question, model, [star], found)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     hypothetical = None if question.contrast_limit or question.contrast is not None or known else planet
-    labels: dict[str, Any] = {"note": about, "catalogue": table.provenance, "planet": hypothetical}
+    notes = [*table.notes, *(() if known is None else known.choice.table.notes)]
+    labels: dict[str, Any] = {"note": about, "notes": notes, "catalogue": table.provenance, "planet": hypothetical}
     seed = 1 if question.seed is None else question.seed
     result = etc_result(model, star, found, asked=asked_for, dial=question.dial, seed=seed, **labels)
     placed = known is not None or any(getattr(question, place) is not None for place in PLACES)

@@ -7,10 +7,10 @@ Visibility and survey what-ifs, by star names and plain numbers.
 
 import contextlib
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from catalogs import Catalogue
 from cpic_core import InputError
@@ -24,6 +24,9 @@ from simulator.config import checked_utc
 _QUIET = {"out": None, "images": 0, "workers": 1}
 
 
+N = TypeVar("N", bound=results.OfTables)
+
+
 @dataclass(frozen=True)
 class Prepared:
     """The model, the stars and the order that a ranking is made of."""
@@ -34,13 +37,29 @@ class Prepared:
     instruments: queries.EnsembleChoice | None
     asked: dict[str, Any]
 
-    def ranked(self) -> results.RankResult:
-        """Return the ranking."""
-        from cpic_planner.ranking import rank_under
+    def ranked(self, columns: Sequence[str] = ()) -> results.RankResult:
+        """Return the ranking.
+
+        Parameters
+        ----------
+        columns : sequence of str
+            Columns of a user's table that its rows carry beside the first ones; see `cpic_planner.ranking.with_own`.
+        """
+        from cpic_planner.ranking import rank_under, with_own
 
         stars = self.stars
         named = {"sample": stars.text, "catalogue": self.catalogue.provenance}
-        return rank_under(self.model, stars.targets, self.instruments, chosen=stars.chosen, **named, **self.asked)
+        made = rank_under(self.model, stars.targets, self.instruments, chosen=stars.chosen, **named, **self.asked)
+        return self.noted(with_own(made, self.catalogue.table, columns))
+
+    def noted(self, result: N) -> N:
+        """Return a result with the remarks on the tables.
+
+        Parameters
+        ----------
+        result : OfTables
+        """
+        return result.model_copy(update={"notes": list(self.stars.notes)})
 
     def of_all(self, whole: results.RankResult) -> results.RankResult:
         """Return the same ranking from that of all stars, those that no filter chooses too.
@@ -100,7 +119,7 @@ def rank_sensitivity(question: queries.RankQuestion) -> results.SensitivityResul
     from cpic_planner.ranking.sensitivity import sensitivity
 
     ready = prepared(question)
-    return sensitivity(ready.model, ready.stars.answered, **ready.asked)
+    return ready.noted(sensitivity(ready.model, ready.stars.answered, **ready.asked))
 
 
 def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") -> results.RankComparison:
@@ -194,7 +213,7 @@ def explain_rank(question: ExplainQuestion) -> results.Explanation:
     ready = prepared(question)
     name = str(find_target(question.target, catalog=ready.catalogue)[0].name[0])
     asked = ready.asked | {"other_assumptions": question.other_assumptions}
-    return explain_star(ready.model, ready.stars.targets, name, **asked)
+    return ready.noted(explain_star(ready.model, ready.stars.targets, name, **asked))
 
 
 @takes(queries.PlanQuestion, first=("out",), needs=("out",))
@@ -302,14 +321,14 @@ def visibility_of(
     start_utc = checked_utc("start_utc", question.start_utc or queries.observed_utc(question))
     table = as_catalogue(question.catalog)
     stars: dict[str, Targets] = {}
-    remarks = list(table.notes)
+    remarks: list[str] = []
     for name in question.target:
         star, remark = find_target(name, catalog=table, date_utc=question.date_utc or start_utc)
         stars.setdefault(str(star.name[0]), star)
         remarks += [remark] if remark else []
     for remark in remarks:
         tell(remark)
-    return visibility_result(
+    found = visibility_result(
         Targets.joined(list(stars.values())),
         config,
         mission.orbit,
@@ -318,6 +337,7 @@ def visibility_of(
         step_days=question.step_days,
         catalogue=table.provenance,
     )
+    return found.model_copy(update={"notes": list(table.notes)})
 
 
 @takes(queries.VisibilityQuestion, first=("target",))

@@ -14,7 +14,7 @@ def _asked(question: queries.SearchedQuestion) -> AskedStar:
     table = as_catalogue(question.catalog)
     about: dict[str, Any] = {"companions": question.companions, "date_utc": queries.observed_utc(question)}
     star, remark = find_target(question.target, catalog=table, **about)
-    return AskedStar(star, table.provenance, "; ".join(filter(None, (remark, *table.notes))))
+    return AskedStar(star, table.provenance, remark, table.notes)
 
 
 def curve_job_of(question: queries.CurveQuestion) -> Job[results.CurveResult]:

@@ -1,5 +1,6 @@
 """Commands whose options are the fields of a question; built when a command is called, not when help lists it."""
 
+import contextlib
 import functools
 import inspect
 import pkgutil
@@ -12,12 +13,13 @@ import typer
 from typer.core import TyperCommand
 
 from cpic_core import InputError, faults_by_line
-from cpic_planner.cli.options import note, shown
+from cpic_planner.cli.options import STRICT, note, shown
+from cpic_planner.cli.own_tables import RejectsOption, tables_of
 from cpic_planner.cli.progress import heard
 
 RENAMED = {"--photon-counting": ("--mode", "photon_counting"), "--draws": ("--planets",)}
 """Former options, and what each is now."""
-_FILE = "question_file"
+_FILE, _REJECTS, _STRICT = "question_file", "rejects", "strict"
 _FILE_HELP = (
     "YAML file (kind: question) with answers by their keywords, see cpic schema; options on the command line stand "
     "above it."
@@ -122,10 +124,13 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     options, names = tuple(options_of(model)), option_names(model)
     run = shown(run, **{model.__name__: model})
     own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
+    # Who asks strictly takes neither a part of a table nor the lack of an answer.
+    tables, both = _STRICT in model.model_fields, any(parameter.name == _STRICT for parameter in own)
+    own = [parameter for parameter in own if not tables or parameter.name != _STRICT]
 
     def command(**given: Any) -> None:
         others = {parameter.name: given.pop(parameter.name) for parameter in own}
-        file = given.pop(_FILE)
+        file, rejects = given.pop(_FILE), given.pop(_REJECTS, None)
         given = {name: _value(value) for name, value in given.items()}
         # A value that is made of parts is called by the first of them that is given.
         parts = [option for option in reversed(options) if option.parts is not None and given[option.name] is not None]
@@ -136,17 +141,23 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
             # What an option says is no fault of the file.
             said = {option.path[0] for option in options if given[option.name] not in (None, (), [])}
             with faults_by_line(None if said & set(answered) else file, whole=False):
-                run(model.of(tree), **others)
+                question = model.of(tree)
+                others |= {_STRICT: question.strict} if tables and both else {}
+                with tables_of(question, rejects) if tables else contextlib.nullcontext():
+                    run(question, **others)
+
+    def text_of(option: Any) -> str:
+        said = spelled(option.text, names)
+        return f"{said} {STRICT}" if tables and both and option.path == (_STRICT,) else said
 
     parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
-    parameters = [
-        parameter(option.name, annotation=_annotation(option, spelled(option.text, names))) for option in options
-    ]
+    parameters = [parameter(option.name, annotation=_annotation(option, text_of(option))) for option in options]
     for i, option in enumerate(options):
         if option.required and option.asked.argument:
             parameters[i] = parameters[i].replace(default=inspect.Parameter.empty)
     file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
     parameters.append(parameter(_FILE, annotation=file))
+    parameters += [parameter(_REJECTS, annotation=RejectsOption)] * tables
     parameters += [given.replace(kind=inspect.Parameter.KEYWORD_ONLY) for given in own]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

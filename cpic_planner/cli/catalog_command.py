@@ -3,27 +3,42 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
 
 import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
-from cpic_core import visible
+from cpic_core import InputError, listed, visible
 from cpic_planner import report
 from cpic_planner.cli.asking import Commands
-from cpic_planner.cli.options import JsonOption, console, help_alone, print_json
+from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
+from cpic_planner.cli.own_tables import REJECTS_ENDINGS, RejectsOption, write_rejects
 from cpic_planner.cli.progress import heard
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from catalogs import Column, StoredTable
+    from catalogs import StoredTable
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
 app = Commands(help=HELP, invoke_without_command=True)
 
+_SHOWN = 6
+"""Other headings of a column that are shown."""
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
+
+
+class TableKind(StrEnum):
+    """Kinds of tables of a user's own."""
+
+    STARS = "stars"
+    PLANETS = "planets"
 
 
 app.callback(invoke_without_command=True)(help_alone)
@@ -87,45 +102,94 @@ def _about(item: StoredTable) -> dict[str, Any]:
 
 @app.command("columns")
 @heard
-def columns(as_json: JsonOption = False) -> None:
-    """Show which columns a table of your own may have: of stars (--catalog FILE), of planets (--known-planets FILE).
+def columns(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE]", help="A table of your own, of stars or of planets.")
+    ] = None,
+    taken_as: Annotated[
+        TableKind | None,
+        typer.Option("--as", help="Take FILE as a table of this kind [default: each kind that it can be]."),
+    ] = None,
+    rejects: RejectsOption = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse FILE for the first row or cell that cannot be used.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show which columns a table of your own may have, or what the columns of a FILE are taken for.
 
-    Example: cpic catalog columns
+    Without a file: the columns of a table of stars (--catalog FILE of other commands) and of planets (--known-planets
+    FILE), and what else they may be called. With one: for each of its columns what it is taken for and in which unit,
+    which columns are not used and why, how many rows can be used, and how many are left out by which reason.
+
+    Examples:
+
+      cpic catalog columns
+
+      cpic catalog columns my_stars.csv
+
+      cpic catalog columns my_stars.csv --rejects left_out.csv
+
+      cpic catalog columns my_planets.csv --as planets --json
     """
-    from catalogs.known_planet_columns import COLUMNS
+    if file is not None:
+        _taken(file, taken_as, rejects, strict, as_json)
+        return
+    for option, value in (("--as", taken_as), ("--rejects", rejects), ("--strict", strict or None)):
+        if value is not None:
+            raise InputError(option, "given" if value is True else str(value), allowed="only with a FILE")
+    _possible(as_json)
 
-    needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
-    needed |= {"sp_type": "one of two", "teff_k": "one of two"}
-    of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
-    of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
-    of_planets["status"] = "or this alone"
-    rows, planets = _column_rows(catalogs.QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
+
+def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
+    """Show what the columns of a file are taken for."""
+    from cpic_planner.cli.options import check_file
+    from cpic_planner.results import ColumnsResult
+
+    check_file(rejects, REJECTS_ENDINGS, "--rejects")
+    found = catalogs.taken_for(file, None if taken_as is None else taken_as.value, strict=strict)
+    if rejects is not None:
+        left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
+        write_rejects(rejects, list(left_out))
+    result = ColumnsResult.of_files(found)
+    Output("json" if as_json else "table").show(result, partial(report.print_columns, result))
+
+
+def _possible(as_json: bool) -> None:
+    """Show the columns that tables may have."""
+    rows, planets = (_column_rows(kind) for kind in ("stars", "planets"))
     if as_json:
         print_json({"columns": rows, "planet_columns": planets})
         return
     screen = console()
-    for title, listed in (("stars", rows), ("known planets", planets)):
-        cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in listed)
+    for title, listed_rows in (("stars", rows), ("known planets", planets)):
+        cells = (
+            (row["name"], row["required"], listed(row["also_called"], _SHOWN), row["allowed"]) for row in listed_rows
+        )
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
     report.print_plain(
         screen,
-        "Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
-        "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
-        "unknown, and drawn.",
+        "Upper and lower case, blanks and _ make no difference, but where it is said. Units are those of an ECSV or "
+        "VOTable, or are written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet "
+        "lacks is unknown, and drawn. --json lists every heading; cpic catalog columns FILE says what those of a file "
+        "are taken for.",
     )
 
 
-def _column_rows(columns: Mapping[str, Column], needed: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return what is said of each column."""
-    kinds = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
+def _column_rows(kind: Literal["stars", "planets"]) -> list[dict[str, Any]]:
+    """Return what is said of each column of a kind of table."""
+    words = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
+    columns, groups = catalogs.possible_columns(kind)
+    needed = {name: "yes" if len(group) == 1 else f"one of {len(group)}" for group in groups for name in group}
+    needed |= {"status": "or this alone"} if kind == "planets" else {}
     return [
         {
             "name": item.name,
             "required": needed.get(item.name, ""),
-            "also_called": list(item.headings),
+            "also_called": list(dict.fromkeys(form.heading for form in columns.synonyms_of(item.name))),
             "unit": item.unit,
-            "allowed": kinds.get(item.kind, item.range),
+            "allowed": words.get(item.kind, item.range),
         }
         for item in columns.values()
     ]

@@ -66,12 +66,9 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
     from catalogs import open_catalogue
     from cpic_planner.confirm import make_plan, plan_job
     from cpic_planner.jobs import estimate
-    from cpic_planner.ranking import KnownChoice, counted_planets
 
     options.tell_overrides(question.simulator_overrides)
-    counted = counted_planets(question)
     table = open_catalogue(question.catalog)
-    note(*(counted.table.notes if isinstance(counted, KnownChoice) else ()), *table.notes)
     if dry_run:
         cost = estimate(plan_job(question, table), workers=question.workers)
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
@@ -164,7 +161,7 @@ def simulate(
     """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
 
     WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of
-    stars (CSV, ECSV, VOTable, FITS; each row a scene); several may be given. Each combination of band, exposure and
+    stars (a file in any usual format; each row a scene); several may be given. Each combination of band, exposure and
     gain is one sequence of frames: one file, one number. Options that describe sequences are for scenes, tables and
     calibration kinds. A simulation has its own; --frames, --seed, --fidelity, --tolerance, --instrument, --off and
     --start-utc replace those.
@@ -204,8 +201,7 @@ def simulate(
         return
     from cpic_planner import simulation
 
-    made, remarks = simulation.simulation_from(question.what, **question.given)
-    note(*remarks)
+    made, _ = simulation.simulation_from(question.what, **question.given)
     if dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
         output.show(planned, partial(report.print_planned, planned))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -94,7 +94,6 @@ def known(
         seed=question.seed,
         candidates=question.candidates,
     )
-    options.note(*table.notes, *choice.table.notes)
     only = None
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
@@ -112,7 +111,8 @@ def known(
             allowed, hint = "a star with a confirmed or controversial planet", "its planets are only listed"
             raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
-    result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
+    told: dict[str, Any] = {"years": span, "bands": question.bands, "catalogue": table.provenance}
+    result = known_answer(model, targets, choice, notes=table.notes, **told)
     if only is not None:
         mine = [row for row in result.planets if row.planet == only.name]
         result = result.model_copy(update={"planets": mine})

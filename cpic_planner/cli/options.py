@@ -253,9 +253,8 @@ LabelOption: TypeAlias = Annotated[
 BriefOption: TypeAlias = Annotated[
     bool, typer.Option("--brief", help="The main table alone, without what explains it.")
 ]
-StrictOption: TypeAlias = Annotated[
-    bool, typer.Option("--strict", help="Leave with status 3 where there is no answer, or no planet is detected.")
-]
+STRICT = "Leave with status 3 where there is no answer, or no planet is detected."
+StrictOption: TypeAlias = Annotated[bool, typer.Option("--strict", help=STRICT)]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 PlotOption: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
@@ -396,8 +395,8 @@ def tell_rows(output: Output, rows: int, every: int) -> None:
         note(f"the first {rows} of {every} rows: --limit {every} gives all")
 
 
-def write_out(path: Path, text: Callable[[], str], rows: int, every: int) -> None:
-    """Write a table to the file of ``--out``, and say so and how many of all rows it has.
+def write_out(path: Path, text: Callable[[], str | bytes], rows: int, every: int, option: str = "--out") -> None:
+    """Write a table to the file of an option, and say so and how many of all rows it has.
 
     Raises
     ------
@@ -405,10 +404,10 @@ def write_out(path: Path, text: Callable[[], str], rows: int, every: int) -> Non
         If it cannot be written.
     """
     try:
-        write_named(path, text(), key="--out")
+        write_named(path, text(), key=option)
     except OSError as error:
-        raise InputError("--out", str(path), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {rows}{f' of {every}' * (rows < every)} rows to {place_of(path)}")
+        raise InputError(option, str(path), allowed="a writable file", hint=error.strerror or "") from None
+    note(f"wrote {rows}{f' of {every}' * (rows < every)} row{'s' * (every != 1)} to {place_of(path)}")
 
 
 def place_of(path: Path) -> str:

@@ -121,7 +121,11 @@ def rank(
       cpic rank --known-planets snapshot --date 2030-06-01
 
     --catalog takes a table with the columns name, distance_pc or parallax_mas, v_mag, and sp_type or teff_k (or the
-    usual other names of these); cpic catalog columns lists all that are read.
+    usual other names of these); cpic catalog columns lists all that are read, and cpic catalog columns FILE says what
+    those of a file are taken for. Its other columns come back in --json, --out and --format csv or ecsv, as they are
+    there and under their own headings (own_ stands before one that a column of the ranking has): the first 40, and
+    those that --columns names. Rows that cannot be used are left out with a remark; --rejects lists them, --strict
+    refuses the table.
 
     --known-planets ranks the stars that have known planets by the probability that one observation at --date
     detects at least one of them, the errors of their orbits included; --planets is then the number of draws of each
@@ -150,7 +154,6 @@ def rank(
         output.show(moved, partial(report.print_moves, moved, limit=shown))
         return
     ready = prepared(question)
-    options.note(*ready.stars.notes)
     if explain is not None:
         with called_as({"star": "--explain"}):
             star, remark = find_target(explain, catalog=ready.catalogue)
@@ -160,16 +163,16 @@ def rank(
             hint = "it is in the catalogue, but a cut leaves it out"
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
         asked: dict[str, Any] = ready.asked | {"other_assumptions": sensitivity}
-        reasons = ranking.explain_star(ready.model, ready.stars.targets, name, **asked)
+        reasons = ready.noted(ranking.explain_star(ready.model, ready.stars.targets, name, **asked))
         output.show(reasons, partial(report.print_explanation, reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
-        firm = sensitivity_of(ready.model, ready.stars.answered, **ready.asked)
+        firm = ready.noted(sensitivity_of(ready.model, ready.stars.answered, **ready.asked))
         output.show(firm, partial(report.print_sensitivity, firm))
         return
-    result = ready.ranked()
+    result = ready.ranked(output.columns)
     if out is not None:
         _write(out, result, output, limit)
     if plot is not None:

@@ -98,6 +98,7 @@ def whatif(
     """
     from cpic_planner import survey
     from cpic_planner.jobs import estimate
+    from cpic_planner.targets import as_catalogue
 
     chosen = _chosen(survey.load_strategies(question.strategies), question.strategy)
     config = survey.with_universe(chosen, question.shared(), question.share_of_time)
@@ -105,8 +106,9 @@ def whatif(
     config = survey.with_exact_calendars(config) if question.exact else config
     config = survey.with_doubt(config, question.doubt)
     note(*(f"varied: {line}" for line in survey.variation_lines(config)))
-    table = survey.known_table(config.universe)
-    note(*(() if table is None else table.notes))
+    # Tables that cannot be used are refused before any work.
+    survey.known_table(config.universe)
+    as_catalogue(config.universe.catalog)
     cost = estimate(survey.whatif_job(config, n_images=question.images), workers=question.workers)
     if dry_run:
         line = (

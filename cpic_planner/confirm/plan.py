@@ -32,7 +32,7 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion
-from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model
+from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model, with_own
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.ranking.sensitivity import sensitivity
 from cpic_planner.survey import ScheduledVisit, Sight, read_schedule
@@ -89,7 +89,8 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
         chosen=stars.chosen,
         sample=stars.text,
         catalogue=catalogue.provenance,
-    )
+    ).model_copy(update={"notes": list(stars.notes)})
+    rank = with_own(rank, catalogue.table)
     ready = _Prepared(model, catalogue, stars.answered, stars.counted, rank, [], [], {}, None, None, {}, {})
     if config.schedule is not None:
         return _of_schedule(config, ready, listed, source)
@@ -293,6 +294,7 @@ def _result(
         reference_star_teff_k=None if reference is None else reference.teff_k,
         catalogue=rank.catalogue,
         sample=rank.sample,
+        notes=rank.notes,
         date_utc=rank.date_utc,
         n_ranked=len(rank.targets),
         n_in_catalogue=rank.n_in_catalogue,

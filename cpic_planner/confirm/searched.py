@@ -27,11 +27,12 @@ Planets = Sequence[tuple[float, list[float], list[float]]]
 
 @dataclass(frozen=True)
 class AskedStar:
-    """A star that is asked about: its row, the table that it is from, and a remark on its name."""
+    """A star that is asked about: its row, the table that it is from, and remarks on its name and on that table."""
 
     target: Targets
     catalogue: str
     note: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +159,7 @@ def header(question: SearchedQuestion, model: etc.EtcModel, asked: AskedStar, di
         "catalogue": asked.catalogue,
         "date_utc": star.date_utc,
         "note": asked.note,
+        "notes": list(asked.notes),
         "instrument": model.instrument.name,
         "time_s": time_s,
         "sigma": strategy.sigma,

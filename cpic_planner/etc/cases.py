@@ -365,6 +365,7 @@ def etc_result(
     answers: Sequence[EtcAnswer],
     *,
     note: str,
+    notes: Sequence[str] = (),
     planet: ReferencePlanet | None,
     asked: Mapping[str, Any],
     catalogue: str,
@@ -373,7 +374,8 @@ def etc_result(
 ) -> EtcResult:
     """Collect answers about one star of a catalogue, which is named by its provenance.
 
-    ``dial`` and ``seed`` are those of the check in images, closed forms alone without.
+    ``note`` is a remark on the name of the star, ``notes`` are those on the reading of tables. ``dial`` and ``seed``
+    are those of the check in images, closed forms alone without.
     """
     record = None if planet is None else ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
     decides: dict[str, Any] = {"kind": "etc", "version": __version__, "model": model.content()}
@@ -388,6 +390,7 @@ def etc_result(
         catalogue=catalogue,
         date_utc=target.date_utc,
         note=note,
+        notes=list(notes),
         reference_planet=record,
         best_band=best_band(answers),
         answers=list(answers),

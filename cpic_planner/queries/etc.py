@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import Question, called, check_visits
+from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.fields import asked, asked_visit_time
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
@@ -31,14 +31,14 @@ def _planets(given: Any) -> Any:
     return given if isinstance(given, planet) else validate(planet, given, where="planet")
 
 
-class KnownPlanetsQuestion(Question):
+class KnownPlanetsQuestion(shared.TablesQuestion):
     """A question that known planets at a date can be part of."""
 
     # They count by what is read of them, which is in the hash of the ranking.
     known_planets: str | None = asked(
         None,
         "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
-        "(without them), latest (made by cpic catalog refresh --planets), or a CSV, ECSV, VOTable or FITS file, which "
+        "(without them), latest (made by cpic catalog refresh --planets), or a file (CSV, VOTable, FITS or another format), which "
         "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
         "instead of a population; whatif counts them beside it, and off leaves them out.",
         physics=False,

@@ -15,7 +15,7 @@ from cpic_planner.queries.base import Question, called
 from cpic_planner.queries.fields import asked, asked_changes
 from cpic_planner.queries.images import ImageQuestion
 from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
-from cpic_planner.queries.shared import RunQuestion, Texts
+from cpic_planner.queries.shared import RunQuestion, TablesQuestion, Texts
 
 
 class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
@@ -77,7 +77,7 @@ UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", "cha
 """Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
 
 
-class WhatIfQuestion(RunQuestion):
+class WhatIfQuestion(RunQuestion, TablesQuestion):
     """Compare survey strategies over the same synthetic universes.
 
     What is not given of the universe is as the strategies' file says.

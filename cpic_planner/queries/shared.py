@@ -334,14 +334,26 @@ def _catalog(given: Any) -> Any:
     return given if isinstance(given, Catalogue) else checked_table_name(given)
 
 
-class CatalogQuestion(Question):
+class TablesQuestion(Question):
+    """A question that tables of a user's own can be part of."""
+
+    # It refuses a table, or changes nothing.
+    strict: bool = asked(
+        False,
+        "Refuse a table of your own for the first row or cell that cannot be used, instead of leaving it out with a "
+        "remark.",
+        physics=False,
+    )
+
+
+class CatalogQuestion(TablesQuestion):
     """A question about stars of a table."""
 
     # A table counts by what is read of it, which is in the hashes of results.
     catalog: Any = asked(
         "snapshot",
         "Star table: snapshot, latest (made by cpic catalog refresh), simbad_2012 (the snapshot with companions where "
-        "they were first listed), or a CSV, ECSV, VOTable or FITS file.",
+        "they were first listed), or a file (CSV, VOTable, FITS or another format).",
         physics=False,
         command=str,
         read=_catalog,

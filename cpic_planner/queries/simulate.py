@@ -9,7 +9,7 @@ from cpic_core import InputError
 from cpic_planner.queries.base import Parts
 from cpic_planner.queries.changes import InstrumentParts
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, several
+from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, TablesQuestion, several
 from simulator.config import ReferenceScheme, SequenceConfig, SequenceKind
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
@@ -72,7 +72,7 @@ def _of_programme(name: str, *, unset: str, **settings: Any) -> Any:
     return asked(None, Reduction.model_fields[name].description or "", unset=unset, **settings)
 
 
-class SimulateQuestion(RunQuestion):
+class SimulateQuestion(RunQuestion, TablesQuestion):
     """Make Level-0 data with truth.
 
     What a sequence is comes from `simulator.config.simulation.SequenceConfig`, which checks it; a simulation has

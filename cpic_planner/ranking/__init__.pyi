@@ -21,7 +21,7 @@ from cpic_planner.ranking.order import (
     rank_targets as rank_targets,
     timed_model as timed_model,
 )
-from cpic_planner.ranking.selection import selected as selected
+from cpic_planner.ranking.selection import MOST_OWN as MOST_OWN, selected as selected, with_own as with_own
 from cpic_planner.ranking.settings import (
     OptimalSetting as OptimalSetting,
     detection_statuses as detection_statuses,

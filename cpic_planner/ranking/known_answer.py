@@ -109,6 +109,7 @@ def known_answer(
     years: float | None = None,
     catalogue: str | None = None,
     bands: Sequence[str] | None = None,
+    notes: Sequence[str] = (),
 ) -> results.KnownResult:
     """Return the known planets of some stars, in order of stars and table; those that are not counted as well.
 
@@ -125,6 +126,8 @@ def known_answer(
         Which table the stars are from; the snapshot by default.
     bands : sequence of str, optional
         All of the model by default.
+    notes : sequence of str
+        Remarks on the reading of the table of stars; those on the planets are added.
 
     Returns
     -------
@@ -159,6 +162,7 @@ def known_answer(
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         planets_table=choice.table.provenance,
         columns_not_used=list(choice.table.unused),
+        notes=[*notes, *choice.table.notes],
         years=span,
         albedo=choice.albedo.label,
         holes=[

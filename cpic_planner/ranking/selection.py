@@ -1,10 +1,11 @@
 """Select stars of a ranking, and say what the answer about them alone says otherwise."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from catalogs import StarTable
 from cpic_core import BoolArray
 from cpic_planner.results import RankedTarget, RankResult
 from cpic_planner.targets import Targets
@@ -50,3 +51,36 @@ def counts_of(rows: Iterable[RankedTarget]) -> dict[str, dict[str, int]]:
 
 def _counts(words: Iterable[str]) -> dict[str, int]:
     return dict(sorted(Counter(words).items()))
+
+
+MOST_OWN = 40
+"""Columns of a user's table that travel to the output without being asked for by name."""
+OWN_PREFIX = "own_"
+"""Stands before the heading of such a column where it is that of a column of the ranking."""
+
+
+def with_own(rank: RankResult, table: StarTable, names: Collection[str] = ()) -> RankResult:
+    """Return a ranking whose rows carry the columns of a user's table that are not used.
+
+    Parameters
+    ----------
+    rank : RankResult
+    table : StarTable
+        Of its stars.
+    names : collection of str
+        Columns that are asked for beside the first ones, by the names that they have in the output; ``help``: all.
+    """
+    if not table.own:
+        return rank
+    headings = {f"{OWN_PREFIX * (text in RankedTarget.model_fields)}{text}": text for text in table.own}
+    taken = {
+        name: table.own[text].tolist()
+        for number, (name, text) in enumerate(headings.items())
+        if number < MOST_OWN or name in names or "help" in names
+    }
+    row_of = {name: row for row, name in enumerate(table.column("name").tolist())}
+    rows = [
+        row.model_copy(update={"own": {name: cells[row_of[row.name]] for name, cells in taken.items()}})
+        for row in rank.targets
+    ]
+    return rank.model_copy(update={"targets": rows})

@@ -27,6 +27,7 @@ from cpic_planner.report.console_runs import (
     print_sensitivity as print_sensitivity,
     print_whatif as print_whatif,
 )
+from cpic_planner.report.console_tables import print_columns as print_columns
 from cpic_planner.report.document import (
     Block as Block,
     Cell as Cell,

@@ -54,6 +54,8 @@ class Cells:
         Kind of that row.
     numbers : tuple of Taken
         What stands in files for a column whose numbers are no fields of the row.
+    for_files : bool
+        Whether people see the column only where they ask for it by name.
     """
 
     header: str
@@ -67,6 +69,7 @@ class Cells:
     of: Callable[[Any], Any] = lambda row: row
     kind: type[results.Result] | None = None
     numbers: tuple[results.Taken, ...] = ()
+    for_files: bool = False
 
     def cell(self, row: Any) -> str:
         """Return the text of a row's cell as every writer has it: names may hold what steers a terminal."""
@@ -153,6 +156,12 @@ def row_cells(
     return columns
 
 
+def own_cells(rows: Sequence[Any]) -> list[Cells]:
+    """Return the columns of a user's table that rows carry; see `cpic_planner.results.own_taken`."""
+    found = ((item.column.name, _taken_cells(item)) for item in results.own_taken(rows))
+    return [replace(cells, header=name, label=name, for_files=True) for name, cells in found]
+
+
 def offered(columns: Sequence[Cells]) -> dict[str, Cells]:
     """Return the columns that a table can have, by their names in files: those of its rows, then those shown beside."""
     shown = {cells.taken[0].column.name: cells for cells in columns if len(cells.taken) == 1}
@@ -176,7 +185,7 @@ def chosen(columns: Sequence[Cells], names: Sequence[str], key: str = "--columns
             raise InputError(key, name, allowed=f"{key} help lists them", hint=nearest(name, every))
         if name in names[:number]:
             raise InputError(key, name, allowed="each column once")
-    return [replace(every[name], gives_way=0) for name in names]
+    return [replace(every[name], gives_way=0, for_files=False) for name in names]
 
 
 def _taken_cells(item: results.Taken) -> Cells:
@@ -327,6 +336,8 @@ def print_table(
     sheet = console if isinstance(console, Sheet) else None
     if sheet is not None and sheet.columns and sheet.taken is None:
         columns, last_width = chosen(columns, sheet.columns), sheet.width
+    elif sheet is None or sheet.form in ("table", "page"):
+        columns = [column for column in columns if not column.for_files]
     if sheet is not None and (sheet.taken is not None or sheet.form != "table"):
         sheet.take(title, columns, entries)
         return

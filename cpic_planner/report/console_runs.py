@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report import summary, words
-from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.cells import Cells, computed, own_cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.files import score_taken
 from cpic_planner.report.numbers import (
     MISSING,
@@ -48,6 +48,7 @@ def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, f
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),
     )
+    cells += own_cells(shown)
     print_table(console, title, cells, shown, explained=True, legend=not full)
     if rank.counts_limited_by:
         limits = summary.limits_text(rank.counts_limited_by)

@@ -69,6 +69,11 @@ def lines(*parts: Inline) -> Inline:
     return [item for part in kept for item in (Mark("break"), part)][1:]
 
 
+def notes_fact(notes: Sequence[str]) -> list[tuple[str, Inline]]:
+    """Return remarks on the reading of a user's tables as a term and its text; none without remarks."""
+    return [("Remarks on your tables", lines(*notes))] if notes else []
+
+
 class _Templated:
     """A part that the page writes by the macro of its own name."""
 

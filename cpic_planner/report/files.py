@@ -70,6 +70,7 @@ def form_text(
     title, shown, rows = visible(taken[0], "\n"), *taken[1:]
     shown = chosen(shown, columns) if columns else shown
     if form in ("latex", "markdown"):
+        shown = [column for column in shown if not column.for_files]
         cells = [[plain_text(column, row) for column in shown] for row in rows]
         if form == "latex":
             label = label or f"tab:{getattr(result, 'kind', 'table')}"
@@ -182,8 +183,9 @@ def ranking_csv(rank: results.RankResult, limit: int | None = None) -> str:
     Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
     a ``limit`` the first stars alone.
     """
-    names = results.names_of(results.RankedTarget)
-    return results.csv_text(names, map(results.values_of, rank.targets[:limit]), joined=results.FLAG_SEPARATOR)
+    rows = rank.targets[:limit]
+    names = (*results.names_of(results.RankedTarget), *(item.column.name for item in results.own_taken(rows)))
+    return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
 
 
 def ranking_ecsv(rank: results.RankResult, limit: int | None = None) -> str:
@@ -196,7 +198,7 @@ def ranking_ecsv(rank: results.RankResult, limit: int | None = None) -> str:
     meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
     if len(rows) < len(rank.targets):
         meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
-    columns = results.taken_of(results.RankedTarget)
+    columns = [*results.taken_of(results.RankedTarget), *results.own_taken(rows)]
     score = score_taken(rank.score_name)
     return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
 

@@ -184,6 +184,7 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
             ("Realisations", f"{plan.realisations} of each target and band{once}."),
             ("Sample", f"{plan.sample}."),
             ("Catalogue", f"{plan.catalogue}."),
+            *doc.notes_fact(plan.notes),
             ("Places of stars and companions", f"those of {plan.date_utc[:10] or 'no date that is recorded'}."),
             ("Instrument", image_figures.instrument_fact(plan)),
         ]

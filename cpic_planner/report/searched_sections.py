@@ -175,6 +175,7 @@ def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
             ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {result.n_modes} modes."]),
             ("Date", result.date_utc[:10]),
             ("Star table", result.catalogue),
+            *doc.notes_fact(result.notes),
         ]
     )
 

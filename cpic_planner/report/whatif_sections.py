@@ -270,7 +270,7 @@ def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
 def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     result, reference = report.result, report.reference
     yield doc.Heading("Of all strategies")
-    yield doc.Facts(words.universe_facts(result))
+    yield doc.Facts([*words.universe_facts(result), *doc.notes_fact(result.notes)])
     others: doc.Inline = ["; the others differ as told under ", doc.link("details", "Each strategy")]
     yield doc.Heading([f"Of {reference.name}", others if len(result.strategies) > 1 else ""])
     yield doc.Facts(words.shared_facts(reference.settings, reference.instrument))

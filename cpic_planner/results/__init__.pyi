@@ -16,6 +16,7 @@ from cpic_planner.results.base import (
     Column as Column,
     DetectionMode as DetectionMode,
     LimitText as LimitText,
+    OfTables as OfTables,
     ProgrammeColumns as ProgrammeColumns,
     ReferencePlanetRecord as ReferencePlanetRecord,
     Result as Result,
@@ -151,7 +152,17 @@ from cpic_planner.results.table import (
     csv_text as csv_text,
     ecsv_text as ecsv_text,
     names_of as names_of,
+    own_taken as own_taken,
+    parquet_bytes as parquet_bytes,
     rows_from_csv as rows_from_csv,
     taken_of as taken_of,
     values_of as values_of,
+)
+from cpic_planner.results.tables import (
+    ColumnsResult as ColumnsResult,
+    ColumnTaken as ColumnTaken,
+    LeftOutCell as LeftOutCell,
+    ReasonLeftOut as ReasonLeftOut,
+    TableTaken as TableTaken,
+    left_out_cells as left_out_cells,
 )

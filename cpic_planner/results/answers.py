@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
 from cpic_planner.results.base import (
+    OfTables,
     ProgrammeColumns,
     ReferencePlanetRecord,
     Result,
@@ -234,7 +235,7 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
-class EtcResult(Result):
+class EtcResult(OfTables):
     """Answers of the exposure-time calculator for one target."""
 
     schema_version: Literal[1] = 1

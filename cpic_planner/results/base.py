@@ -99,6 +99,16 @@ class RunResult(Result):
     fingerprint: str = ""
 
 
+class OfTables(Result):
+    """Base of results of questions that tables of a user's own can be part of."""
+
+    notes: list[str] = Field(
+        default_factory=list,
+        description="remarks on the reading of tables of your own: columns that are not used, rows that are left out; "
+        "empty for shipped tables and in older results",
+    )
+
+
 UNITS = {
     "per_hour": "1/h",
     "deg_s": "deg/s",

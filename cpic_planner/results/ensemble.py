@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from cpic_planner.registry import ScoreName
-from cpic_planner.results.base import Result, Row, RunResult, column
+from cpic_planner.results.base import OfTables, Result, Row, RunResult, column
 
 
 class EnsembleBar(Row):
@@ -95,7 +95,7 @@ class SensitivityStar(Row):
     rank_highest: int = column("highest number of its rank under any of them")
 
 
-class SensitivityResult(RunResult):
+class SensitivityResult(OfTables, RunResult):
     """The dependence of the ranking on what is assumed."""
 
     schema_version: Literal[2] = 2

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import Quantiles
-from cpic_planner.results.base import Result, Row, RunResult, column
+from cpic_planner.results.base import OfTables, Result, Row, RunResult, column
 from simulator.config import Real
 
 
@@ -99,7 +99,7 @@ class KnownHole(Result):
     outer_arcsec: float
 
 
-class KnownResult(RunResult):
+class KnownResult(OfTables, RunResult):
     """Known planets of some stars at a date."""
 
     main_rows: ClassVar[str] = "planets"
@@ -197,7 +197,7 @@ class VisibleTarget(Row):
     days: VisibleDays
 
 
-class VisibilityResult(Result):
+class VisibilityResult(OfTables):
     """The times when stars can be seen."""
 
     schema_version: Literal[1] = 1

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    OfTables,
     ReferencePlanetRecord,
     Result,
     Row,
@@ -270,7 +271,7 @@ class ScheduleImages(Result):
     not_imaged: list[NotImagedRow] = Field(description="empty: every visit of these stars is in the images")
 
 
-class PlanResult(ImagedResult):
+class PlanResult(OfTables, ImagedResult):
     """The plan: reproducible from configuration and seed."""
 
     kind: Literal["plan"] = "plan"

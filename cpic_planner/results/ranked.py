@@ -8,6 +8,7 @@ from cpic_planner.registry import ScoreName
 from cpic_planner.results.base import (
     DetectionMode,
     LimitText,
+    OfTables,
     ProgrammeColumns,
     ReferencePlanetRecord,
     Result,
@@ -178,9 +179,14 @@ class RankedTarget(Standing, RankedColumns):
         format="%",
     )
     flags: list[str] = column("caveats, see the documentation of flags")
+    own: dict[str, bool | int | float | str | None] = Field(
+        default_factory=dict,
+        description="columns of your own star table that are not used, by their headings, as they are there; empty for "
+        "shipped tables and in older results",
+    )
 
 
-class RankResult(RunResult):
+class RankResult(OfTables, RunResult):
     """The analytic ranking of the whole sample."""
 
     schema_version: Literal[1] = 1
@@ -338,7 +344,7 @@ class BandStanding(Standing):
     remedies: dict[str, float]
 
 
-class Explanation(Result):
+class Explanation(OfTables):
     """The reasons why a star stands where it stands."""
 
     schema_version: Literal[1] = 1

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from cpic_planner.results.base import (
     DetectionMode,
+    OfTables,
     ProgrammeColumns,
     ReferencePlanetRecord,
     Result,
@@ -118,7 +119,7 @@ class RecoveredRow(Row):
     )
 
 
-class SearchedResult(RunResult):
+class SearchedResult(OfTables, RunResult):
     """The fields that every result on the programmes of a star has."""
 
     version: str

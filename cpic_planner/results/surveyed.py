@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.results.base import Result, Row, RunResult, column, optional
+from cpic_planner.results.base import OfTables, Result, Row, RunResult, column, optional
 from cpic_planner.results.doubted import ChangeRecord, CurvePoint, DoubtRecord, EstimateRecord
 
 
@@ -334,7 +334,7 @@ class SettingSource(Result):
     strategies: list[str] = Field(description="those that have this value")
 
 
-class WhatIfResult(RunResult):
+class WhatIfResult(OfTables, RunResult):
     """Comparison of survey strategies: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1

@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
 
 from cpic_core import guarded, unguarded
@@ -24,6 +25,7 @@ R = TypeVar("R", bound=Result)
 
 FLAG_SEPARATOR = "|"
 """What stands between the flags of a ranked star in a file."""
+OWN = "column of your own table, as it is there"
 _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
 _MIDDLE = re.compile("_(mean|median)$")
 
@@ -97,6 +99,33 @@ def _at(value: Any, path: Sequence[str]) -> Any:
     for name in path:
         value = getattr(value, name, None)
     return value
+
+
+def own_taken(entries: Sequence[Any]) -> list[Taken]:
+    """Return the columns of a user's table that rows carry, in the order in which these have them.
+
+    Parameters
+    ----------
+    entries : sequence
+        Rows with a field ``own``.
+    """
+    names = dict.fromkeys(name for entry in entries for name in entry.own)
+    return [
+        Taken(Column(name, _dtype_of([entry.own.get(name) for entry in entries]), OWN), partial(_own_value, name))
+        for name in names
+    ]
+
+
+def _own_value(name: str, entry: Any) -> Any:
+    return entry.own.get(name)
+
+
+def _dtype_of(cells: Iterable[Any]) -> str:
+    """Return the type of a column with these cells: numbers or truth values if all are."""
+    kinds = {type(cell) for cell in cells if cell is not None}
+    if kinds == {bool}:
+        return "bool"
+    return "int64" if kinds == {int} else "float64" if kinds and kinds <= {int, float} else "string"
 
 
 def values_of(row: Result, *, before: str = "") -> dict[str, Any]:
@@ -273,6 +302,23 @@ def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str 
         known = [None if gone else cell for cell, gone in zip(cells, missing, strict=True)]
         series[taken.column.name] = pd.Series(known, dtype=dtype)
     return pd.DataFrame(series)
+
+
+def parquet_bytes(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
+    """Return rows as a Parquet file, without nulls: unit and meaning of every column stand in its metadata.
+
+    Parameters
+    ----------
+    columns, entries, joined
+        As of `astropy_table`.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    cells = [_filled(taken, entries, joined)[0] for taken in columns]
+    sink = io.BytesIO()
+    pq.write_table(pa.table(cells, schema=arrow_schema([taken.column for taken in columns])), sink)
+    return sink.getvalue()
 
 
 def arrow_schema(columns: Sequence[Column]) -> Any:

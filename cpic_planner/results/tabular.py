@@ -74,14 +74,18 @@ class Tabular:
         return data_frame(*self._table(rows))
 
     def _table(self, rows: str) -> tuple[list[Taken], list[Any]]:
-        from cpic_planner.results.table import rows_of, taken_of
+        from cpic_planner.results.table import own_taken, rows_of, taken_of
 
         kind: Any = type(self)
         held = rows_of(kind)
         if rows and rows not in held:
             raise InputError("rows", rows, allowed=", ".join(held) or "nothing: the result has no rows")
         name = rows or self.main_rows or next(iter(held), "")
-        return (taken_of(held[name]), list(getattr(self, name) or ())) if name else (taken_of(kind), [self])
+        if not name:
+            return taken_of(kind), [self]
+        entries = list(getattr(self, name) or ())
+        own = own_taken(entries) if "own" in held[name].model_fields else []
+        return [*taken_of(held[name]), *own], entries
 
     def __repr_args__(self) -> Iterator[tuple[str, Any]]:
         """Yield what a short ``repr`` names: the first fields that hold something, and how many rows there are."""

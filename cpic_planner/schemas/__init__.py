@@ -45,6 +45,7 @@ RESULTS = {
         ("visits", "VisitsResult"),
         ("star", "StarResult"),
         ("two_instruments", "TwoInstrumentsResult"),
+        ("columns", "ColumnsResult"),
     )
 }
 """Where the model of each result is."""

@@ -234,6 +234,7 @@ def assemble(
         universe=_named(config),
         catalogue=ground.catalogue.provenance,
         known_planets="" if ground.known is None else ground.known.provenance,
+        notes=[*ground.catalogue.notes, *(() if ground.known is None else ground.known.notes)],
         observed="" if ground.log is None else ground.log.provenance,
         n_universes=config.universe.universes,
         slot_utc=[text[:10] for text in utc_of(begins)],

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 from pydantic import BaseModel
 
+from catalogs import tables_read
 from cpic_core import InputError, dump_json, only_sent_files
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared
@@ -112,7 +113,8 @@ def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
         question = asking.question(pairs)
         if sent is not None:
             check_optics(question, sent)
-        yield question
+        with tables_read(strict=getattr(question, "strict", False), tell=lambda remark: None):  # the answer has them
+            yield question
 
 
 @functools.lru_cache(maxsize=16)

@@ -199,7 +199,10 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
 
 
 _FILES = {
-    "catalog": ("Star table", "CSV, ECSV, VOTable or FITS, with name, V, distance, and spectral type or temperature."),
+    "catalog": (
+        "Star table",
+        "CSV, VOTable, FITS or another format, with name, V, distance, and spectral type or temperature.",
+    ),
     "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
     "other": ("The other instrument", "The same, of the one that the first is compared with."),
     "albedo": ("Spectrum of the planet", "Wavelengths, with their unit in the heading, and geometric albedos."),
@@ -215,6 +218,8 @@ def own_form(form: Form) -> Form:
     form : Form
         That of the question without files.
     """
+    if form.sends:
+        return form
     wrong = {field.name: field.error for field in form.wrong}
     kept = [
         replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))

@@ -20,7 +20,7 @@ LONGEST_ADDRESS = 4096
 """Bytes of an address with its parameters."""
 FILES = 2_000_000
 """Most bytes of all files of a question together."""
-POSTED = {"jobs": 20_000, "etc": FILES + 50_000, "priorities": FILES + 50_000, "compare": FILES + 50_000}
+POSTED = {"jobs": 20_000} | dict.fromkeys(("etc", "priorities", "compare", "columns"), FILES + 50_000)
 """Most bytes of a posted body, by the first word of the address that takes one."""
 BODY_S = 10.0
 """Longest time that a body may take to arrive."""

@@ -74,6 +74,7 @@ def etc_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
             blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
         else:
             blocks += answers.figure_inside(answer.figure, alt, caption)
+    blocks += notes_blocks(answer.result.notes)
     if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
         more = report.page_link(f"/star?{urlencode({'name': answer.result.target})}", "its page")
         blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
@@ -102,8 +103,14 @@ def rank_blocks(pairs: Pairs, limit: int, sent: Sent | None = None) -> list[repo
             blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
         else:
             blocks += answers.figure_inside(functools.partial(report.rank_figure, result, limit), alt, f"{alt}.")
+    blocks += notes_blocks(result.notes)
     command = f"{RANK.command_line(pairs)} --limit {limit}"
     return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
+
+
+def notes_blocks(notes: Sequence[str]) -> list[report.Block]:
+    """Return remarks on the reading of tables as blocks; none without remarks."""
+    return [report.Heading("Remarks on your tables"), report.Items(list(notes))] if notes else []
 
 
 def elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:

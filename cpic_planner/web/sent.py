@@ -18,7 +18,7 @@ MOST_PARTS = 200
 _NAME = re.compile(r"[\w][\w.+ -]{0,79}")
 _QUOTED = re.compile(rb'(name|filename)="((?:[^"\\]|\\.)*)"')
 _FOLDED = re.compile(rb"\r\n[ \t]+")
-FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets")
+FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets", "table")
 """Parameters that take a file."""
 
 

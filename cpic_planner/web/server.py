@@ -18,6 +18,7 @@ from cpic_planner import report
 from cpic_planner.results import Result
 from cpic_planner.web import answers, forms, pages, star
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs
+from cpic_planner.web.columns import COLUMNS
 from cpic_planner.web.compare import COMPARE
 from cpic_planner.web.guard import FAILED, HEADERS, line
 from cpic_planner.web.sent import Sent, read_sent
@@ -26,7 +27,7 @@ from cpic_planner.web.work import Busy, Kept, Workers
 
 MOST_PARAMETERS = 200
 _FORM_OF: dict[str, Callable[..., forms.Form]] = {"etc": forms.etc_form, "rank": forms.rank_form}
-VIEWS = (STAR, COMPARE)
+VIEWS = (STAR, COMPARE, COLUMNS)
 """Pages that are no question of a command."""
 _OWN = ("format", "limit")
 """Parameters of an address that are no fields of the question."""
@@ -71,6 +72,7 @@ class Site:
             found.append(Route(view.path, partial(self._viewed, view)))
             if view.takes_files:
                 found.append(Route(view.path, partial(self._viewed_with_files, view), methods=["POST"]))
+            if view.takes_files and not view.form((), None).sends:
                 found.append(Route(f"{view.path}/own", partial(_own_view, view)))
         found += [Route(f"{star.PAGE}/{{which}}.{form}", partial(self._star, form)) for form in answers.FIGURE_MEDIA]
         return found
@@ -234,7 +236,8 @@ def _refused_view(
 
 
 def _own_of(view: View, asked: str = "") -> str:
-    return f"{view.path}/own{'?' * bool(asked)}{asked}" if view.takes_files else ""
+    has_own = view.takes_files and not view.form((), None).sends
+    return f"{view.path}/own{'?' * bool(asked)}{asked}" if has_own else ""
 
 
 async def _own_view(view: View, request: Request) -> Response:
@@ -352,7 +355,7 @@ async def _no_icon(request: Request) -> Response:
 
 async def _missing(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 404
-    return line("There is no such page; /etc, /priorities, /star and /compare are the pages.", status)
+    return line("There is no such page; /etc, /priorities, /star, /compare and /columns are the pages.", status)
 
 
 async def _busy(request: Request, error: Exception) -> Response:

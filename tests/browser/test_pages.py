@@ -22,6 +22,7 @@ PAGES = {
     "commands": "/commands",
     "runs": "/runs",
     "compare": "/compare?target=tau+Cet&snr=5&separation_arcsec=0.45&instrument=as_published&bands=F520",
+    "columns": "/columns",
 }
 
 
@@ -244,6 +245,24 @@ def test_a_table_of_stars_is_sent_and_answered(context, script):
     assert "Bob" in page.locator(".answer caption").first.inner_text()
     assert page.locator("figure img").evaluate("image => image.naturalWidth") > 300
     assert "my stars.csv" in page.locator(".answer").inner_text()
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_columns_of_a_table_are_shown(context, width):
+    page = context(width=width)
+    page.goto("/etc")
+    page.click("nav >> text=Your table")
+    table = f"{STARS.rstrip().replace('v_mag', 'Vmag')}\nEve,bright,G8V,7\n"
+    page.set_input_files("#table", files=[{"name": "my stars.csv", "mimeType": "text/csv", "buffer": table.encode()}])
+    page.click("button[type=submit]")
+    page.wait_for_load_state()
+    assert "my stars.csv" in page.locator("h1").inner_text()
+    first, left = (page.locator(".answer table").nth(i) for i in (0, 1))
+    assert "1 of 2 rows can be used" in first.locator("caption").inner_text()
+    cells = [row.inner_text().split("\t")[:2] for row in first.locator("tbody tr").all()]
+    assert [cell.strip() for cell in cells[1]] == ["Vmag", "v_mag"]
+    assert "bright" in left.locator("tbody").inner_text()
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
 def test_from_priorities_to_a_star_to_its_answer(context):

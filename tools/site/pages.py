@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cpic_planner import __version__
 from tools import readme
-from tools.site import columns, commands, keys, products, python_api, schemas, validation, words
+from tools.site import columns, commands, headings, keys, products, python_api, schemas, validation, words
 from tools.words import GLOSSARY, replaced_words
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,6 +31,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "python": python_api.page,
     "keys": keys.page,
     "columns": columns.page,
+    "headings": headings.page,
     "schemas": schemas.page,
     "keywords": products.page,
     "words": words.page,

@@ -119,9 +119,10 @@ def test_columns_of_a_table_are_documented(done):
     rows = {row["name"]: row for row in json.loads(out)["columns"]}
     assert {name for name, row in rows.items() if row["required"]} == set(
         """
-        name v_mag distance_pc parallax_mas sp_type teff_k
+        name hip hd gj hr tic gaia planet v_mag opt_mag g_mag distance_pc parallax_mas sp_type teff_k
     """.split()
     )
+    assert rows["distance_pc"]["required"] == rows["parallax_mas"]["required"] == "one of 2"
     assert "plx" in rows["parallax_mas"]["also_called"]
     out, _ = done("catalog", "columns")
     assert "parallax_mas" in out

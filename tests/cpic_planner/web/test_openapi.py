@@ -118,10 +118,11 @@ def test_pages_of_several_answers_are_described_as_they_answer(document, browser
 def test_files_are_described_where_they_are_taken(document, browser):
     for path, item in document["paths"].items():
         kinds = item.get("post", {}).get("requestBody", {}).get("content", {})
-        assert ("multipart/form-data" in kinds) == (path in ("/etc", "/priorities", "/compare"))
+        assert ("multipart/form-data" in kinds) == (path in ("/etc", "/priorities", "/compare", "/columns"))
     for path, names in (
         ("/etc", {"instrument", "catalog", "albedo", "known_planets"}),
         ("/compare", {"instrument", "other", "catalog", "albedo", "known_planets"}),
+        ("/columns", {"table"}),
     ):
         content = document["paths"][path]["post"]["requestBody"]["content"]["multipart/form-data"]
         assert {name for name, told in content["schema"]["properties"].items() if "oneOf" in told} == names
