@@ -7,6 +7,7 @@ the IAU abbreviations.
 """
 
 import csv
+import functools
 import re
 import unicodedata
 from collections.abc import Mapping
@@ -88,6 +89,7 @@ def _split_sky(words: list[str]) -> tuple[str, str]:
     return "", ""
 
 
+@functools.lru_cache(maxsize=100_000)
 def designation_key(text: str) -> str:
     """Return the canonical key of a star name.
 

@@ -79,6 +79,7 @@ class StellarParameters:
     flags: tuple[str, ...]
 
 
+@functools.lru_cache(maxsize=10_000)
 def parse_spectral_type(text: str) -> SpectralType:
     """Read an MK spectral type as people write it: ``K1V``, ``g2 v``, ``G8.5IV-V``, ``F7/8 V``, ``sdF8``, ``K0III+G``.
 

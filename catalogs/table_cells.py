@@ -564,25 +564,21 @@ def read_rows(
     given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
     given.refuse_lacking(required)
     reading = _Reading(raw, strict, given.left_out)
+    if DEFAULT_ROW in chosen and reading.keep_default_rows(columns[DEFAULT_ROW], chosen.pop(DEFAULT_ROW)):
+        notes += (f"{raw.name}: {reading.dropped} rows are not the default solution of a planet: not read",)
+    values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
+    reading.names = values.get(about, [None] * len(reading.numbers))
+    values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
     for item in raw.rejects:
         if strict:
             raise InputError(f"{raw.name} row {item.row}", item.value, allowed=item.reason, hint="a stray separator?")
         given.left_out.append(LeftOut(item.row, "", item.column, item.value, f"allowed: {item.reason}", ROW_OUT))
-    values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
-    reading.names = values.get(about, reading.names)
-    values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
-    numbers = raw.numbers.tolist()
-    other = {number for number, cell in zip(numbers, values.pop(DEFAULT_ROW, ()), strict=False) if cell is False}
-    if other:
-        reading.notes.append(f"{raw.name}: {len(other)} rows are not the default solution of a planet: not read")
-        given.left_out[:] = [item for item in given.left_out if item.row not in other]
-    lost = other | {item.row for item in given.left_out if item.done == ROW_OUT}
-    order = list(values)
-    cells = zip(*values.values(), strict=True) if values else iter([()] * len(raw))
-    for number, line in zip(numbers, cells, strict=True):
+    lost = {item.row for item in given.left_out if item.done == ROW_OUT}
+    lines = zip(*values.values(), strict=True) if values else iter([()] * len(reading.numbers))
+    for number, line in zip(reading.numbers.tolist(), lines, strict=True):
         if number not in lost:
             given.numbers.append(number)
-            given.rows.append({name: cell for name, cell in zip(order, line, strict=True) if cell is not None})
+            given.rows.append({name: cell for name, cell in zip(values, line, strict=True) if cell is not None})
     place = next((use.convention for use in uses if use.heading == headings.get("ra_deg")), "")
     if (epoch := _EPOCHS.get(place)) is not None:
         for row in given.rows:
@@ -617,20 +613,20 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
     uses: list[Use] = []
     exact = {column.heading for column in raw.columns} & set(columns)
     for column, meant in zip(raw.columns, _meanings(raw, columns), strict=True):
-        own = RawColumn(column.heading, column.unit or meant.unit, column.cells)
-        unused = Use(column.heading or "(no heading)", "", own.unit)
+        unit = column.unit or meant.unit
+        unused = Use(column.heading or "(no heading)", "", unit)
         if meant.column is None:
             uses.append(replace(unused, why="not known"))
         elif (name := meant.column.name) in exact and column.heading != name:
             uses.append(replace(unused, why=f"{name} is read"))
-        elif allowed := _unit_problem(meant.column, own.unit, meant.convention):
+        elif allowed := _unit_problem(meant.column, unit, meant.convention):
             if strict:
-                raise InputError(f"{raw.name} column {column.heading}", f"unit {own.unit}", allowed=allowed)
+                raise InputError(f"{raw.name} column {column.heading}", f"unit {unit}", allowed=allowed)
             uses.append(replace(unused, why=f"unit not understood, allowed: {allowed}"))
         else:
-            unit = own.unit if column.unit else f"[{own.unit or meant.column.unit}]" if meant.column.unit else ""
-            uses.append(Use(column.heading, name, unit, meant.convention))
-            found.setdefault(name, []).append((own, meant))
+            assumed = f"[{unit or meant.column.unit}]" if meant.column.unit else ""
+            uses.append(Use(column.heading, name, unit if column.unit else assumed, meant.convention))
+            found.setdefault(name, []).append((column, meant._replace(unit=unit)))
     for name, several in found.items():
         several.sort(key=lambda item: item[1].rank)
         if strict and len(several) > 1 and several[0][1].convention == several[1][1].convention:
@@ -645,15 +641,24 @@ class _Reading:
     def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
         self.raw, self.strict, self.left = raw, strict, left
         self.numbers = raw.numbers
+        self.kept: NDArray[np.bool_] | None = None
         self.names: list[Any] = [None] * len(raw)
+        self.dropped = 0
         self.notes: list[str] = []
+
+    def keep_default_rows(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> bool:
+        """Leave out the rows that say again, with other numbers, what another row says; tell whether there are any."""
+        self.kept = np.array([cell is not False for cell in self.merged(column, found)], bool)
+        self.numbers = self.numbers[self.kept]
+        self.dropped = int(np.count_nonzero(~self.kept))
+        return bool(self.dropped)
 
     def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
         """Return the cells of one column of ours: errors of both sides as their mean, gaps of one from the next."""
         limits = [given for given, meant in found if meant.convention == "limit"]
         read = [(self.read(column, *item), item) for item in found if item[1].convention != "limit"]
         if not read:
-            return [None] * len(self.raw)
+            return [None] * len(self.numbers)
         sides = [values for values, (_, meant) in read if meant.convention.startswith("error_")]
         if len(sides) > 1 and len(sides) == len(read):
             pairs = [[abs(value) for value in pair if value] for pair in zip(*sides, strict=True)]
@@ -666,17 +671,17 @@ class _Reading:
                 self.notes.append(f"{self.raw.name}: {what}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
-            flags, _ = _numbers(np.ma.filled(np.ma.asarray(given.cells, object), 0))
+            flags, _ = _numbers(np.ma.filled(self._cells(given).astype(object), 0))
             values = [None if flag else value for value, flag in zip(values, flags.tolist(), strict=True)]
         return values
 
     def read(self, column: Column, given: RawColumn, meant: Meaning) -> list[Any]:
         """Return the cells of one column of the file; None where missing."""
-        cells = np.ma.getdata(given.cells)
-        there = np.flatnonzero(~np.ma.getmaskarray(given.cells))
+        whole = self._cells(given)
+        cells, there = np.ma.getdata(whole), np.flatnonzero(~np.ma.getmaskarray(whole))
         fills = np.zeros(len(there), bool)
         if column.kind in ("float", "whole"):
-            numbers, good, fills = _read_numbers(column, given, cells[there], meant.convention)
+            numbers, good, fills = _read_numbers(column, given.heading, meant, cells[there])
             with np.errstate(invalid="ignore"):
                 good &= (numbers >= column.low) & (numbers <= column.high) & ~fills
                 if column.kind == "whole":
@@ -691,33 +696,38 @@ class _Reading:
         for place, value in zip(there[good].tolist(), np.array(found, object)[good].tolist(), strict=True):
             values[place] = value
         for place, fill in zip(there[~good].tolist(), fills[~good].tolist(), strict=True):
-            self._leave_out(column, given, place, fill=fill)
+            self._leave_out(column, given.heading, meant.unit, (place, cells[place]), fill=fill)
         return values
 
-    def _leave_out(self, column: Column, given: RawColumn, place: int, *, fill: bool) -> None:
+    def _cells(self, given: RawColumn) -> "np.ma.MaskedArray[Any, Any]":
+        return given.cells if self.kept is None else given.cells[self.kept]
+
+    def _leave_out(self, column: Column, heading_: str, unit: str, at: tuple[int, Any], *, fill: bool) -> None:
         """Put a cell that is not accepted on the list; refuse it where the table is strict."""
-        cell, name, number = given.cells[place], self.names[place], int(self.numbers[place])
-        unit = (given.unit or column.unit) if column.kind in ("float", "whole") else ""
+        (place, cell), number = at, int(self.numbers[at[0]])
+        name = self.names[place]
+        unit = (unit or column.unit) if column.kind in ("float", "whole") else ""
         hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
         if self.strict:
             who = "" if name is None else f" ({name})"
-            key = f"{self.raw.name} row {number}{who} column {given.heading}"
             hint += ": leave the cell empty" if fill else ""
+            key = f"{self.raw.name} row {number}{who} column {heading_}"
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT
-        self.left.append(LeftOut(number, name or "", given.heading, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+        self.left.append(LeftOut(number, name or "", heading_, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
 def _read_numbers(
-    column: Column, given: RawColumn, cells: NDArray[Any], convention: str
+    column: Column, heading_: str, meant: Meaning, cells: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return cells as numbers in the unit of a column; which of them are some; and which stand for missing ones."""
     numbers, good = _numbers(cells)
     fills = np.zeros(len(cells), bool)
     if column.fills:
         fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
-    unit, angle, date = given.unit, column.name in ("ra_deg", "dec_deg"), column.name.endswith("_jd")
+    unit, convention = meant.unit, meant.convention
+    angle, date = column.name in ("ra_deg", "dec_deg"), column.name.endswith("_jd")
     if convention == "rad_or_deg" and (np.abs(numbers[good]) > 2.0 * math.pi).any():
         unit = "deg"
     if convention == "log10" and not re.match(r"\s*\[?(?:dex|log)", unit):
@@ -736,7 +746,7 @@ def _read_numbers(
         said = {"jd_auto": "", "": ""}.get(convention, convention)
         pairs = zip(numbers, good, cells, strict=True)
         mixed = np.array([number if ok else cell for number, ok, cell in pairs], object)
-        read = written_values.read_dates(mixed, f"{given.heading} {given.unit} {said}")
+        read = written_values.read_dates(mixed, f"{heading_} {unit} {said}")
     else:
         read = written_values.converted(written_values.read_numbers(cells), unit, column.unit)
     return _by_convention(read.values, convention), np.isfinite(read.values), fills

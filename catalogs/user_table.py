@@ -79,7 +79,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     given.refuse_twins(lambda row: designation_key(row["name"]))
 
     rows = given.made(lambda where, row: _filled(row, where, raw.name))
-    table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
+    table = _table(rows, raw.name)
     notes = given.notes + given.told() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
 
@@ -171,8 +171,19 @@ def named_star(
     row = _filled({key: value for key, value in given.items() if value is not None}, "", "the question")
     if distance_pc is None:
         row["distance_pc_src"] = f"assumed:{ASSUMED_PC:g}"
-        row["quality_flags"] = ";".join(sorted([*filter(None, row["quality_flags"].split(";")), "distance_assumed"]))
-    return star_table({key: [value] for key, value in row.items()}, name)
+        row["quality_flags"].add("distance_assumed")
+    return _table([row], name)
+
+
+def _table(rows: list[Row], label: str) -> StarTable:
+    """Return the table of filled rows, with a flag where the stellar grid ends."""
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    clamped = load_stellar_grid().flags(*(columns[name] for name in ("teff_k", "log_g", "metallicity"))).any
+    for flags, beyond in zip(columns["quality_flags"], clamped.tolist(), strict=True):
+        flags |= {"stellar_grid_clamped"} if beyond else set()
+    return star_table(
+        columns | {"quality_flags": [";".join(sorted(flags)) for flags in columns["quality_flags"]]}, label
+    )
 
 
 def _companions_left_out(table: StarTable) -> tuple[str, ...]:
@@ -223,9 +234,7 @@ def _filled(given: Row, where: str, source: str) -> Row:
     flags |= _physics(row, given, listed, where)
     flags |= _companion(row, given, listed)
     flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
-    if bool(load_stellar_grid().flags(row["teff_k"], row["log_g"], row["metallicity"]).any):
-        flags.add("stellar_grid_clamped")
-    return row | {"quality_flags": ";".join(sorted(flags))}
+    return row | {"quality_flags": flags}
 
 
 def _numbered(prefix: str, text: str) -> str:
