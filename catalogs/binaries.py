@@ -8,7 +8,6 @@ colours can follow (104 Tau, HD 90508), and one that puts its pair 15 arcsec fro
 several companions of a star the one with the largest flux over squared separation has the row.
 """
 
-import csv
 import functools
 import hashlib
 import math
@@ -21,6 +20,7 @@ from typing import Any, Self
 import numpy as np
 
 from catalogs.orbits import orbit_places
+from catalogs.shipped_tables import shipped_rows
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, BoolArray, FloatArray
 
@@ -118,9 +118,7 @@ class BinaryOrbit:
 @functools.cache
 def binary_orbits() -> tuple[BinaryOrbit, ...]:
     """Return the rows of ``binary_orbits.csv``, one for each pair. It is read once per process."""
-    with _FILE.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return tuple(map(_orbit, rows))
+    return tuple(map(_orbit, shipped_rows(_FILE.name)))
 
 
 def _orbit(row: Mapping[str, str]) -> BinaryOrbit:

@@ -3,7 +3,6 @@
 Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file.
 """
 
-import csv
 import functools
 import json
 import re
@@ -14,6 +13,7 @@ from typing import Any, Literal
 from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
 from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
+from catalogs.shipped_tables import shipped_rows
 from catalogs.stars import StarTable, load_stars, with_updates
 from catalogs.table_cells import LeftOut, Use
 from cpic_core import InputError, in_unit
@@ -102,12 +102,11 @@ def catalogue_info() -> dict[str, Any]:
         of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
         ``credits``.
     """
-    with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
-        counts = [
-            {"cut": f"{row['group']}: {row['what']}", "count": int(row["count"])}
-            | {name: row[name] for name in ("reference", "note")}
-            for row in csv.DictReader(stream)
-        ]
+    counts = [
+        {"cut": f"{row['group']}: {row['what']}", "count": int(row["count"])}
+        | {name: row[name] for name in ("reference", "note")}
+        for row in shipped_rows("stars_counts.csv")
+    ]
     files = [
         {
             "file": entry["data_file"],

@@ -2,25 +2,24 @@
 
 Accepted are HIP, HD, HR, GJ/Gl, LHS, LTT, BD and SAO numbers, Bayer and Flamsteed designations (Greek letters, English
 or SIMBAD spelling, genitives, superscripts), variable-star and proper names, and SIMBAD's main identifiers, with or
-without component letters. Case matters only for Latin Bayer letters (``e Eri``).
+without component letters; in a table of a user's own, TIC, TOI and Gaia numbers and names of surveys too. Case matters
+only for Latin Bayer letters (``e Eri``).
 
 A name of a whole system (``61 Cyg``, ``alpha Cen``) gives its brightest catalogue star and a note. A well-known star
 that is not in the catalogue is refused with the reason.
 """
 
-import csv
 import difflib
 import functools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from catalogs.nomenclature import GREEK, designation_key, split_component
+from catalogs.shipped_tables import shipped_lines
 from catalogs.stars import StarTable, load_stars
 from cpic_core import InputError
 
-_DATA = Path(__file__).resolve().parent / "data"
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
 _SUGGESTIONS = 4
 _LATIN_BAYER = re.compile(r"[A-Za-z]\d* [a-z]{3}(?: [a-e])?")
@@ -57,7 +56,7 @@ class StarMatch:
 @functools.cache
 def snapshot_aliases() -> dict[str, tuple[str, int]]:
     """Return key -> (star name, kind); kind 1 is a name of the whole system."""
-    return {key: (name, int(kind)) for key, name, kind in _lines("aliases.csv")}
+    return {key: (name, int(kind)) for key, name, kind in shipped_lines("aliases.csv")[1:]}
 
 
 _WAY_OUT = "cpic etc answers with --v-mag, --sp-type or --teff-k, and --distance-pc; rankings, with a table of yours"
@@ -66,13 +65,7 @@ _WAY_OUT = "cpic etc answers with --v-mag, --sp-type or --teff-k, and --distance
 @functools.cache
 def _outsiders() -> dict[str, str]:
     """Return key -> coded reason of well-known stars outside the catalogue."""
-    return {key: reason for keys, reason in _lines("known_stars.csv") for key in keys.split("|")}
-
-
-def _lines(file: str) -> list[list[str]]:
-    """Return the lines of a shipped file below its heading."""
-    with (_DATA / file).open(encoding="utf-8", newline="") as stream:
-        return list(csv.reader(stream))[1:]
+    return {key: reason for keys, reason in shipped_lines("known_stars.csv")[1:] for key in keys.split("|")}
 
 
 def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
@@ -233,21 +226,19 @@ def _system_others(key: str, star: str) -> list[str]:
 
 
 def _refusal(name: str, key: str) -> InputError:
-    outsiders = _outsiders()
-    base, letter = split_component(key)
-    for form in (key, base, f"{key} a") if letter in ("", "a") else (key,):
-        if form in outsiders:
-            allowed = "F, G or K within 40 pc and V <= 7.5"
-            return InputError("star", name, allowed=allowed, hint=f"{_reason(outsiders[form])}; {_WAY_OUT}")
-    if letter and base in outsiders:
-        hint = f"component {letter.upper()} is not in the catalogue, nor is {name.strip()[:-1].strip()}; {_WAY_OUT}"
-        return InputError("star", name, allowed=_ALLOWED, hint=hint)
-    if letter and (star := _find(base)):
+    outsiders, (base, letter) = _outsiders(), split_component(key)
+    known = [form for form in ((key, base, f"{key} a") if letter in ("", "a") else (key,)) if form in outsiders]
+    allowed, hint = _ALLOWED, f"component {letter.upper()} is not in the catalogue"
+    if known:
+        allowed, hint = "F, G or K within 40 pc and V <= 7.5", f"{_reason(outsiders[known[0]])}; {_WAY_OUT}"
+    elif letter and base in outsiders:
+        hint += f", nor is {name.strip()[:-1].strip()}; {_WAY_OUT}"
+    elif letter and (star := _find(base)):
         listed = _component(star[0])
-        shown = f"{star[0]} (component {listed})" if listed else star[0]
-        hint = f"component {letter.upper()} is not in the catalogue; {shown} is"
-        return InputError("star", name, allowed=_ALLOWED, hint=hint)
-    return InputError("star", name, allowed=_ALLOWED, hint=_nearest(key))
+        hint += f"; {star[0]}{f' (component {listed})' * bool(listed)} is"
+    else:
+        hint = _nearest(key)
+    return InputError("star", name, allowed=allowed, hint=hint)
 
 
 def _nearest(key: str) -> str:
@@ -269,13 +260,7 @@ def _reason(code: str) -> str:
     """Turn the coded reason of ``known_stars.csv`` into words."""
     word, _, value = code.partition("=")
     if word == "parallax":
-        if float(value) > 1.0:
-            return f"beyond 40 pc: parallax {value} mas, {1000.0 / float(value):.0f} pc"
-        return f"beyond 40 pc: parallax {value} mas"
-    if word == "v":
-        return f"too faint: V = {value}"
-    if word == "type":
-        if value:
-            return f"not an F, G or K star: spectral type {value}"
-        return "not among the F, G and K stars of the source"
-    return f"left out: {value}"
+        far = f", {1000.0 / float(value):.0f} pc" if float(value) > 1.0 else ""
+        return f"beyond 40 pc: parallax {value} mas{far}"
+    kind = f"an F, G or K star: spectral type {value}" if value else "among the F, G and K stars of the source"
+    return {"v": f"too faint: V = {value}", "type": f"not {kind}"}.get(word, f"left out: {value}")

@@ -6,16 +6,15 @@ would be different stars. Greek letters take SIMBAD's three-letter forms (``alf`
 the IAU abbreviations.
 """
 
-import csv
 import functools
 import re
 import unicodedata
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-with (Path(__file__).resolve().parent / "data" / "designations.csv").open(encoding="utf-8", newline="") as _stream:
-    _ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in csv.DictReader(_stream)]
+from catalogs.shipped_tables import shipped_rows
+
+_ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in shipped_rows("designations.csv")]
 GREEK: dict[str, tuple[str, tuple[str, ...]]] = {
     key: (forms[0], forms[1:]) for kind, key, forms in _ROWS if kind == "letter"
 }
@@ -37,6 +36,7 @@ _CATALOGUE = re.compile(
     re.IGNORECASE,
 )
 _ZONE = re.compile(r"(bd|cd|cpd) ?([-+]) ?(\d{1,2}) ?[°d ] ?0*(\d+[a-e]?)(?: ([a-e]))?", re.IGNORECASE)
+_BRACKETED = re.compile(r"(?<=.) ?\(([A-E]{1,3})\)$")
 _COMPONENT = re.compile(r"[A-Ea-e]{1,3}")
 _LETTER_INDEX = re.compile(r"([^\W\d]+)\.?[\s-]*0*(\d{0,2})")
 _NUMBER = re.compile(r"0*(\d{1,3})")
@@ -47,16 +47,17 @@ _NUMBERS = {"hip": "HIP", "hd": "HD", "gj": "GJ", "hr": "HR", "tic": "TIC", "gai
 _WHOLE_FLOAT = 2.0**53
 _PLANET = re.compile(
     r"(.*\S) ([b-z])|(.*\d(?:[A-E]|\([A-E]{1,3}\))?)([b-z])|(.*[\d )][A-E])([b-z])"
-    r"|((?:C?TOI|TIC|KOI|KIC|EPIC)[- ]?\d+|K\d{5})\.(\d\d)"
+    r"|((?:C?TOI|TIC|KOI|KIC|EPIC)[- ]?\d+|K\d{5}|(?:HD|HIP|GJ|Gl|Gliese) ?\d+(?=\.0))\.(\d\d)"
 )
 _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 
 
 def _plain(text: str) -> str:
     """Fold compatibility forms (superscripts, thin spaces) and accents; keep Greek letters."""
-    folded = unicodedata.normalize("NFKC", text.replace("µ", "μ"))
-    stripped = "".join(c for c in unicodedata.normalize("NFD", folded) if unicodedata.category(c) not in ("Mn", "Cf"))
-    return " ".join(stripped.replace("_", " ").replace("−", "-").split())
+    if not text.isascii():
+        folded = unicodedata.normalize("NFD", unicodedata.normalize("NFKC", text.replace("µ", "μ").replace("−", "-")))
+        text = "".join(letter for letter in folded if unicodedata.category(letter) not in ("Mn", "Cf"))
+    return " ".join(text.replace("_", " ").split())
 
 
 def _head_key(head: str) -> str:
@@ -110,7 +111,8 @@ def designation_key(text: str) -> str:
     lead = _LEAD.match(name)
     if lead:
         name = name[lead.end() :]
-    name = re.sub(r" ?\(([A-E]{1,3})\)$", r" \1", name)
+    if name.endswith(")"):
+        name = _BRACKETED.sub(r" \1", name)
     if found := _CATALOGUE.fullmatch(name):
         return " ".join(filter(None, (_LISTS[found[1].lower()], found[2], found[3].lower())))
     if found := _ZONE.fullmatch(name):
@@ -200,7 +202,7 @@ def host_of_planet(name: str) -> tuple[str, str] | None:
     ----------
     name : str
         ``HD 154857 b``, ``HD 10647b``, ``GJ 15 A b``, ``Kepler-16 (AB) b``, ``TOI-700.01``. A planet around two stars
-        (``(AB)``) is of the system; one around ``(A)`` or ``(B)`` of that component.
+        (``(AB)``, ``AB``) is of the system; one around ``(A)`` or ``(B)`` of that component.
 
     Returns
     -------
@@ -219,4 +221,5 @@ def host_of_planet(name: str) -> tuple[str, str] | None:
         return None
     star, part = filter(None, found.groups())
     star = re.sub(r"^K0*(?=\d+$)", "KOI-", star)
-    return re.sub(r" ?\(([A-E])([A-E]*)\)$", lambda pair: "" if pair[2] else f" {pair[1]}", star), part
+    star = _BRACKETED.sub(r" \1", star)
+    return re.sub(r" [A-E]{2,}$", "", star), part

@@ -12,7 +12,6 @@ its star. The diameters of psi Dra A, HD 16160 and 5 Ser and the H-band spectrum
 4607 K) are left out: they contradict colour and spectroscopy by over 200 K.
 """
 
-import csv
 import functools
 import hashlib
 import math
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import stellar_physics as physics
+from catalogs.shipped_tables import shipped_rows
 from catalogs.star_columns import COLUMNS
 from cpic_core import NDArray
 
@@ -83,10 +83,8 @@ def published_parameters() -> Mapping[str, tuple[PublishedParameters, ...]]:
     """Return the rows of ``stellar_parameters.csv`` by star, in the order of the file. It is read once per process."""
     numbers = [field.name for field in fields(PublishedParameters) if field.type is float]
     found: dict[str, list[PublishedParameters]] = {}
-    with _FILE.open(encoding="utf-8", newline="") as stream:
-        rows: list[dict[str, Any]] = list(csv.DictReader(stream))
-    for row in rows:
-        values = row | {name: float(row[name] or math.nan) for name in numbers}
+    for row in shipped_rows(_FILE.name):
+        values: dict[str, Any] = row | {name: float(row[name] or math.nan) for name in numbers}
         found.setdefault(row["star"], []).append(PublishedParameters(**values))
     return {star: tuple(items) for star, items in found.items()}
 

@@ -79,7 +79,6 @@ class StellarParameters:
     flags: tuple[str, ...]
 
 
-@functools.lru_cache(maxsize=10_000)
 def parse_spectral_type(text: str) -> SpectralType:
     """Read an MK spectral type as people write it: ``K1V``, ``g2 v``, ``G8.5IV-V``, ``F7/8 V``, ``sdF8``, ``K0III+G``.
 
@@ -92,7 +91,12 @@ def parse_spectral_type(text: str) -> SpectralType:
     InputError
         If the text is not a type of class O, B, A, F, G, K or M.
     """
-    name = _plain(text)
+    return _parsed(_plain(text))
+
+
+@functools.lru_cache(maxsize=10_000)
+def _parsed(name: str) -> SpectralType:
+    """Return what a type without blanks means; tables have few types and many stars."""
     second_star = _SECOND_STAR.search(name, 1)
     first = name[: second_star.start()] if second_star else name
     body = re.sub(r"^\([^)]*\)(?=[OBAFGKM])", "", _HYDROGEN.sub("", first)).removeprefix("h")

@@ -5,22 +5,20 @@ our own columns stand in ``data/columns.csv``. A row that cannot be used is left
 the caller is strict; a cell that cannot be meant is left out of its row likewise.
 """
 
-import csv
 import functools
 import math
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from catalogs.shipped_tables import shipped_rows
 from catalogs.table_files import RawColumn, RawTable
 from cpic_core import InputError, NDArray, listed
 
-_DATA = Path(__file__).resolve().parent / "data"
 _T = TypeVar("_T")
 
 
@@ -230,7 +228,7 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
         ``not_shipped`` and ``input`` for what only such a table has.
     """
     found = []
-    for row in _rules():
+    for row in shipped_rows("columns.csv"):
         rules = row["rules"].split()
         if row["table"] == table and (not only or only in rules) and without not in rules:
             low, high = (float(row[end] or math.nan) for end in ("low", "high"))
@@ -238,12 +236,6 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
             told |= {word: word in rules for word in ("fills", "vital", "aside")}
             found.append(Column(**told, low=low, high=high, decimals=int(row["decimals"] or 0)))
     return tuple(found)
-
-
-@functools.cache
-def _rules() -> list[dict[str, str]]:
-    with (_DATA / "columns.csv").open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 @functools.cache
@@ -255,15 +247,14 @@ def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
     table : {"stars", "planets"}
     """
     found: dict[str, list[Synonym]] = {}
-    with (_DATA / "headings.csv").open(encoding="utf-8", newline="") as stream:
-        for row in csv.DictReader(stream):
-            if row["table"] == table:
-                words = row["convention"].split()
-                beside = next((heading(word[7:]) for word in words if word.startswith("beside:")), "")
-                convention = next((word for word in words if not word.startswith("beside:")), "")
-                found.setdefault(row["quantity"], []).extend(
-                    Synonym(form, row["unit"], convention, row["source"], beside) for form in row["headings"].split()
-                )
+    for row in shipped_rows("headings.csv"):
+        if row["table"] == table:
+            words = row["convention"].split()
+            beside = next((heading(word[7:]) for word in words if word.startswith("beside:")), "")
+            convention = next((word for word in words if not word.startswith("beside:")), "")
+            found.setdefault(row["quantity"], []).extend(
+                Synonym(form, row["unit"], convention, row["source"], beside) for form in row["headings"].split()
+            )
     return found
 
 

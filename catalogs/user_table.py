@@ -180,7 +180,7 @@ def _table(rows: list[Row], label: str) -> StarTable:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     clamped = load_stellar_grid().flags(*(columns[name] for name in ("teff_k", "log_g", "metallicity"))).any
     for flags, beyond in zip(columns["quality_flags"], clamped.tolist(), strict=True):
-        flags |= {"stellar_grid_clamped"} if beyond else set()
+        flags.update({"stellar_grid_clamped"} if beyond else ())
     return star_table(
         columns | {"quality_flags": [";".join(sorted(flags)) for flags in columns["quality_flags"]]}, label
     )

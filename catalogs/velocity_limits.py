@@ -5,7 +5,6 @@ and searched for (`tools.velocity_limits`); where a row has none it names a rule
 ``velocity_rules.csv``. A star without a row has no limit. Rows name their publications.
 """
 
-import csv
 import functools
 import itertools
 import math
@@ -16,6 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from catalogs.known_planet_table import star_key
+from catalogs.shipped_tables import shipped_rows
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, FloatArray, real_array
 
@@ -114,13 +114,9 @@ def velocity_limit(star: str) -> VelocityLimit | None:
 def _limits() -> dict[str, VelocityLimit]:
     stars = load_stars()
     masses = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
-    rules = {row["rule"]: row for row in _rows(RULES_FILE)}
-    return {star_key(row["star"]): _limit(row, rules, float(masses[row["star"]])) for row in _rows(LIMITS_FILE)}
-
-
-def _rows(path: Path) -> list[_Cells]:
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
+    rules = {row["rule"]: row for row in shipped_rows(RULES_FILE.name)}
+    rows = shipped_rows(LIMITS_FILE.name)
+    return {star_key(row["star"]): _limit(row, rules, float(masses[row["star"]])) for row in rows}
 
 
 def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> VelocityLimit:

@@ -4,6 +4,7 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
+from cpic_core.discs import overlap_weights as overlap_weights
 from cpic_core.errors import (
     InputError as InputError,
     listed as listed,

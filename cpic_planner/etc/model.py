@@ -280,7 +280,8 @@ def build_model(
             hint = "only a multiplying register makes single electrons countable"
             raise InputError("mode", chosen.mode, allowed=f"analogue in {name}", hint=hint)
     tree = instrument.model_dump(mode="json")
-    digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree)))})
+    tables = [found.sha256 for name in names if (found := instrument.table(name)) is not None]
+    digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree))), "tables": tables})
     return _model(digest, names, chosen, _Unkeyed(instrument))
 
 

@@ -367,10 +367,20 @@ def instrument_rows(
                 unit=unit_of(name) or ("" if origin is None else origin.unit),
                 short_name=next((short for short, long in ALIASES.items() if fnmatchcase(name, long)), ""),
                 confidence="" if origin is None else origin.confidence,
-                source="" if origin is None else origin.source,
+                source=_table_words(instrument, name) if origin is None else origin.source,
             )
         )
     return rows
+
+
+def _table_words(instrument: Instrument, name: str) -> str:
+    """Return what was read from where of the tables that a key of an instrument names."""
+    if not f"{name}.".startswith("coronagraph.table.") or instrument.coronagraph.table is None:
+        return ""
+    band = name.removeprefix("coronagraph.table").lstrip(".")
+    tables = [instrument.table(one) for one in ([band] if band else instrument.bands)]
+    words = [(table.origin, *table.notes) for table in tables if table is not None]
+    return "; ".join(dict.fromkeys(one for table in words for one in table if one))
 
 
 def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:

@@ -29,6 +29,7 @@ ORDER = (
     "hcipy",
     "vip",
     "exosims",
+    "yippy",
     "paper",
 )
 

@@ -24,7 +24,11 @@ from simulator.config.coronagraph_table import (
 from simulator.config.map_files import MapFile, header_number, pixel_scale, read_maps, real_map
 
 _SIDES = (9, 4001)
-_MAPS = tuple(name for name in COLUMNS if name not in CONSTANT and not name.startswith(("separation", "star_columns")))
+_MAPS = tuple(
+    name
+    for name in COLUMNS
+    if name not in CONSTANT and not name.startswith(("separation", "star_columns", "source_peak"))
+)
 _SQUARES = ("contrast_stability", "speckle_variance_per_nm2", "speckle_variance_per_nm4")
 _EDGES = ("inner_arcsec", "outer_arcsec", "inner_lambda_d", "outer_lambda_d")
 _SCALES = ("pixel_scale_arcsec", "pixel_scale_lambda_d")

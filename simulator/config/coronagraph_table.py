@@ -1,7 +1,8 @@
 """A coronagraph as a table: what it does to the star and to a planet, by their separation.
 
 A file has a heading and one row for each separation (CSV, ECSV, VOTable, FITS). Units stand in the names of its
-columns, or in brackets behind them: ``separation [mas]``, ``core throughput [%]``.
+columns, or in brackets behind them: ``separation [mas]``, ``core throughput [%]``. A folder is a yield input package
+(`simulator.config.yield_package`).
 """
 
 import functools
@@ -10,15 +11,15 @@ import logging
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catalogs import Column, Columns, RawColumn, RawTable, parse_table, read_bytes, read_rows
-from cpic_core import ArrayLike, FloatArray, InputError, file_state, read_file
+from catalogs import Column, Columns, RawColumn, RawTable, Rows, parse_table, read_bytes, read_rows
+from cpic_core import ArrayLike, FloatArray, InputError, file_state, is_file, read_file
 from simulator.config.base import nearest
 
 KEY = "coronagraph.table"
@@ -59,6 +60,10 @@ COLUMNS = Columns(
     _column("speckle_variance_per_nm2", "", 0.0, 1e6, "variance of core sums between visits each 1 nm off: cross term"),
     _column("speckle_variance_per_nm4", "", 0.0, 1e6, "the same of the light of the wavefront's errors"),
     _column("source_peak_pixel", "", 0.0, 1.0, "brightest pixel of a source"),
+    _column(
+        *("source_peak_step", "", 0.0, 1.0, "the same, of pixels as wide as the rows' step: contrasts are over it"),
+        "psfpeak coremeanintensity",
+    ),
     _column("star_peak_zone", "", 0.0, 1.0, "brightest pixel of the star in the zone"),
     _column("star_peak_columns", "", 0.0, 1.0, "brightest pixel of the star in detector columns through the zone"),
     _column("star_peak_frame", "", 0.0, 1.0, "brightest pixel of the star anywhere"),
@@ -97,6 +102,8 @@ class CoronagraphTable:
         Those that the file has, separations left out, areas in arcsec^2.
     notes : tuple of str
         Remarks on the reading: columns that are not used.
+    origin : str
+        What was read from where.
     maps : mapping of str to ndarray, shape (n, n)
         Columns that are known by place, ``[y, x]``, the star on the middle pixel; the columns are their means over
         rings.
@@ -111,6 +118,7 @@ class CoronagraphTable:
     notes: tuple[str, ...] = ()
     maps: Mapping[str, FloatArray] = field(default_factory=dict)
     map_step_arcsec: float = 0.0
+    origin: str = ""
 
     def __contains__(self, name: str) -> bool:
         """Return whether the table has a column."""
@@ -173,6 +181,7 @@ class CoronagraphTable:
         return None if area is None else math.sqrt(area / math.pi)
 
 
+@functools.lru_cache(maxsize=1)
 def shipped_tables() -> tuple[str, ...]:
     """Return the names of the tables that the package ships."""
     return tuple(sorted(path.stem for path in _folder().glob("*.csv")))
@@ -192,15 +201,31 @@ def table_path(name: str) -> str:
     return str(_folder() / f"{name}.csv") if name in shipped_tables() else name
 
 
-def coronagraph_table(name: str, lambda_d_arcsec: float) -> CoronagraphTable:
+def coronagraph_table(
+    name: str,
+    lambda_d_arcsec: float,
+    *,
+    diameter_m: float | None = None,
+    is_stated: bool = False,
+    aperture_arcsec: float | None = None,
+    star_diameter_mas: float | None = None,
+) -> CoronagraphTable:
     """Read the table of a band; the same file is read once.
 
     Parameters
     ----------
     name : str
-        A file, or the name of a shipped table.
+        A file or folder, or the name of a shipped table.
     lambda_d_arcsec : float
-        lambda/D of the band.
+        lambda/D of the file in the band.
+    diameter_m : float, optional
+        Its D, for words.
+    is_stated : bool
+        Whether that is said of the file; otherwise separations in arcsec and in lambda/D may be those of another.
+    aperture_arcsec : float, optional
+        Radius of the photometric aperture, for images; 0.7 lambda/D if not given.
+    star_diameter_mas : float, optional
+        Angular diameter of the star, for images.
 
     Raises
     ------
@@ -208,25 +233,45 @@ def coronagraph_table(name: str, lambda_d_arcsec: float) -> CoronagraphTable:
         Naming file, row, column, value and range: it cannot be read, lacks a column or a cell, has fewer than two rows
         or two of one separation, or holds what no coronagraph does.
     """
+    from simulator.config.yield_package import FILES, is_package, read_yield_package
+
     path = table_path(name)
+    if not is_file(path) and is_package(path):
+        aperture = 0.7 * lambda_d_arcsec if aperture_arcsec is None else aperture_arcsec
+        states = tuple(_state(str(Path(path) / file)) for file in FILES)
+        found = read_yield_package(path, states, lambda_d_arcsec, diameter_m, aperture, star_diameter_mas)
+        for note in found.notes:
+            _say(note)
+        return found
+    if Path(path).name in FILES:
+        raise InputError(KEY, path, allowed="its folder, a yield input package")
+    if star_diameter_mas is not None:
+        allowed = "not given: only the images of a yield input package depend on it"
+        raise InputError("coronagraph.star_diameter_mas", star_diameter_mas, unit="mas", allowed=allowed)
+    return _read(path, _state(path), lambda_d_arcsec, diameter_m, is_stated)
+
+
+def _state(path: str) -> tuple[int, int]:
     try:
-        state = file_state(path)
+        return file_state(path)
     except (OSError, ValueError):
-        state = (0, 0)  # reading says what is wrong
-    return _read(path, state, lambda_d_arcsec)
+        return (0, 0)  # reading says what is wrong
 
 
 @functools.lru_cache(maxsize=64)
-def _read(path: str, state: tuple[int, int], lambda_d_arcsec: float) -> CoronagraphTable:
+def _read(
+    path: str, state: tuple[int, int], lambda_d_arcsec: float, diameter_m: float | None, is_stated: bool
+) -> CoronagraphTable:
     if path.lower().endswith((".npz", ".fits", ".fit", ".fts")) and not _is_fits_table(path):
         from simulator.config.coronagraph_maps import read_coronagraph_maps
 
         return read_coronagraph_maps(path, lambda_d_arcsec)
-    presets = f"{', '.join(shipped_tables())}" if shipped_tables() else ""
+    presets = ", ".join((*shipped_tables(), "the folder of a yield input package"))
     file = read_bytes(path, key=KEY, presets=presets)
     if len(file.data) > MOST_BYTES:
         raise InputError(KEY, file.name, allowed=f"a table of at most {MOST_BYTES} bytes")
-    raw = _with_units(parse_table(file))
+    parsed = parse_table(file)
+    raw = replace(parsed, columns=[_renamed(column) for column in parsed.columns])
     rows = read_rows(raw, COLUMNS, REQUIRED, about="separation_arcsec")
     _refuse_misspelt(raw)
     for where, row in rows:
@@ -234,27 +279,78 @@ def _read(path: str, state: tuple[int, int], lambda_d_arcsec: float) -> Coronagr
     columns = {name: np.array([row[name] for row in rows.rows]) for name in rows.headings}
     if len(rows.rows) < 2:
         raise InputError(file.name, f"{len(rows.rows)} row", allowed="at least two separations")
+    unit, notes = _unit(rows, columns, lambda_d_arcsec, diameter_m, is_stated)
+    notes = (*notes, *_over_cores(rows, columns, unit))
     for name, power in (("separation", 1), ("core_area", 2)):
         arcsec, units = f"{name}_arcsec{'' if power == 1 else power}", f"{name}_lambda_d{'' if power == 1 else power}"
-        if arcsec in columns and units in columns:
-            both = f"{rows.headings[arcsec]} and {rows.headings[units]}"
-            ratio = columns[arcsec] / (columns[units] * lambda_d_arcsec**power)
-            if np.abs(ratio - 1.0).max() > 0.05:
-                worst = f"their ratio is {ratio[np.abs(ratio - 1.0).argmax()]:.3g} lambda/D of this band"
-                hint = f"{worst}; leave one of the two out" if power == 1 else f"{worst}, squared; leave one out"
-                raise InputError(f"{file.name} columns", both, allowed="the same to 5 %", hint=hint)
+        if units in columns:
+            columns.setdefault(arcsec, columns[units] * unit**power)
             del columns[units]
-        elif units in columns:
-            columns[arcsec] = columns.pop(units) * lambda_d_arcsec**power
     order = np.argsort(columns["separation_arcsec"], kind="stable")
     columns = {name: values[order] for name, values in columns.items()}
     place = columns.pop("separation_arcsec")
     if (np.diff(place) <= 0).any():
         twice = float(place[:-1][np.diff(place) <= 0][0])
         raise InputError(f"{file.name} column separation", twice, unit="arcsec", allowed="every separation once")
-    for note in rows.notes:
+    notes = (*rows.notes, *notes)
+    for note in notes:
         _say(note)
-    return checked(CoronagraphTable(file.name, file.sha256, place, columns, rows.notes))
+    origin = ", ".join(f"{name} from {heading}" for name, heading in rows.headings.items())
+    return checked(CoronagraphTable(file.name, file.sha256, place, columns, notes, origin=f"{file.name}: {origin}"))
+
+
+def _unit(
+    rows: Rows, columns: Mapping[str, FloatArray], lambda_d_arcsec: float, diameter_m: float | None, is_stated: bool
+) -> tuple[float, tuple[str, ...]]:
+    """Return lambda/D of a table, and a remark where its separations in arcsec and in lambda/D say another one."""
+    unit, names = lambda_d_arcsec, rows.headings
+    notes: tuple[str, ...] = ()
+    if {"separation_arcsec", "separation_lambda_d"} <= columns.keys():
+        both = f"{names['separation_arcsec']} and {names['separation_lambda_d']}"
+        arcsec, units = columns["separation_arcsec"], columns["separation_lambda_d"]
+        unit = float(arcsec @ units / (units @ units))
+        share, key = unit / lambda_d_arcsec, f"{rows.label} columns"
+        of = "" if diameter_m is None else f", that of a diameter of {diameter_m / share:.4g} m in this band"
+        if np.abs(arcsec / units / unit - 1.0).max() > 0.05:
+            raise InputError(key, both, allowed="one lambda/D in all rows, to 5 %", hint="leave one of the two out")
+        if abs(share - 1.0) > (0.05 if is_stated else 0.25):
+            hint = "leave one of the two out" + ("" if is_stated else ", or give coronagraph.diameter_m")
+            hint = f"lambda/D of the file is {unit:.4g} arcsec{of}; {hint}"
+            raise InputError(key, both, allowed=f"lambda/D = {lambda_d_arcsec:.4g} arcsec to 5 %", hint=hint)
+        if is_stated or abs(share - 1.0) <= 0.01:
+            unit = lambda_d_arcsec  # its cells are rounded
+        else:
+            notes = (f"{rows.label}: lambda/D of {both} is {unit:.4g} arcsec{of}; separations are those in arcsec",)
+    if {"core_area_arcsec2", "core_area_lambda_d2"} <= columns.keys():
+        both = f"{names['core_area_arcsec2']} and {names['core_area_lambda_d2']}"
+        if np.abs(columns["core_area_arcsec2"] / columns["core_area_lambda_d2"] / unit**2 - 1.0).max() > 0.05:
+            raise InputError(f"{rows.label} columns", both, allowed="the same to 5 %", hint="leave one of the two out")
+    return unit, notes
+
+
+def _over_cores(rows: Rows, columns: dict[str, FloatArray], unit: float) -> tuple[str, ...]:
+    """Bring contrasts that are over the peak of a source over the light in its core, as ours are; say so.
+
+    The light of the star in a core is contrast times peak times the pixels of the core, whose width is the step between
+    two rows. Source: github.com/roman-corgi/cgi_noise 597dbfb, ``cginoiselib.py``, ``CGintmpix`` and ``CGintSamp``.
+    """
+    if "source_peak_step" not in columns:
+        return ()
+    heading, peak, core = rows.headings["source_peak_step"], columns.pop("source_peak_step"), columns["core_throughput"]
+    least = float((peak / np.maximum(columns["raw_contrast"], _TINY)).min())
+    if "core_area_arcsec2" not in columns or len(core) < 3 or least <= 1.0 or not core.all():
+        allowed = "the peak of a source, beside its core's area in arcsec2 and throughput, in at least three rows"
+        hint = "starlight of a pixel needs the pixel of its image: give raw_contrast instead" if least <= 1.0 else ""
+        raise InputError(f"{rows.label} column {heading}", float(peak.min()), allowed=allowed, hint=hint)
+    # Those in lambda/D are less rounded.
+    place = columns["separation_lambda_d"] * unit if "separation_lambda_d" in columns else columns["separation_arcsec"]
+    step = float(np.diff(np.sort(place))[1])
+    factor = peak * columns["core_area_arcsec2"] / step**2 / core
+    for name in ("raw_contrast", "contrast_stability"):
+        if name in columns:
+            columns[name] = columns[name] * factor
+    times = f"{factor.min():.3g} to {factor.max():.3g} times the file's"
+    return (f"{rows.label}: contrasts are over {heading}, of pixels of {step:.3g} arcsec; over cores they are {times}",)
 
 
 @functools.lru_cache(maxsize=64)
@@ -303,12 +399,8 @@ def _check(name: str, place: FloatArray, columns: Mapping[str, FloatArray]) -> N
             raise InputError(f"{name} column {one}", float(columns[one].max()), allowed="the same value in every row")
 
 
-def _with_units(raw: RawTable) -> RawTable:
-    """Return the columns whose headings say lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
-    return RawTable(raw.name, [_renamed(column) for column in raw.columns], raw.notes)
-
-
 def _renamed(column: RawColumn) -> RawColumn:
+    """Return a column whose heading says lambda/D or a unit as a suffix, in the names and units of `COLUMNS`."""
     heading, unit = column.heading, column.unit
     if COLUMNS.meant_by(heading)[0] is not None and not re.search(r"[\[(].*[\])]\s*$", heading) and not unit:
         return column
@@ -316,11 +408,11 @@ def _renamed(column: RawColumn) -> RawColumn:
         heading, unit = found[1], (found[2] or found[3] or "").strip()
     if found := _IN_LAMBDA_D.fullmatch(unit):
         bare = re.sub(r"_(?:arcsec|as)2?$", "", heading)
-        return RawColumn(f"{bare}_lambda_d{'2' if found[1] else ''}", "", column.cells)
+        return replace(column, heading=f"{bare}_lambda_d{'2' if found[1] else ''}", unit="")
     ending = heading.lower().rsplit("_", 1)
     if not unit and len(ending) == 2 and ending[1] in _SUFFIXES:
         heading, unit = heading[: -len(ending[1]) - 1], _SUFFIXES[ending[1]]
-    return RawColumn(heading, unit, column.cells)
+    return replace(column, heading=heading, unit=unit)
 
 
 def _refuse_misspelt(raw: RawTable) -> None:

@@ -25,6 +25,7 @@ from simulator.config.telescope import (
     MissionConfig,
     WavefrontConfig,
 )
+from simulator.config.yield_package import is_package
 from simulator.detectors import INFRARED, VISIBLE, chain_preset
 
 _ORIGIN = ("unit", "source", "confidence", "range", "note")
@@ -117,7 +118,16 @@ class Instrument(FrozenModel):
             return None
         if not isinstance(named, str) and band not in named:
             raise InputError(TABLE_KEY, ", ".join(named), allowed=f"a table for every band, {band} has none")
-        return coronagraph_table(named if isinstance(named, str) else named[band], self.lambda_d_arcsec(band))
+        own, unit = self.coronagraph, self.lambda_d_arcsec(band)
+        diameter = own.diameter_m or self.telescope.diameter_m
+        return coronagraph_table(
+            named if isinstance(named, str) else named[band],
+            unit * self.telescope.diameter_m / diameter,
+            diameter_m=diameter,
+            is_stated=own.diameter_m is not None,
+            aperture_arcsec=own.aperture_radius_lambda_d * unit,
+            star_diameter_mas=own.star_diameter_mas,
+        )
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 
@@ -366,7 +376,7 @@ def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
     if isinstance(tree, dict):
         inherits = key in _FILE_KEYS
         return {name: paths_beside(item, folder, key if inherits else name) for name, item in tree.items()}
-    if key in _FILE_KEYS and isinstance(tree, str) and is_file(folder / tree):
+    if key in _FILE_KEYS and isinstance(tree, str) and (is_file(folder / tree) or is_package(str(folder / tree))):
         return str(folder / tree)
     return tree
 

@@ -44,14 +44,15 @@ class Coronagraph(FrozenModel):
     lambda/D and ``b = outer_half_side_arcsec``. ``inner_arcsec`` gives the diagonal separation of the inner corner
     of single bands in arcsec instead. ``apodizer_samples`` averages a measured map over a grid that fits the pupil's.
 
-    ``table`` replaces the optics by a file, or by one for each band, of what the coronagraph does by separation
-    (`simulator.config.coronagraph_table`). Planets are then looked for in a ``ring`` that holds the separations of the
-    table, or in the ``quadrants`` above. Where a table has the column ``contrast_stability``, or
+    ``table`` replaces the optics by a file or folder, or by one for each band, of what the coronagraph does by
+    separation (`simulator.config.coronagraph_table`). Planets are then looked for in a ``ring`` that holds the
+    separations of the table, or in the ``quadrants`` above. Where a table has the column ``contrast_stability``, or
     ``stability_fraction`` of the raw contrast is given instead, that is the residual of a visit and no drift of the
     wavefront changes it; ``stability_averages`` says whether it is a new one in every visit, so that V visits leave
     V^(-1/2) of it (``visits``), or the same in all (``never``). Without either, the drift scatters light as the same
-    wavefront error does in a clear telescope. Images are made from ``psf``, a file of `simulator.load_psf`, or one for
-    each band, and refused without.
+    wavefront error does in a clear telescope. ``diameter_m`` is the D of lambda/D in the tables where it is not that
+    of the telescope, ``star_diameter_mas`` the diameter of the star behind a table that was made from images. Images
+    are made from ``psf``, a file of `simulator.load_psf`, or one for each band, and refused without.
     """
 
     apodizer: str
@@ -63,6 +64,8 @@ class Coronagraph(FrozenModel):
     outer_half_side_arcsec: Annotated[float, Field(gt=0, le=1)]
     aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
     table: str | dict[str, str] | None = None
+    diameter_m: Annotated[float, Field(ge=0.1, le=50)] | None = None
+    star_diameter_mas: Annotated[float, Field(ge=0, le=1000)] | None = None
     psf: str | dict[str, str] | None = None
     zone: Literal["quadrants", "ring"] | None = None
     stability_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -70,7 +73,7 @@ class Coronagraph(FrozenModel):
 
     def _check_values(self) -> None:
         if self.table is None:
-            for key in ("psf", "zone", "stability_fraction"):
+            for key in ("diameter_m", "star_diameter_mas", "psf", "zone", "stability_fraction"):
                 if getattr(self, key) is not None:
                     raise InputError(key, getattr(self, key), allowed="not given without coronagraph.table")
 

@@ -1,10 +1,11 @@
+from cpic_core import overlap_weights as overlap_weights
 from simulator.config.map_files import (
     FileMap as FileMap,
     header_number as header_number,
     read_maps as read_maps,
     real_map as real_map,
 )
-from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_weights as overlap_weights
+from simulator.imaging.aperture import aperture_sums as aperture_sums
 from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, stream
-from simulator.imaging.aperture import aperture_sums, core_cells, cumulative_table, figures_of_stamps, overlap_weights
+from cpic_core import FloatArray, InputError, NDArray, overlap_weights, stream
+from simulator.imaging.aperture import aperture_sums, core_cells, cumulative_table, figures_of_stamps
 from simulator.imaging.drift import screen_model
 from simulator.imaging.error_light import Aperture, ErrorLight, light_variance
 from simulator.imaging.imager import Imager, centred_axis

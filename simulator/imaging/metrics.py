@@ -7,9 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, overlap_weights
 from simulator.detectors import aperture_noise_pixels
-from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.sampling import bilinear
 from simulator.imaging.stamp_metrics import StampMetrics
 from simulator.imaging.zones import HoleStatus

@@ -8,9 +8,9 @@ from typing import get_args
 import numpy as np
 
 from catalogs import Spectrum
-from cpic_core import FloatArray, InputError, check_word, numeric_context
+from cpic_core import FloatArray, InputError, check_word, numeric_context, overlap_weights
 from simulator.config import Instrument, InstrumentLike, load_instrument
-from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import NDArray, announce, compute_once, numeric_context, read_npz
+from cpic_core import NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
 from simulator.config import CoronagraphTable, Instrument, content_hash
-from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.geometry import zone_of
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.pupil import Aberrations, disc_coverage, load_apodizer

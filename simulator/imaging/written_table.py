@@ -60,8 +60,10 @@ def write_coronagraph_table(instrument: InstrumentLike, band: str, path: str | P
 def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, FloatArray | float]]:
     metrics = psf_metrics(instrument, band)
     zone = metrics.zone
-    # Both ends of the zone and the rings whose residuals were measured are rows of their own.
-    grid = np.linspace(max(zone.inner_corner_arcsec, 1e-3), zone.outer_corner_arcsec, N_ROWS)
+    # Both ends of the zone, or of the table, and the rings whose residuals were measured are rows of their own.
+    corners = max(zone.inner_corner_arcsec, 1e-3), zone.outer_corner_arcsec
+    ends = zone.usable_range_arcsec(metrics.aperture_radius_arcsec) if instrument.coronagraph.is_ring else corners
+    grid = np.linspace(*ends, N_ROWS)
     rings = metrics.floor_separation_arcsec
     separation = np.unique(np.concatenate([grid, rings[(rings > grid[0]) & (rings < grid[-1])]]).round(7))
     x, y = (sign * separation / np.sqrt(2.0) for sign in zone.diagonal)

@@ -15,6 +15,7 @@ from cpic_planner.web import application
 from simulator import load_instrument, load_scene
 from tests.cpic_planner.web.conftest import Browser
 from tests.docs.blocks import PAGES, ROOT, blocks_of, python_of
+from tests.yield_packages import write
 
 BLOCKS = [block for path in PAGES for block in blocks_of(path)]
 FOREIGN = ("pip ", "make ", "openssl ", "export ", "for who ", "T=", "dask ")
@@ -65,6 +66,7 @@ def write_files(folder, page):
     """Write the files that a page shows, and those that it only names."""
     for name, text in FILES.items():
         (folder / name).write_text(text, encoding="utf-8")
+    write(folder / "my_package")
     for block in BLOCKS:
         if block.page == page and block.file_name:
             head = block.text.partition("\n")[2] if block.file_name.endswith((".csv", ".txt")) else block.text

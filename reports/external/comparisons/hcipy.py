@@ -145,7 +145,7 @@ class Bench:
 def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return the numbers of both."""
     from simulator import load_instrument, single_band_psf
-    from simulator.imaging.aperture import overlap_weights
+    from simulator.imaging import overlap_weights
     from simulator.imaging.psf import Psf
 
     def core(psf: Psf, image: NDArray[np.float64], x: float = 0.0, y: float = 0.0) -> float:

@@ -2,7 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
+from photutils.aperture import CircularAperture, aperture_photometry
+
+from tests.yield_packages import PIXEL, RADIUS, source, write
 
 TABLE = """# made for this test; columns as a spreadsheet has them
 Separation [mas];Core throughput [%];Raw contrast;Contrast stability;Occulter transmission;Core area (lambda/D)^2
@@ -162,11 +166,67 @@ def test_what_a_table_cannot_do_is_refused_in_one_line(laplace, refuses, argumen
     refuses((*arguments, "--instrument", "laplace.yaml", *out), words)
 
 
+@pytest.fixture
+def package(laplace):
+    """The telescope with a yield input package for its coronagraph."""
+    write(laplace / "yip")
+    text = TELESCOPE.replace("laplace.csv", "yip, star_diameter_mas: 2.5")
+    (laplace / "package.yaml").write_text(text, encoding="utf-8")
+    return laplace
+
+
+def test_a_yield_input_package_answers_about_a_star(package, done):
+    """At 0.1 arcsec, 3.6 lambda/D in green: the light of a source in an exact aperture, linear between its offsets."""
+    asked = ("etc", "47 UMa", "--instrument", "package.yaml", "--band", "green_2", "--time-s", 36000, "--json")
+    answer = json.loads(done(*asked, "--contrast", 1e-7, "--separation-arcsec", 0.1)[0])["answers"][0]
+    place = 0.1 / np.degrees(550e-9 / 4.1) / 3600.0
+
+    def light(offset):
+        aperture = CircularAperture((30.0 + offset / PIXEL, 30.0), RADIUS / PIXEL)
+        return float(aperture_photometry(source(offset, 0.0, 30.0), aperture)["aperture_sum"][0])
+
+    expected = np.interp(place, [3.5, 4.0], [light(3.5), light(4.0)])
+    assert answer["core_throughput"] == pytest.approx(expected, rel=1e-3)
+    assert answer["status"] == "ok"
+    larger = json.loads(
+        done(*asked, "--contrast", 1e-7, "--separation-arcsec", 0.1, "--set", "coronagraph.star_diameter_mas=5")[0]
+    )
+    assert larger["answers"][0]["value"] < answer["value"]
+    beyond = json.loads(done(*asked, "--contrast", 1e-7, "--separation-arcsec", 0.18)[0])["answers"][0]
+    assert (beyond["status"], beyond["value"]) == ("outside_field", None)
+
+
+def test_what_was_read_of_a_package_or_a_table_is_shown(package, done):
+    out, _ = done("instrument", "show", "package.yaml", "--key", "coronagraph.table", "--json")
+    source_words = json.loads(out)["values"][0]["source"]
+    for words in ("offax_psf.fits (13 offsets)", "stellar_intens.fits", "sky_trans.fits", "not used: the images"):
+        assert words in source_words
+    out, _ = done("instrument", "show", "laplace.yaml", "--key", "coronagraph.table", "--json")
+    assert "raw_contrast from Raw contrast" in json.loads(out)["values"][0]["source"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("plan", "--top", 1, "--time-s", 7200, "--out", "folder"), "a table says nothing of images"),
+        (("confirm", "paper_example", "--band", "green_2", "--out", "folder"), "a table says nothing of images"),
+        (("etc", "tau Cet", "--time-s", 3600, "--set", "coronagraph.star_diameter_mas=50"), "0 to 0.2 lambda/D"),
+    ],
+)
+def test_what_a_package_cannot_do_is_refused_in_one_line(package, refuses, arguments, words):
+    refuses((*arguments, "--instrument", "package.yaml"), words)
+
+
+def test_a_package_without_one_of_its_files_is_refused_in_one_line(package, refuses):
+    (package / "yip" / "sky_trans.fits").unlink()
+    refuses(("etc", "tau Cet", "--instrument", "package.yaml", "--time-s", 3600), "without sky_trans.fits")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("12;2e-9", "120;2e-9", "laplace.csv row 2 column Core throughput"),
-        ("12;2e-9", "12;dark", "laplace.csv row 2 column Raw contrast"),
+        ("12;2e-9", "120;2e-9", "laplace.csv row 2 (90) column Core throughput"),
+        ("12;2e-9", "12;dark", "laplace.csv row 2 (90) column Raw contrast"),
         ("Raw contrast", "Brightness", "raw_contrast"),
         ("[mas]", "[kg]", "unit"),
         ("90;", "60;", "every separation once"),

@@ -11,6 +11,7 @@ from cpic_planner.targets import find_target
 from simulator import load_instrument, write_coronagraph_table
 from simulator.imaging import psf_metrics
 from simulator.signal import programme_law
+from tests.yield_packages import write
 
 DEFAULT = load_instrument()
 BANDS = DEFAULT.visible_bands()
@@ -96,6 +97,17 @@ def test_a_table_that_is_written_from_a_table_is_the_same(copy, tmp_path, band):
         first.rdi_floor(0.05, separation_arcsec=separation),
         rtol=2e-3,
     )
+
+
+def test_a_table_that_is_written_from_a_ring_ends_where_that_does(tmp_path):
+    """Of a yield input package: the same values at the same separations, and none beyond."""
+    first = load_instrument({"coronagraph": {"table": {"F662": write(tmp_path / "yip")}}})
+    path = str(write_coronagraph_table(first, "F662", tmp_path / "ring.csv"))
+    second = load_instrument({"coronagraph": {"table": {"F662": path}}})
+    one, two = first.table("F662"), second.table("F662")
+    np.testing.assert_allclose(two.separation_arcsec[[0, -1]], one.separation_arcsec[[0, -1]], rtol=1e-5)
+    for name in one.columns:
+        np.testing.assert_allclose(two.at(name, one.separation_arcsec), one.columns[name], rtol=2e-3)
 
 
 FLAT = "separation_arcsec,core_throughput,raw_contrast,contrast_stability,occulter_transmission,core_area_arcsec2\n"

@@ -1,6 +1,7 @@
 """A coronagraph as a table: what a file may hold, and what is refused in one line."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -106,6 +107,88 @@ def test_what_is_no_coronagraph_is_refused_in_one_line(tmp_path, text, said):
     assert "\n" not in str(refused.value)
 
 
+HEADS = {
+    "cgi_noise": "r_lam_D,r_as,I,contrast,coreThruput,PSFpeak,area_sq_arcsec,occTrans",
+    "corgietc": "rlamD,r_as,intensity,core_contrast,core_thruput,core_mean_intensity,core_area,occ_trans",
+}
+ROMAN = """3.1,0.155,3.46E-12,5.56E-09,0.02448,0.00037,0.00229,0.24636
+3.2,0.16,2.87E-12,4.08E-09,0.02792,0.00041,0.00234,0.27775
+3.3,0.165,2.38E-12,3.06E-09,0.03062,0.00045,0.00234,0.30486
+8.8,0.441,2.06E-12,2.38E-09,0.04367,0.00063,0.00241,0.42515
+8.9,0.446,2.11E-12,2.46E-09,0.0435,0.00063,0.00241,0.42293
+"""
+"""Rows of cgi_noise's CGPERF_HLC_NFB1_190210 (github.com/roman-corgi/cgi_noise, 597dbfb; BSD-3-Clause), of 575 nm."""
+ROMAN_UNIT = math.degrees(575e-9 / 2.363) * 3600.0
+
+
+def roman(tmp_path, head="cgi_noise", unit=ROMAN_UNIT, text=ROMAN, **own):
+    """Such a table, with the bytes of another encoding that its comments have."""
+    said = "# the latest calculation: it\x92s\xa0ours,,,,,,,\n".encode("latin-1")
+    (tmp_path / "CGPERF.csv").write_bytes(f"{HEADS[head]}\n{text}".encode() + said)
+    return coronagraph_table(str(tmp_path / "CGPERF.csv"), unit, **own)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_tables_of_romans_calculators_are_read_with_contrasts_over_cores(tmp_path, head):
+    """Starlight in a core: contrast times peak times its pixels, 0.1 lambda/D wide (``CGI_Noise.json`` of corgietc)."""
+    table = roman(tmp_path, head)
+    _, at, _, contrast, core, peak, area, sky = np.loadtxt(ROMAN.splitlines(), delimiter=",").T
+    np.testing.assert_array_equal(table.separation_arcsec, at)
+    for name, values in (("core_throughput", core), ("core_area_arcsec2", area), ("occulter_transmission", sky)):
+        np.testing.assert_array_equal(table.columns[name], values)
+    starlight = contrast * peak * area / (0.1 * ROMAN_UNIT) ** 2
+    np.testing.assert_allclose(table.columns["raw_contrast"] * core, starlight, rtol=1e-12)
+    assert set(table.columns) == {"core_throughput", "core_area_arcsec2", "occulter_transmission", "raw_contrast"}
+    assert "1.36 to 1.39 times the file's" in table.notes[-1]
+    assert "raw_contrast from" in table.origin
+
+
+@pytest.mark.parametrize(
+    ("wavelength_nm", "diameter_m", "is_said"),
+    [(575, 2.363, False), (575, 2.4, True), (520, 2.0, True), (520, 2.2, True), (640, 2.4, True)],
+)
+def test_lambda_d_of_another_diameter_is_derived_and_said(tmp_path, wavelength_nm, diameter_m, is_said):
+    """Separations in arcsec are those of the file, whatever the D of its lambda/D."""
+    unit = math.degrees(1e-9 * wavelength_nm / diameter_m) * 3600.0
+    table = roman(tmp_path, unit=unit, diameter_m=diameter_m)
+    np.testing.assert_array_equal(table.separation_arcsec[[0, -1]], [0.155, 0.446])
+    notes = [note for note in table.notes if "that of a diameter of" in note]
+    assert len(notes) == is_said
+    for note in notes:
+        derived = float(re.search(r"that of a diameter of (\S+) m in this band", note)[1])
+        assert derived == pytest.approx(2.363 * wavelength_nm / 575, rel=4e-3)  # cells have two or three digits
+    np.testing.assert_allclose(table.columns["raw_contrast"], roman(tmp_path).columns["raw_contrast"], rtol=1e-2)
+
+
+def test_the_diameter_of_the_tables_is_a_key(tmp_path):
+    """Without separations in arcsec nothing else says it; with them it may not say another."""
+    text = FLAT.replace("separation_arcsec", "separation_lambda_d").replace("\n0.", "\n3.")
+    (tmp_path / "units.csv").write_text(text, encoding="utf-8")
+    for own, factor in (({}, 1.0), ({"diameter_m": 1.6}, 1.25)):
+        made = load_instrument({"coronagraph": {"table": str(tmp_path / "units.csv")} | own})
+        unit = made.lambda_d_arcsec("F662") * factor
+        np.testing.assert_allclose(made.table("F662").separation_arcsec, [3.1 * unit, 3.3 * unit])
+    assert roman(tmp_path, diameter_m=2.363, is_stated=True).notes == roman(tmp_path).notes
+    with pytest.raises(InputError, match="r_as and r_lam_D.*to 5 %.*leave one of the two out"):
+        roman(tmp_path, unit=ROMAN_UNIT * 0.93, diameter_m=2.54, is_stated=True)
+    with pytest.raises(InputError, match=r"that of a diameter of 1\.5.* m in this band.*coronagraph\.diameter_m"):
+        roman(tmp_path, unit=ROMAN_UNIT / 1.53, diameter_m=2.363 * 1.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("0.00037", "1e-10", "PSFpeak = 1e-10.*give raw_contrast instead"),
+        ("0.02448", "0", "PSFpeak.*at least three rows"),
+        ("0.441", "0.55", "r_as and r_lam_D.*one lambda/D in all rows, to 5 %"),
+    ],
+)
+def test_contrasts_that_cannot_be_brought_over_cores_are_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError, match=said) as refused:
+        roman(tmp_path, text=ROMAN.replace(old, new, 1))
+    assert "\n" not in str(refused.value)
+
+
 def test_constant_columns_have_one_value(tmp_path):
     text = more("noise_fraction", 0.9)
     assert read(tmp_path, text).constant("noise_fraction") == 0.9
@@ -174,6 +257,8 @@ def test_names_beside_the_instruments_file_are_found(tmp_path):
     [
         ({"coronagraph": {"zone": "ring"}}, "without coronagraph.table"),
         ({"coronagraph": {"stability_fraction": 0.1}}, "without coronagraph.table"),
+        ({"coronagraph": {"diameter_m": 2.4}}, "without coronagraph.table"),
+        ({"coronagraph": {"star_diameter_mas": 1.0}}, "without coronagraph.table"),
         ({"telescope": {"obstruction_diameter_ratio": 0.2}}, "clear disc"),
         ({"telescope": {"area_m2": 3.0}}, "clear disc"),
         ({"telescope": {"obstruction_diameter_ratio": 1.0}}, "0"),

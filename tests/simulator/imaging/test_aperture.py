@@ -6,15 +6,6 @@ from simulator.imaging import aperture_sums, overlap_weights
 from simulator.imaging.aperture import core_from_table, cumulative_table, photon_weights
 
 
-@pytest.mark.parametrize(("radius", "y", "x"), [(2.32, 0, 0), (3.8, 0.31, -0.47), (0.4, 0.5, 0.5), (1.0, -0.2, 0.1)])
-def test_overlap_is_that_of_photutils(radius, y, x):
-    weights = overlap_weights(radius, y, x)
-    half = len(weights) // 2
-    exact = CircularAperture((half + x, half + y), radius).to_mask(method="exact").to_image(weights.shape)
-    np.testing.assert_allclose(weights, exact, atol=2e-3)
-    assert weights.sum() == pytest.approx(np.pi * radius**2, rel=5e-4)
-
-
 def test_aperture_sums_equal_photutils_on_every_pixel():
     image = np.random.default_rng(1).random((2, 15, 17))
     sums = aperture_sums(image, overlap_weights(2.3))

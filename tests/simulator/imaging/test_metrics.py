@@ -5,8 +5,7 @@ import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
 from simulator.config import load_instrument
-from simulator.imaging import HoleZone, PsfMetrics, build_imager, psf_metrics, single_band_psf
-from simulator.imaging.aperture import overlap_weights
+from simulator.imaging import HoleZone, PsfMetrics, build_imager, overlap_weights, psf_metrics, single_band_psf
 from simulator.imaging.build import bare_imager, dark_hole_of
 from simulator.imaging.measure import _wings, stamp_figures
 from simulator.imaging.pupil import draw_aberrations
