@@ -21,6 +21,7 @@ READING_CALLS = set(
 # What may stay where it is, and why. A name that somebody gave may not be among it.
 ALLOWED = {
     "cpic_core/user_files.py": "the place",
+    "catalogs/archive_answers.py": "shipped table",
     "catalogs/binaries.py": "shipped table",
     "catalogs/catalogue.py": "shipped tables",
     "catalogs/names.py": "shipped tables",
