@@ -5,21 +5,19 @@ of astroquery before 0.4.8, and the NASA Exoplanet Archive's table ``ps``, with 
 quantity of ``ps`` has columns for both errors and a limit beside its own.
 """
 
-import csv
 import functools
 import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
+from catalogs.shipped import shipped_rows
 from catalogs.table_cells import Column, Columns, Row, read_rows
 from catalogs.table_files import RawColumn, RawTable
 from catalogs.tap_client import RefreshError
 from cpic_core import InputError
 
-_FILE = Path(__file__).resolve().parent / "data" / "archive_columns.csv"
 _UNITS = {
     "d": "days day",
     "AU": "au",
@@ -34,12 +32,12 @@ _UNITS = {
 @functools.cache
 def asked_columns(table: str) -> Mapping[str, Mapping[str, str]]:
     """Return the rows of ``archive_columns.csv`` on an answer, by the names of its columns."""
-    with _FILE.open(encoding="utf-8", newline="") as stream:
-        listed = [row for row in csv.DictReader(stream) if row["table"] == table]
     beside = {"needed": "", "quantity": ""}
     ends = {"err1": beside, "err2": beside, "lim": beside | {"unit": ""}}
     found = {}
-    for row in listed:
+    for row in shipped_rows("archive_columns.csv"):
+        if row["table"] != table:
+            continue
         found[row["column"]] = row
         for end, other in ends.items() if row["quantity"] else ():
             found[row["column"] + end] = row | other | {"column": row["column"] + end}

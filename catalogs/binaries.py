@@ -8,24 +8,21 @@ colours can follow (104 Tau, HD 90508), and one that puts its pair 15 arcsec fro
 several companions of a star the one with the largest flux over squared separation has the row.
 """
 
-import csv
 import functools
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from catalogs.orbits import orbit_places
+from catalogs.shipped import shipped_digest, shipped_objects
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, BoolArray, FloatArray
 
-_FILE = Path(__file__).resolve().parent / "data" / "binary_orbits.csv"
-_TEXTS = ("star", "companion", "designation", "wds", "reference", "date", "note")
+_FILE = "binary_orbits.csv"
 POSITION_ERROR_ARCSEC: Mapping[int, float] = MappingProxyType({1: 0.02, 2: 0.04, 3: 0.08, 4: 0.11, 5: 0.20, 8: 0.02})
 """Standard error of a predicted place by the grade of the orbit, arcsec.
 
@@ -37,15 +34,7 @@ arcsec agree with this to 0.03 arcsec.
 """
 UNRESOLVED_ARCSEC = 0.1
 """A pair that is never wider than this is one source of light, whose V the star's row has."""
-_ELEMENTS = (
-    "period_yr",
-    "periastron_yr",
-    "semi_major_axis_arcsec",
-    "eccentricity",
-    "inclination_deg",
-    "omega_deg",
-    "node_deg",
-)
+_ELEMENTS = ("semi_major_axis_arcsec", "eccentricity", "inclination_deg", "omega_deg", "node_deg")
 _DYNAMICAL_GRADES = (1, 2, 3, 8)
 _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
@@ -118,17 +107,7 @@ class BinaryOrbit:
 @functools.cache
 def binary_orbits() -> tuple[BinaryOrbit, ...]:
     """Return the rows of ``binary_orbits.csv``, one for each pair. It is read once per process."""
-    with _FILE.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return tuple(map(_orbit, rows))
-
-
-def _orbit(row: Mapping[str, str]) -> BinaryOrbit:
-    cells: dict[str, Any] = {
-        name: text if name in _TEXTS else int(text) if name == "grade" else float(text or math.nan)
-        for name, text in row.items()
-    }
-    return BinaryOrbit(**cells)
+    return shipped_objects(_FILE, BinaryOrbit)
 
 
 @functools.cache
@@ -143,8 +122,7 @@ def orbits_by_star() -> Mapping[str, BinaryOrbit]:
 def orbits_vintage() -> str:
     """Return in one line what the orbits are: how many, how new, file, and the first digits of its checksum."""
     newest = max(orbit.date for orbit in binary_orbits())
-    digest = hashlib.sha256(_FILE.read_bytes()).hexdigest()[:12]
-    return f"companions on {len(binary_orbits())} orbits read until {newest} ({_FILE.name} {digest})"
+    return f"companions on {len(binary_orbits())} orbits read until {newest} ({_FILE} {shipped_digest(_FILE)})"
 
 
 def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -161,11 +139,12 @@ def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tupl
     separation_arcsec, pa_deg : ndarray
         Separation, and position angle east of north from 0 to 360.
     """
-    period, periastron, axis, e, tilt, omega, node = (
-        np.array([getattr(orbit, name) for orbit in orbits], float) for name in _ELEMENTS
+    period, periastron, *elements = (
+        np.array([getattr(orbit, name) for orbit in orbits], float)
+        for name in ("period_yr", "periastron_yr", *_ELEMENTS)
     )
     # From a parsec away, one au is one arcsec.
-    places = orbit_places(axis, e, tilt, omega, node, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
+    places = orbit_places(*elements, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
     pa = np.rad2deg(np.arctan2(places.east_au, places.north_au)) % 360.0
     return np.hypot(places.east_au, places.north_au), pa
 

@@ -172,7 +172,11 @@ def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
     except Exception:
         start = body.lstrip()[:40]
         said = "breaks off or is damaged" if start.lower().startswith((b"<?xml", b"<votable")) else ""
-        said = f"the answer is a VOTable that {said}" if said else f"the answer is no VOTable (it starts {start!r})"
+        said = (
+            f"the answer is a VOTable that {said}"
+            if said
+            else f"the answer is no VOTable (it starts {start.decode('ascii', 'replace').strip()!r})"
+        )
         raise Problem(said if start else "the answer is empty") from None
     if len(table) >= maxrec or cut:
         kind = "cut" if len(table) >= maxrec else "limit"
