@@ -173,22 +173,15 @@ def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
         datetime.fromisoformat(meta["queried_utc"])
         float(meta["cuts"]["parallax_min_mas"])
         int(meta["counts"]["stars"])
-    except (KeyError, TypeError, ValueError):
-        raise InputError(f"{name} header", "without date, cuts or counts", hint=DAMAGED) from None
-    lost = [column.name for column in COLUMNS if column.name not in table.colnames]
-    if lost or len(table) == 0:
-        raise InputError(f"{name} columns", f"without {', '.join(lost)}" if lost else "no rows", hint=DAMAGED)
-    values: dict[str, Any] = {}
-    try:
-        for column in COLUMNS:
-            number = column.kind == "float"
-            cells = np.ma.asarray(table[column.name])
-            filled = np.ma.filled(cells.astype(np.float64), np.nan) if number else cells.filled("").tolist()
-            if column.name in _NEEDED and not np.all(np.isfinite(filled)):
-                raise InputError(f"{name} column {column.name}", "a missing value", allowed="numbers", hint=DAMAGED)
-            values[column.name] = filled
-        return star_table(values, name), meta
-    except InputError:
-        raise
-    except (TypeError, ValueError) as error:
-        raise InputError(name, "unreadable", hint=f"{DAMAGED}; {error}") from None
+        cells = {column.name: np.ma.asarray(table[column.name]) for column in COLUMNS}
+        numbers = {item.name: cells[item.name].astype(float).filled(np.nan) for item in COLUMNS if item.kind == "float"}
+        others: dict[str, Any] = {key: part.filled("").tolist() for key, part in cells.items() if key not in numbers}
+        made = star_table(others | numbers, name)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(name, "unreadable", allowed="a refreshed table", hint=f"{DAMAGED}; {error}") from None
+    if len(made) == 0:
+        raise InputError(name, "no rows", hint=DAMAGED)
+    for key in _NEEDED:
+        if not np.all(np.isfinite(numbers[key])):
+            raise InputError(f"{name} column {key}", "a missing value", allowed="numbers", hint=DAMAGED)
+    return made, meta

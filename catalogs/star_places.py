@@ -52,16 +52,10 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     if orbits:
         columns |= _on_orbits(table, epoch_yr, columns[POSITION_ERROR])
         columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
-    for values in columns.values():
-        values.flags.writeable = False
-    return replace(
-        table,
-        columns=MappingProxyType({**table.columns, **columns}),
-        units=MappingProxyType({**table.units, POSITION_ERROR: "arcsec"}),
-        descriptions=MappingProxyType(
-            {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
-        ),
-    )
+    units = {**table.units, POSITION_ERROR: "arcsec"}
+    descriptions = {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
+    known = replace(table, units=MappingProxyType(units), descriptions=MappingProxyType(descriptions))
+    return known.with_columns(columns)
 
 
 def _moved(table: StarTable, epoch_yr: float) -> dict[str, NDArray[np.generic]]:

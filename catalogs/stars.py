@@ -106,8 +106,7 @@ class StarTable:
             raise InputError("mask", str(chosen.dtype), allowed="booleans or integer row numbers")
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
-        parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
-        return replace(self, columns=MappingProxyType(parts))
+        return self.with_columns({name: values[chosen] for name, values in self.columns.items()})
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
         """Return one star as a dictionary of plain Python values.
@@ -120,6 +119,10 @@ class StarTable:
         if not -len(self) <= index < len(self):
             raise InputError("row", index, allowed=f"0 to {len(self) - 1}")
         return {name: values[index].item() for name, values in self.columns.items()}
+
+    def with_columns(self, columns: Mapping[str, NDArray[np.generic]]) -> Self:
+        """Return the table with other columns, or more, which become read-only."""
+        return replace(self, columns=MappingProxyType(dict(self.columns) | {n: _frozen(v) for n, v in columns.items()}))
 
     @functools.cached_property
     def name_keys(self) -> Mapping[str, tuple[int, ...]]:
@@ -227,5 +230,4 @@ def _frozen(values: NDArray[np.generic]) -> NDArray[np.generic]:
 
 def with_updates(table: StarTable) -> StarTable:
     """Return the table with the published parameters of its stars."""
-    columns = {name: _frozen(values) for name, values in updated_columns(table.columns).items()}
-    return replace(table, columns=MappingProxyType({**table.columns, **columns}))
+    return table.with_columns(updated_columns(table.columns))
