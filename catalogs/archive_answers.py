@@ -19,7 +19,7 @@ from catalogs.tap_client import RefreshError
 from cpic_core import InputError
 
 _UNITS = {
-    "d": "days day",
+    "d": "days day bjd jd",
     "AU": "au",
     "deg": "degrees",
     "jupiterMass": "jupitermass mj mjup mjupiter",
