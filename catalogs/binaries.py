@@ -34,7 +34,8 @@ arcsec agree with this to 0.03 arcsec.
 """
 UNRESOLVED_ARCSEC = 0.1
 """A pair that is never wider than this is one source of light, whose V the star's row has."""
-_ELEMENTS = ("semi_major_axis_arcsec", "eccentricity", "inclination_deg", "omega_deg", "node_deg")
+_ELEMENTS: tuple[str, ...] = ("period_yr", "periastron_yr", "semi_major_axis_arcsec")
+_ELEMENTS += ("eccentricity", "inclination_deg", "omega_deg", "node_deg")
 _DYNAMICAL_GRADES = (1, 2, 3, 8)
 _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
@@ -139,12 +140,11 @@ def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tupl
     separation_arcsec, pa_deg : ndarray
         Separation, and position angle east of north from 0 to 360.
     """
-    period, periastron, *elements = (
-        np.array([getattr(orbit, name) for orbit in orbits], float)
-        for name in ("period_yr", "periastron_yr", *_ELEMENTS)
+    period, periastron, axis, e, tilt, omega, node = (
+        np.array([getattr(orbit, name) for orbit in orbits], float) for name in _ELEMENTS
     )
     # From a parsec away, one au is one arcsec.
-    places = orbit_places(*elements, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
+    places = orbit_places(axis, e, tilt, omega, node, 360.0 * (np.asarray(epoch_yr, float) - periastron) / period)
     pa = np.rad2deg(np.arctan2(places.east_au, places.north_au)) % 360.0
     return np.hypot(places.east_au, places.north_au), pa
 

@@ -173,7 +173,7 @@ def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
         datetime.fromisoformat(meta["queried_utc"])
         float(meta["cuts"]["parallax_min_mas"])
         int(meta["counts"]["stars"])
-        cells = {column.name: np.ma.asarray(table[column.name]) for column in COLUMNS}
+        cells: dict[str, Any] = {column.name: np.ma.asarray(table[column.name]) for column in COLUMNS}
         numbers = {item.name: cells[item.name].astype(float).filled(np.nan) for item in COLUMNS if item.kind == "float"}
         others: dict[str, Any] = {key: part.filled("").tolist() for key, part in cells.items() if key not in numbers}
         made = star_table(others | numbers, name)

@@ -10,7 +10,6 @@ A star whose companion has no row stands where its own proper motion carries it.
 """
 
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -54,8 +53,7 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
         columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
     units = {**table.units, POSITION_ERROR: "arcsec"}
     descriptions = {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
-    known = replace(table, units=MappingProxyType(units), descriptions=MappingProxyType(descriptions))
-    return known.with_columns(columns)
+    return replace(table, columns={**table.columns, **columns}, units=units, descriptions=descriptions)
 
 
 def _moved(table: StarTable, epoch_yr: float) -> dict[str, NDArray[np.generic]]:

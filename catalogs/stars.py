@@ -25,6 +25,7 @@ from typing import Self
 
 import numpy as np
 
+from catalogs.frozen_table import FrozenTable
 from catalogs.nomenclature import designation_key
 from catalogs.published_parameters import updated_columns
 from catalogs.star_columns import COLUMNS
@@ -43,7 +44,7 @@ _DESCRIPTIONS = {
 
 
 @dataclass(frozen=True)
-class StarTable:
+class StarTable(FrozenTable):
     """An immutable table of stars.
 
     Parameters
@@ -58,18 +59,9 @@ class StarTable:
         What messages call the table; ``""`` for the embedded catalogue and selections of it.
     """
 
-    columns: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str]
     descriptions: Mapping[str, str]
     label: str = ""
-
-    def __len__(self) -> int:
-        """Return the number of stars."""
-        return len(self.columns["name"])
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
-        return (_immutable, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
 
     def column(self, name: str) -> NDArray[np.generic]:
         """Return one column (read-only).
@@ -122,7 +114,7 @@ class StarTable:
 
     def with_columns(self, columns: Mapping[str, NDArray[np.generic]]) -> Self:
         """Return the table with other columns, or more, which become read-only."""
-        return replace(self, columns=MappingProxyType(dict(self.columns) | {n: _frozen(v) for n, v in columns.items()}))
+        return replace(self, columns={**self.columns, **columns})
 
     @functools.cached_property
     def name_keys(self) -> Mapping[str, tuple[int, ...]]:
@@ -145,13 +137,6 @@ class StarTable:
             if number:
                 add(f"HIP {number}", row)
         return MappingProxyType({key: tuple(rows) for key, rows in found.items() if key})
-
-
-def _immutable(
-    columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str], label: str
-) -> StarTable:
-    frozen = {name: _frozen(values) for name, values in columns.items()}
-    return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions), label)
 
 
 def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
@@ -181,7 +166,7 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
     for column in COLUMNS:
         columns[column.name] = np.array(list(values[column.name]), kinds[column.kind])
     units = {column.name: column.unit for column in COLUMNS}
-    return _immutable(columns, units, {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS, label)
+    return StarTable(columns, units, {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS, label)
 
 
 def load_stars(*, updates: bool = True) -> StarTable:
@@ -212,7 +197,7 @@ def _stars(updates: bool) -> StarTable:
         cells = list(zip(*reader, strict=True))
     columns = {name: _array(about[name]["kind"], texts) for name, texts in zip(header, cells, strict=True)}
     units, descriptions = ({name: about[name][what] for name in header} for what in ("unit", "description"))
-    return _immutable(columns, units, descriptions, "")
+    return StarTable(columns, units, descriptions)
 
 
 def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
@@ -221,11 +206,6 @@ def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
     if kind == "float":
         return np.array([float(text) if text else np.nan for text in texts])
     return np.array([int(text) for text in texts], dtype=_KINDS[kind])
-
-
-def _frozen(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    values.flags.writeable = False
-    return values
 
 
 def with_updates(table: StarTable) -> StarTable:

@@ -189,7 +189,7 @@ def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
 
 def _explained(error: BaseException) -> Problem:
     """Turn an exception into words: the innermost reason is the one that people understand."""
-    final = {
+    final: dict[type[BaseException], str] = {
         requests.TooManyRedirects: f"the service redirects more than {_MOST_REDIRECTS} times",
         requests.exceptions.InvalidSchema: f"the service redirects to what is not followed ({error})",  # file: ...
         requests.exceptions.InvalidURL: str(error),
