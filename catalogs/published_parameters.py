@@ -103,29 +103,22 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_
     """Return the cells of one star that change; `of_type_k` is the temperature that stars of its type have."""
     own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
     temperatures = [row.teff_k for row in rows] + own
-    teff_k, distance_pc = median(temperatures), old["distance_pc"]
+    teff_k = median(temperatures)
     new = dict(old) | {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
     for name in ("log_g", "metallicity"):
         if given := [row for row in rows if math.isfinite(getattr(row, name))]:
             new |= {name: median(getattr(row, name) for row in given), f"{name}_src": _source(len(given), given)}
-    derived, metallicity = new["log_g_src"] == physics.GRAVITY_SOURCE, new["metallicity"]
-    log_g = physics.usual_gravity(old["sp_type"]) if derived else new["log_g"]
-    luminosity, src = (
-        physics.luminosity_from_v(old["v_mag"], distance_pc, teff_k, metallicity, log_g),
-        physics.LUMINOSITY_SOURCE,
-    )
-    if measured := [row for row in rows if math.isfinite(row.angular_diameter_mas)]:
-        fluxes = [
-            physics.luminosity_from_diameter(row.angular_diameter_mas, distance_pc, row.teff_k) for row in measured
-        ]
-        luminosity, src = median(fluxes), _DIAMETER_SOURCE
-    radius = physics.radius_from_luminosity(luminosity, teff_k)
-    new |= {"luminosity_lsun": luminosity, "luminosity_lsun_src": src, "radius_rsun": radius}
-    if old["mass_msun_src"] == physics.MASS_SOURCE:
-        new["mass_msun"] = physics.mass_from_luminosity(luminosity)
-    if derived:
-        new["log_g"] = physics.gravity(new["mass_msun"], radius)
-    from_colour = physics.colour_temperature(old["b_v_mag"], metallicity)[0]
+    fluxes = [
+        physics.luminosity_from_diameter(row.angular_diameter_mas, old["distance_pc"], row.teff_k)
+        for row in rows
+        if math.isfinite(row.angular_diameter_mas)
+    ]
+    derived = (physics.GRAVITY_SOURCE, physics.MASS_SOURCE)
+    known = {name: (new[name], src) for name in ("log_g", "mass_msun") if (src := new[f"{name}_src"]) not in derived}
+    if fluxes:
+        known["luminosity_lsun"] = median(fluxes), _DIAMETER_SOURCE
+    new |= physics.bulk_columns(new, known)
+    from_colour = physics.colour_temperature(old["b_v_mag"], new["metallicity"])[0]
     disagrees = physics.temperatures_disagree(teff_k, [*temperatures, from_colour, of_type_k])
     flags = set(old["quality_flags"].split(";")) - {"teff_disagreement", ""}
     new["quality_flags"] = ";".join(sorted(flags | ({"teff_disagreement"} if disagrees else set())))

@@ -207,34 +207,22 @@ def _fill(row: Row, measured: Mapping[str, tuple[float, str]], known: Row, media
         """Return SIMBAD's median, else the snapshot's value if it is measured, or a temperature from V-Ks."""
         return measured.get(name) or old(name, "measured", stellar_physics.INFRARED_SOURCE)
 
-    sp_type, b_v, v_mag = row["sp_type"], row["b_v_mag"], row["v_mag"]
+    sp_type, b_v = row["sp_type"], row["b_v_mag"]
     expected_teff, expected_b_v = stellar_physics.nearest_subtype(sp_type, medians)
     tolerance = 2 * stellar_physics.TEFF_TOLERANCE_K
     off = abs(stellar_physics.colour_temperature(b_v, 0.0)[0] - expected_teff) > tolerance  # not where one is unknown
     if (off or not math.isfinite(b_v)) and math.isfinite(expected_b_v):
         b_v = expected_b_v
         row |= {"b_v_mag": b_v, "b_v_mag_src": "derived:median of the spectral subtype in the snapshot"}
-    found = {"metallicity": best("metallicity") or (0.0, "assumed:0")}
-    metallicity = found["metallicity"][0]
-    of_colour = stellar_physics.colour_temperature(b_v, metallicity)  # nan where B-V is unknown
+    row["metallicity"], row["metallicity_src"] = best("metallicity") or (0.0, "assumed:0")
+    of_colour = stellar_physics.colour_temperature(b_v, row["metallicity"])  # nan where B-V is unknown
     if (temperature := best("teff_k") or (of_colour if math.isfinite(b_v) else None)) is None:
         temperature = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
-    teff, log_g = temperature[0], best("log_g")
-    gravity = log_g[0] if log_g else stellar_physics.usual_gravity(sp_type)
-    luminosity = stellar_physics.luminosity_from_v(v_mag, row["distance_pc"], teff, metallicity, gravity)
-    radius = stellar_physics.radius_from_luminosity(luminosity, teff)
-    same_v = known and abs(v_mag - known["v_mag"]) < _SAME_V_MAG
-    mass = (old("mass_msun", "ExoCat-1", "Takeda") if same_v else None) or stellar_physics.mass_of(sp_type, luminosity)
-    found |= {
-        "teff_k": temperature,
-        "luminosity_lsun": (luminosity, stellar_physics.LUMINOSITY_SOURCE),
-        "radius_rsun": (radius, stellar_physics.RADIUS_SOURCE),
-        "mass_msun": mass,
-        "log_g": log_g or (stellar_physics.gravity(mass[0], radius), stellar_physics.GRAVITY_SOURCE),
-    }
-    for name, (value, src) in found.items():
-        row |= {name: value, f"{name}_src": src}
-    disagrees = stellar_physics.temperatures_disagree(teff, (of_colour[0], expected_teff))
+    row["teff_k"], row["teff_k_src"] = temperature
+    same_v = known and abs(row["v_mag"] - known["v_mag"]) < _SAME_V_MAG
+    mass = old("mass_msun", "ExoCat-1", "Takeda") if same_v else None
+    row |= stellar_physics.bulk_columns(row, {"log_g": best("log_g"), "mass_msun": mass})
+    disagrees = stellar_physics.temperatures_disagree(temperature[0], (of_colour[0], expected_teff))
     return {word for word, applies in (("colour_outlier", off), ("teff_disagreement", disagrees)) if applies}
 
 

@@ -20,6 +20,7 @@ import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -321,6 +322,29 @@ def gravity(mass_msun: float, radius_rsun: float) -> float:
     """
     mass, radius = _positive("mass_msun", mass_msun, "M_sun"), _positive("radius_rsun", radius_rsun, "R_sun")
     return float(_LOG_G_SUN + np.log10(mass) - 2.0 * np.log10(radius))
+
+
+def bulk_columns(row: Mapping[str, Any], known: Mapping[str, tuple[float, str] | None]) -> dict[str, Any]:
+    """Return the columns of luminosity, radius, mass and gravity: each as it is known, else by the relations above.
+
+    Parameters
+    ----------
+    row : mapping
+        The columns ``v_mag``, ``distance_pc``, ``teff_k``, ``metallicity`` and ``sp_type`` of a star.
+    known : mapping of str to (float, str)
+        Value and source of ``luminosity_lsun``, ``mass_msun`` and ``log_g``; None or left out where it is not known.
+    """
+    teff_k, log_g, luminosity = row["teff_k"], known.get("log_g"), known.get("luminosity_lsun")
+    if luminosity is None:
+        light = (row["v_mag"], row["distance_pc"], teff_k, row["metallicity"])
+        usual = log_g[0] if log_g else usual_gravity(row["sp_type"])
+        luminosity = luminosity_from_v(*light, usual), LUMINOSITY_SOURCE
+    radius = radius_from_luminosity(luminosity[0], teff_k)
+    mass = known.get("mass_msun") or mass_of(row["sp_type"], luminosity[0])
+    log_g = log_g or (gravity(mass[0], radius), GRAVITY_SOURCE)
+    found = {"luminosity_lsun": luminosity, "radius_rsun": (radius, RADIUS_SOURCE), "mass_msun": mass, "log_g": log_g}
+    values = {name: value for name, (value, _) in found.items()}
+    return values | {f"{name}_src": src for name, (_, src) in found.items()}
 
 
 def _positive(name: str, value: float, unit: str) -> float:
