@@ -16,7 +16,7 @@ DATA = Path(catalogs.__file__).parent / "data"
 
 def test_objects_have_the_cells_of_their_rows():
     rows, orbits = shipped_rows("binary_orbits.csv"), shipped_objects("binary_orbits.csv", BinaryOrbit)
-    assert len(rows) == len(orbits) == 230
+    assert len(rows) == len(orbits) > 200
     for row, orbit in zip(rows, orbits, strict=True):
         assert (orbit.star, orbit.grade) == (row["star"], int(row["grade"]))
         assert orbit.period_yr == float(row["period_yr"])
