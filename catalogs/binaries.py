@@ -9,23 +9,20 @@ several companions of a star the one with the largest flux over squared separati
 """
 
 import functools
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from catalogs.orbits import orbit_places
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_digest, shipped_objects
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, BoolArray, FloatArray
 
-_FILE = Path(__file__).resolve().parent / "data" / "binary_orbits.csv"
-_TEXTS = ("star", "companion", "designation", "wds", "reference", "date", "note")
+_FILE = "binary_orbits.csv"
 POSITION_ERROR_ARCSEC: Mapping[int, float] = MappingProxyType({1: 0.02, 2: 0.04, 3: 0.08, 4: 0.11, 5: 0.20, 8: 0.02})
 """Standard error of a predicted place by the grade of the orbit, arcsec.
 
@@ -37,15 +34,8 @@ arcsec agree with this to 0.03 arcsec.
 """
 UNRESOLVED_ARCSEC = 0.1
 """A pair that is never wider than this is one source of light, whose V the star's row has."""
-_ELEMENTS = (
-    "period_yr",
-    "periastron_yr",
-    "semi_major_axis_arcsec",
-    "eccentricity",
-    "inclination_deg",
-    "omega_deg",
-    "node_deg",
-)
+_ELEMENTS: tuple[str, ...] = ("period_yr", "periastron_yr", "semi_major_axis_arcsec")
+_ELEMENTS += ("eccentricity", "inclination_deg", "omega_deg", "node_deg")
 _DYNAMICAL_GRADES = (1, 2, 3, 8)
 _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
@@ -118,15 +108,7 @@ class BinaryOrbit:
 @functools.cache
 def binary_orbits() -> tuple[BinaryOrbit, ...]:
     """Return the rows of ``binary_orbits.csv``, one for each pair. It is read once per process."""
-    return tuple(map(_orbit, shipped_rows(_FILE.name)))
-
-
-def _orbit(row: Mapping[str, str]) -> BinaryOrbit:
-    cells: dict[str, Any] = {
-        name: text if name in _TEXTS else int(text) if name == "grade" else float(text or math.nan)
-        for name, text in row.items()
-    }
-    return BinaryOrbit(**cells)
+    return shipped_objects(_FILE, BinaryOrbit)
 
 
 @functools.cache
@@ -141,8 +123,7 @@ def orbits_by_star() -> Mapping[str, BinaryOrbit]:
 def orbits_vintage() -> str:
     """Return in one line what the orbits are: how many, how new, file, and the first digits of its checksum."""
     newest = max(orbit.date for orbit in binary_orbits())
-    digest = hashlib.sha256(_FILE.read_bytes()).hexdigest()[:12]
-    return f"companions on {len(binary_orbits())} orbits read until {newest} ({_FILE.name} {digest})"
+    return f"companions on {len(binary_orbits())} orbits read until {newest} ({_FILE} {shipped_digest(_FILE)})"
 
 
 def companion_places(orbits: Sequence[BinaryOrbit], epoch_yr: ArrayLike) -> tuple[FloatArray, FloatArray]:

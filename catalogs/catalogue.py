@@ -13,7 +13,7 @@ from typing import Any, Literal
 from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
 from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_rows
 from catalogs.stars import StarTable, load_stars, with_updates
 from catalogs.table_cells import LeftOut, Use
 from cpic_core import InputError, in_unit

@@ -5,20 +5,18 @@ VOTable, ECSV and others) by `catalogs.table_files`. Words for quantities and un
 A unit is taken from where the file states it, and from nowhere else.
 """
 
-import csv
 import functools
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from catalogs.shipped import shipped_rows
 from catalogs.table_files import TableBytes, parse_table
 from cpic_core import NPZ_ERRORS, InputError, npz_in
 
-_WORDS = Path(__file__).resolve().parent / "data" / "curves.csv"
 _STRUCTURED = (b"SIMPLE  =", b"<?xml", b"# %ECSV")
 _UNITS = "one of nm, um, Angstrom, m, cm-1, Hz, eV"
 _NAMES = "wavelength_nm, wavelength_um, wavelength_angstrom or wavenumber_cm1"
@@ -151,12 +149,11 @@ def _check(table: _Table, what: str, values: np.ndarray, good: np.ndarray, allow
 
 @functools.cache
 def _vocabulary() -> tuple[_Entry, ...]:
-    with _WORDS.open(encoding="utf-8", newline="") as file:
-        return tuple(
-            _Entry(row["kind"], row["name"], float(row["nm"]), float(row["per_nm"]), frozenset(word.split("_")))
-            for row in csv.DictReader(file)
-            for word in row["words"].split()
-        )
+    return tuple(
+        _Entry(row["kind"], row["name"], float(row["nm"]), float(row["per_nm"]), frozenset(word.split("_")))
+        for row in shipped_rows("curves.csv")
+        for word in row["words"].split()
+    )
 
 
 @functools.cache

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from catalogs.frozen_table import FrozenTable
 from catalogs.known_planet_columns import CANDIDATE, COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
@@ -21,7 +22,7 @@ PLACE_DEG = 3.0
 
 
 @dataclass(frozen=True)
-class KnownPlanetTable:
+class KnownPlanetTable(FrozenTable):
     """An immutable table of planets.
 
     Parameters
@@ -48,7 +49,6 @@ class KnownPlanetTable:
         Rows and cells of it that were not used.
     """
 
-    columns: Mapping[str, NDArray[np.generic]]
     label: str
     provenance: str
     notes: tuple[str, ...] = ()
@@ -57,15 +57,6 @@ class KnownPlanetTable:
     unused: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-
-    def __len__(self) -> int:
-        """Return the number of planets, counted or not."""
-        return len(self.columns["planet"])
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
-        rest = (self.label, self.provenance, self.notes, dict(self.solutions), self.candidates, self.unused)
-        return (table_of, (dict(self.columns), *rest))
 
     def number(self, name: str) -> NDArray[np.float64]:
         """Return a column of numbers (read-only)."""
@@ -88,7 +79,7 @@ class KnownPlanetTable:
         index = np.asarray(rows)
         index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
         columns = {name: cells[index] for name, cells in self.columns.items()}
-        return table_of(columns, self.label, self.provenance, (), self.solutions, self.candidates, self.unused)
+        return replace(self, columns=columns, notes=())
 
     def orbits_of(self, row: int) -> "KnownPlanetTable":
         """Return the published orbits of one planet, each a row: one, or several with their weights."""
@@ -191,35 +182,3 @@ def planet_key(star: str, planet: str) -> tuple[str, str]:
     True
     """
     return star_key(star), planet.split()[-1].casefold()
-
-
-def table_of(
-    columns: Mapping[str, NDArray[np.generic]],
-    label: str,
-    provenance: str,
-    notes: tuple[str, ...] = (),
-    solutions: Mapping[str, KnownPlanetTable] | None = None,
-    candidates: bool = False,
-    unused: tuple[str, ...] = (),
-) -> KnownPlanetTable:
-    """Return a table whose columns nobody can change.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Arrays of equal length; they become read-only.
-    label, provenance : str
-        What messages call the table, and the line that results quote.
-    notes : tuple of str
-        Remarks on the reading.
-    solutions : mapping of str to KnownPlanetTable, optional
-        Orbits of the planets that have several.
-    candidates : bool
-        Whether candidates are counted.
-    unused : tuple of str
-        Headings of a user's file that were not used.
-    """
-    for cells in columns.values():
-        cells.flags.writeable = False
-    several = MappingProxyType(dict(solutions or {}))
-    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes, several, candidates, unused)

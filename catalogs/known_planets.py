@@ -40,7 +40,6 @@ from catalogs.known_planet_table import (
     KnownPlanetTable as KnownPlanetTable,
     planet_key,
     star_key as star_key,
-    table_of,
 )
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
@@ -477,4 +476,4 @@ def _table(rows: Sequence[Row], label: str, provenance: str, notes: tuple[str, .
         for row in rows
         if _SOLUTIONS in row
     }
-    return table_of(columns, label, provenance, notes, solutions)
+    return KnownPlanetTable(columns, label, provenance, notes, solutions)

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from catalogs.nomenclature import GREEK, designation_key, split_component
-from catalogs.shipped_tables import shipped_lines
+from catalogs.shipped import shipped_lines
 from catalogs.stars import StarTable, load_stars
 from cpic_core import InputError
 

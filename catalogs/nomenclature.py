@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_rows
 
 _ROWS = [(row["kind"], row["key"], tuple(row["forms"].split("|"))) for row in shipped_rows("designations.csv")]
 GREEK: dict[str, tuple[str, tuple[str, ...]]] = {

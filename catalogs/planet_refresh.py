@@ -10,8 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-
-import numpy as np
+from typing import Any
 
 from catalogs.exoplanet_archive import NARROWER, PLANETS_QUERY, ArchivePlanets, archive_url, read_archive
 from catalogs.known_planet_columns import COLUMNS, STANDING
@@ -24,8 +23,6 @@ from catalogs.table_files import TableBytes
 from catalogs.tap_client import TapService, ask
 from cpic_core import InputError
 
-FORMAT_KEY = "cpic_planet_table"
-_FORMAT_VERSION = 1
 _LICENCE = "public facts (NASA Exoplanet Archive); star names as in the embedded catalogue"
 CREDIT = "NASA Exoplanet Archive, table ps (Akeson et al. 2013, PASP 125, 989)"
 SIGMAS = 3.0
@@ -39,70 +36,15 @@ _ELEMENTS = {
 }
 
 
-@dataclass(frozen=True)
-class Moved:
-    """An element of an orbit outside the errors of what it was.
-
-    Parameters
-    ----------
-    planet : str
-    element : str
-        ``period_days``, ``semi_major_axis_au`` or ``eccentricity``, with its unit in its name.
-    before, before_err, now, now_err : float
-        Values and their errors; an error is nan where none is given.
-    """
-
-    planet: str
-    element: str
-    before: float
-    before_err: float
-    now: float
-    now_err: float
-
-    @property
-    def sigmas(self) -> float:
-        """Difference over the combined error; infinite where neither has one."""
-        error = math.hypot(*np.nan_to_num([self.before_err, self.now_err]))
-        return abs(self.now - self.before) / error if error > 0.0 else math.inf
-
-
-@dataclass(frozen=True)
-class PlanetChanges:
-    """The differences from the shipped table.
-
-    Parameters
-    ----------
-    added : tuple of str
-        Planets that the shipped table does not have.
-    gone : mapping of str to str
-        Counted planets of the shipped table that the archive does not have -> why, where that is known.
-    moved : tuple of Moved
-        Elements of orbits that differ, of counted planets.
-    same : int
-        Counted planets in both of which no element does.
-    before : int
-        Counted planets of the shipped table.
-    """
-
-    added: tuple[str, ...]
-    gone: Mapping[str, str]
-    moved: tuple[Moved, ...]
-    same: int
-    before: int
-
-
 @dataclass(frozen=True, kw_only=True)
 class RefreshedPlanets(Refresh):
-    """A refreshed table of planets with its story, and remarks on the archive's columns and values."""
+    """A refreshed table of planets with its story, and remarks on the archive's columns and values.
+
+    Its changes are those of `compare_planets`.
+    """
 
     rows: list[Row]
     notes: tuple[str, ...]
-    changes: PlanetChanges
-
-    @property
-    def refusal(self) -> str:
-        """Why the table is set aside; empty if it is not."""
-        return loss_refused(len(self.changes.gone), self.changes.before, "counted planets of the shipped table")
 
 
 def refresh_planets(
@@ -127,22 +69,19 @@ def refresh_planets(
     RefreshError
         If the service fails or its answer cannot be right.
     """
-    url = archive_url(service)
-    when = datetime.now(UTC).replace(microsecond=0)
+    url, when = archive_url(service), datetime.now(UTC).replace(microsecond=0)
     answer = ask(service, url, PLANETS_QUERY, narrower=NARROWER, tell=tell)
     step("planets")
-    planets = read_archive(answer, load_stars())
+    planets, shipped = read_archive(answer, load_stars()), load_known_planets()
     step("table")
-    return RefreshedPlanets(
-        **vars(planets),
-        queried_utc=when,
-        url=url,
-        queries=(PLANETS_QUERY,),
-        changes=compare_planets(planets, load_known_planets()),
-    )
+    changes = compare_planets(planets, shipped)
+    what = "counted planets of the shipped table"
+    refusal = loss_refused(len(changes["gone"]), int(shipped.counted.sum()), what)
+    story: dict[str, Any] = {"kind": "archive", "queried_utc": when, "url": url, "queries": (PLANETS_QUERY,)}
+    return RefreshedPlanets(**story, **vars(planets), changes=changes, refusal=refusal)
 
 
-def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> PlanetChanges:
+def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> dict[str, Any]:
     """Return what differs from a table of planets.
 
     Parameters
@@ -152,43 +91,69 @@ def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> Plane
     shipped : KnownPlanetTable
         The table with which it is compared; planets of it that are not counted are neither new nor gone nor moved.
 
+    Returns
+    -------
+    dict
+        ``same``, the number of counted planets in both of which no element differs; ``added``, planets that the shipped
+        table does not have; ``gone``, counted ones that the archive does not have, with the reason where it is known;
+        ``orbit_moved``, elements of orbits that differ: ``planet``, ``element`` (with its unit in its name),
+        ``before``, ``before_err``, ``now``, ``now_err`` and ``sigmas``, the difference over the combined error; an
+        error that is not given, and the ratio to none, is None.
+
     Notes
     -----
     Period, semi-major axis and eccentricity are compared: one has moved if the difference is more than `SIGMAS` times
     both errors, added in quadrature, and more than `LEAST`, which decides alone where no error is given. Of a planet
     with several published orbits all must differ.
     """
-    old = dict(zip(map(planet_key, shipped.text("star"), shipped.text("planet")), range(len(shipped)), strict=True))
+    names = shipped.text("planet")
+    old = dict(zip(map(planet_key, shipped.text("star"), names), range(len(shipped)), strict=True))
     new = {planet_key(row["star"], row["planet"]): row for row in planets.rows}
     counted = {key: row for key, row in old.items() if shipped.counted[row]}
     moved = {key: _moved(row, shipped.orbits_of(counted[key])) for key, row in new.items() if key in counted}
     left_out = {planet_key(name.rpartition(" ")[0], name): why for name, why in planets.left_out.items()}
-    names = shipped.text("planet")
     gone = {names[row]: left_out.get(key, "not in the answer") for key, row in counted.items() if key not in new}
-    return PlanetChanges(
-        added=tuple(row["planet"] for key, row in new.items() if key not in old),
-        gone=gone,
-        moved=tuple(item for found in moved.values() for item in found),
-        same=sum(not found for found in moved.values()),
-        before=len(counted),
-    )
+    return {
+        "same": sum(not found for found in moved.values()),
+        "added": [row["planet"] for key, row in new.items() if key not in old],
+        "gone": gone,
+        "orbit_moved": [item for found in moved.values() for item in found],
+    }
 
 
-def _moved(row: Row, orbits: KnownPlanetTable) -> list[Moved]:
+def _moved(row: Row, orbits: KnownPlanetTable) -> list[dict[str, Any]]:
     """Return the elements of a row that have moved from those of all the orbits of its planet."""
     found = []
     for name, error in _ELEMENTS.items():
-        now, now_err = row.get(name, math.nan), row.get(error, math.nan)
-        before = zip(orbits.number(name).tolist(), orbits.number(error).tolist(), strict=True)
-        differing = [Moved(row["planet"], name, value, its_err, now, now_err) for value, its_err in before]
-        if differing and all(map(_differs, differing)):
-            found.append(differing[0])
+        now, now_err = row.get(name), row.get(error)
+        values, errors = (orbits.number(column).tolist() for column in (name, error))
+        differing = [
+            difference(name, before, before_err, now, now_err)
+            for before, before_err in zip(values, errors, strict=True)
+            if now is not None
+        ]
+        if differing and all(differing):
+            found.append({"planet": row["planet"], "element": name} | differing[0])
     return found
 
 
-def _differs(item: Moved) -> bool:
-    scale = 1.0 if item.element == "eccentricity" else abs(item.before)
-    return abs(item.now - item.before) > LEAST * scale and item.sigmas > SIGMAS  # never where one is nan
+def difference(element: str, before: float, before_err: float, now: float, now_err: float | None) -> dict[str, Any]:
+    """Return two values of an element and by how many combined errors they differ; empty if it has not moved.
+
+    Parameters
+    ----------
+    element : str
+        ``period_days``, ``semi_major_axis_au`` or ``eccentricity``.
+    before, before_err, now, now_err : float
+        Values and their errors; nan, or None of the last, where there is none.
+    """
+    known = [error for error in (before_err, now_err) if error is not None and error == error]
+    error, apart = math.hypot(*known), abs(now - before)
+    scale = 1.0 if element == "eccentricity" else abs(before)
+    if not (apart > LEAST * scale and apart > SIGMAS * error):  # never where one is nan
+        return {}
+    values = {"before": before, "before_err": before_err if before_err == before_err else None}
+    return values | {"now": now, "now_err": now_err, "sigmas": apart / error if error > 0.0 else None}
 
 
 def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
@@ -202,8 +167,8 @@ def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
         Software that made it.
     """
     values = {name: [row.get(name, math.nan if name in NUMBERS else "") for row in made.rows] for name in TABLE_COLUMNS}
-    about = {FORMAT_KEY: _FORMAT_VERSION, "notes": list(made.notes), "licence": _LICENCE, "credit": CREDIT}
-    return ecsv_of(made, [COLUMNS[name] for name in TABLE_COLUMNS], values, versions, about)
+    about = {"notes": list(made.notes), "licence": _LICENCE, "credit": CREDIT}
+    return ecsv_of(made, [COLUMNS[name] for name in TABLE_COLUMNS], values, versions, **about)
 
 
 def parse_planets(file: TableBytes) -> tuple[list[Row], str]:
@@ -219,7 +184,7 @@ def parse_planets(file: TableBytes) -> tuple[list[Row], str]:
     InputError
         If it is damaged, of another version, or another table.
     """
-    meta = parse_ecsv(file.data.decode("utf-8", "replace"), file.name, FORMAT_KEY, _FORMAT_VERSION).meta
+    meta = parse_ecsv(file.data.decode("utf-8", "replace"), file.name, "archive").meta
     rows, whole = read_planets(file), meta.get("counts", {}).get("planets")
     if len(rows) != whole:
         raise InputError(file.name, f"{len(rows)} planets", allowed=f"{whole}, as it was written with")

@@ -13,37 +13,23 @@ its star. The diameters of psi Dra A, HD 16160 and 5 Ser and the H-band spectrum
 """
 
 import functools
-import hashlib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from catalogs import stellar_physics as physics
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_digest, shipped_objects
 from catalogs.star_columns import COLUMNS
 from cpic_core import NDArray
 
-_FILE = Path(__file__).resolve().parent / "data" / "stellar_parameters.csv"
+_FILE = "stellar_parameters.csv"
 _DECIMALS = {column.name: column.decimals for column in COLUMNS}
-_READ = (
-    "sp_type",
-    "v_mag",
-    "b_v_mag",
-    "distance_pc",
-    "teff_k",
-    "teff_k_src",
-    "log_g",
-    "log_g_src",
-    "metallicity",
-    "mass_msun",
-    "mass_msun_src",
-    "quality_flags",
-)
+_READ = ["sp_type", "v_mag", "b_v_mag", "distance_pc", "teff_k", "teff_k_src", "log_g", "log_g_src", "metallicity"]
+_READ += ["mass_msun", "mass_msun_src", "quality_flags"]
 _DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
 
 
@@ -81,19 +67,16 @@ class PublishedParameters:
 @functools.cache
 def published_parameters() -> Mapping[str, tuple[PublishedParameters, ...]]:
     """Return the rows of ``stellar_parameters.csv`` by star, in the order of the file. It is read once per process."""
-    numbers = [field.name for field in fields(PublishedParameters) if field.type is float]
     found: dict[str, list[PublishedParameters]] = {}
-    for row in shipped_rows(_FILE.name):
-        values: dict[str, Any] = row | {name: float(row[name] or math.nan) for name in numbers}
-        found.setdefault(row["star"], []).append(PublishedParameters(**values))
+    for row in shipped_objects(_FILE, PublishedParameters):
+        found.setdefault(row.star, []).append(row)
     return {star: tuple(items) for star, items in found.items()}
 
 
 @functools.cache
 def parameters_vintage() -> str:
     """Return in one line what is laid over: the number of stars, the file, and the first digits of its checksum."""
-    stars, digest = len(published_parameters()), hashlib.sha256(_FILE.read_bytes()).hexdigest()[:12]
-    return f"temperatures of {stars} stars from {_FILE.name} {digest}"
+    return f"temperatures of {len(published_parameters())} stars from {_FILE} {shipped_digest(_FILE)}"
 
 
 def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
@@ -105,18 +88,15 @@ def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDA
         All columns of the table, by name. Stars without published parameters keep what they have.
     """
     medians = physics.measured_medians(columns)
-    cells: dict[str, dict[int, Any]] = {}
+    changed: dict[str, list[Any]] = {}
     for index, star in enumerate(columns["name"].tolist()):
         if star in published_parameters():
             old = {name: columns[name][index].item() for name in _READ}
             of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
             for name, value in _row(old, published_parameters()[star], of_type_k).items():
                 shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
-                cells.setdefault(name, {})[index] = shown
-    return {
-        name: np.array([new.get(index, value) for index, value in enumerate(columns[name].tolist())])
-        for name, new in cells.items()
-    }
+                changed.setdefault(name, columns[name].tolist())[index] = shown
+    return {name: np.array(cells) for name, cells in changed.items()}
 
 
 def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:
@@ -124,36 +104,27 @@ def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_
     own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
     temperatures = [row.teff_k for row in rows] + own
     teff_k = median(temperatures)
-    new: dict[str, Any] = {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
+    new = dict(old) | {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
     for name in ("log_g", "metallicity"):
-        given = [row for row in rows if math.isfinite(getattr(row, name))]
-        if given:
+        if given := [row for row in rows if math.isfinite(getattr(row, name))]:
             new |= {name: median(getattr(row, name) for row in given), f"{name}_src": _source(len(given), given)}
     fluxes = [
         physics.luminosity_from_diameter(row.angular_diameter_mas, old["distance_pc"], row.teff_k)
         for row in rows
         if math.isfinite(row.angular_diameter_mas)
     ]
-    known_log_g = physics.usual_gravity(old["sp_type"]) if old["log_g_src"] == physics.GRAVITY_SOURCE else old["log_g"]
-    light = {"metallicity": new.get("metallicity", old["metallicity"]), "log_g": new.get("log_g", known_log_g)}
-    by_v = physics.luminosity_from_v(old["v_mag"], old["distance_pc"], teff_k, **light)
-    luminosity = median(fluxes) if fluxes else by_v
-    new["luminosity_lsun"] = luminosity
-    new["luminosity_lsun_src"] = _DIAMETER_SOURCE if fluxes else physics.LUMINOSITY_SOURCE
-    new["radius_rsun"] = physics.radius_from_luminosity(luminosity, teff_k)
-    if old["mass_msun_src"] == physics.MASS_SOURCE:
-        new["mass_msun"] = physics.mass_from_luminosity(luminosity)
-    if "log_g" not in new and old["log_g_src"] == physics.GRAVITY_SOURCE:
-        new["log_g"] = physics.gravity(new.get("mass_msun", old["mass_msun"]), new["radius_rsun"])
-    from_colour = physics.colour_temperature(old["b_v_mag"], new.get("metallicity", old["metallicity"]))[0]
-    estimates = [*temperatures, from_colour, of_type_k]
+    derived = (physics.GRAVITY_SOURCE, physics.MASS_SOURCE)
+    known = {name: (new[name], src) for name in ("log_g", "mass_msun") if (src := new[f"{name}_src"]) not in derived}
+    if fluxes:
+        known["luminosity_lsun"] = median(fluxes), _DIAMETER_SOURCE
+    new |= physics.bulk_columns(new, known)
+    from_colour = physics.colour_temperature(old["b_v_mag"], new["metallicity"])[0]
+    disagrees = physics.temperatures_disagree(teff_k, [*temperatures, from_colour, of_type_k])
     flags = set(old["quality_flags"].split(";")) - {"teff_disagreement", ""}
-    if physics.temperatures_disagree(teff_k, estimates):
-        flags.add("teff_disagreement")
-    new["quality_flags"] = ";".join(sorted(flags))
-    return new
+    new["quality_flags"] = ";".join(sorted(flags | ({"teff_disagreement"} if disagrees else set())))
+    return {name: value for name, value in new.items() if value != old.get(name)}
 
 
 def _source(number: int, rows: Iterable[PublishedParameters]) -> str:
     """Return the words of a ``*_src`` column for the median of so many values."""
-    return f"measured:median of {number} published values ({_FILE.name}: {'; '.join(row.reference for row in rows)})"
+    return f"measured:median of {number} published values ({_FILE}: {'; '.join(row.reference for row in rows)})"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
-from catalogs.refreshed_tables import DAMAGED, Refresh, ecsv_of, loss_refused, parse_ecsv
+from catalogs.refreshed_tables import DAMAGED, FORMATS, Refresh, ecsv_of, loss_refused, parse_ecsv
 from catalogs.simbad import NARROWER, Cuts, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
@@ -22,8 +22,7 @@ from catalogs.stars import StarTable, load_stars, star_table
 from catalogs.tap_client import RefreshError, TapService, ask
 from cpic_core import InputError
 
-FORMAT_KEY = "cpic_star_table"
-_FORMAT_VERSION = 1
+FORMAT_KEY = FORMATS["simbad"]
 _LICENCE = "Open Database License (ODbL) 1.0: a database derived from SIMBAD"
 V_CHANGE_MAG = 0.05
 """A V that differs by at least this from the snapshot's counts as changed."""
@@ -32,54 +31,15 @@ PARALLAX_CHANGE = 0.01
 INSIDE_V_MAG, INSIDE_PARALLAX = 0.2, 0.1
 """Snapshot stars this much brighter than the cut (mag), with a parallax larger by this fraction, cannot drop out of the
 answer because SIMBAD has newer values: by them it is judged whether the answer is whole."""
-
-
-@dataclass(frozen=True)
-class Changes:
-    """The differences from the snapshot within the same cuts.
-
-    Parameters
-    ----------
-    added : tuple of str
-        Names of stars that the snapshot does not have.
-    removed : mapping of str to str
-        Names of snapshot stars that are not in the refreshed table -> why.
-    v_mag, parallax : tuple of str
-        Names of stars whose V differs by :data:`V_CHANGE_MAG`, and whose parallax by :data:`PARALLAX_CHANGE`, or more.
-    same : int
-        Stars in both of which neither differs.
-    before : int
-        Stars of the snapshot within the cuts.
-    well_inside : int
-        Those of them that newer values do not take out of the cuts.
-    lost : tuple of str
-        Names of those that are not in the refreshed table all the same.
-    """
-
-    added: tuple[str, ...]
-    removed: Mapping[str, str]
-    v_mag: tuple[str, ...]
-    parallax: tuple[str, ...]
-    same: int
-    before: int
-    well_inside: int
-    lost: tuple[str, ...]
+_NEEDED = ("v_mag", "distance_pc", "teff_k", "log_g", "metallicity", "luminosity_lsun", "ra_deg", "dec_deg")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refreshed(Refresh):
-    """A refreshed table of stars with its story."""
+    """A refreshed table of stars with its story; its changes are those of `compare`."""
 
     table: StarTable
     cuts: Cuts
-    changes: Changes
-
-    @property
-    def refusal(self) -> str:
-        """Why the table is set aside; empty if it is not."""
-        return loss_refused(
-            len(self.changes.lost), self.changes.well_inside, "stars of the snapshot well within the cuts"
-        )
 
 
 def refresh_stars(
@@ -121,21 +81,14 @@ def refresh_stars(
     except InputError as error:
         raise RefreshError(str(error), "the service is not SIMBAD; tables already here stay as they are") from None
     step("table")
-    changes = compare(made, snapshot, cuts)
-    return Refreshed(
-        table=made.table,
-        queried_utc=when,
-        url=url,
-        queries=questions,
-        cuts=cuts,
-        counts=made.counts,
-        left_out=made.left_out,
-        changes=changes,
-    )
+    changes, refusal = compare(made, snapshot, cuts)
+    asked: dict[str, Any] = {"kind": "simbad", "queried_utc": when, "url": url, "queries": questions, "cuts": cuts}
+    story: dict[str, Any] = {"counts": made.counts, "left_out": made.left_out, "changes": changes, "refusal": refusal}
+    return Refreshed(**asked, **story, table=made.table)
 
 
-def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
-    """Return what differs from the snapshot's stars within the cuts.
+def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> tuple[dict[str, Any], str]:
+    """Return what differs from the snapshot's stars within the cuts, and why the table is set aside, if it is.
 
     Parameters
     ----------
@@ -145,31 +98,37 @@ def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
         The embedded table.
     cuts : Cuts
         What was asked for.
+
+    Returns
+    -------
+    changes : dict
+        ``same``, the number of stars in both whose V and parallax do not differ; names of those that are ``added``,
+        ``removed`` (with the reason), and whose V or parallax differs (``v_mag_changed``, ``parallax_changed``).
+    refusal : str
+        Empty, unless stars are lost that newer values do not take out of the cuts.
     """
-    names = made.table.column("name").tolist()
+    names, old_names = (table.column("name").tolist() for table in (made.table, snapshot))
     rows = made.snapshot_rows
-    old = {name: np.asarray(snapshot.column(name), float) for name in ("v_mag", "parallax_mas")}
-    new = {name: np.asarray(made.table.column(name), float) for name in ("v_mag", "parallax_mas")}
     known = np.flatnonzero(rows >= 0)
-    shift = {name: np.abs(new[name][known] - old[name][rows[known]]) for name in old}
+    v_mag, parallax = (np.asarray(snapshot.column(name), float) for name in ("v_mag", "parallax_mas"))
+    new_v, new_parallax = (np.asarray(made.table.column(name), float) for name in ("v_mag", "parallax_mas"))
     # the snapshot keeps three decimals of V and two of the parallax
-    v_differs = shift["v_mag"] >= V_CHANGE_MAG - 1e-9
-    parallax_differs = shift["parallax_mas"] >= PARALLAX_CHANGE * old["parallax_mas"][rows[known]]
-    inside = (old["v_mag"] <= cuts.v_mag_max) & (old["parallax_mas"] >= cuts.parallax_min_mas)
-    gone = sorted(set(np.flatnonzero(inside).tolist()) - set(rows[known].tolist()))
-    well_inside = old["v_mag"] <= cuts.v_mag_max - INSIDE_V_MAG
-    well_inside &= old["parallax_mas"] >= (1.0 + INSIDE_PARALLAX) * cuts.parallax_min_mas
-    old_names = snapshot.column("name").tolist()
-    return Changes(
-        added=tuple(names[i] for i in np.flatnonzero(rows < 0).tolist()),
-        removed={old_names[row]: made.missed.get(row, "not in the answer") for row in gone},
-        v_mag=tuple(names[i] for i in known[v_differs].tolist()),
-        parallax=tuple(names[i] for i in known[parallax_differs].tolist()),
-        same=int(np.sum(~(v_differs | parallax_differs))),
-        before=int(inside.sum()),
-        well_inside=int(well_inside.sum()),
-        lost=tuple(old_names[row] for row in gone if well_inside[row]),
-    )
+    v_differs = np.abs(new_v[known] - v_mag[rows[known]]) >= V_CHANGE_MAG - 1e-9
+    before = parallax[rows[known]]
+    parallax_differs = np.abs(new_parallax[known] - before) >= PARALLAX_CHANGE * before
+    gone = (v_mag <= cuts.v_mag_max) & (parallax >= cuts.parallax_min_mas)
+    gone[rows[known]] = False
+    inside = v_mag <= cuts.v_mag_max - INSIDE_V_MAG
+    inside &= parallax >= (1.0 + INSIDE_PARALLAX) * cuts.parallax_min_mas
+    changes = {
+        "same": int(np.sum(~(v_differs | parallax_differs))),
+        "added": [names[i] for i in np.flatnonzero(rows < 0)],
+        "removed": {old_names[row]: made.missed.get(int(row), "not in the answer") for row in np.flatnonzero(gone)},
+        "v_mag_changed": [names[i] for i in known[v_differs]],
+        "parallax_changed": [names[i] for i in known[parallax_differs]],
+    }
+    what = "stars of the snapshot well within the cuts"
+    return changes, loss_refused(int(np.sum(gone & inside)), int(inside.sum()), what)
 
 
 def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
@@ -182,21 +141,11 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
     versions : mapping of str to str
         Software that made it.
     """
-    values = {
-        column.name: np.round(made.table.column(column.name), column.decimals)
-        if column.kind == "float"
-        else made.table.column(column.name).tolist()
-        for column in COLUMNS
-    }
-    about = {
-        FORMAT_KEY: _FORMAT_VERSION,
-        "cuts": asdict(made.cuts),
-        "snapshot": snapshot_vintage(),
-        "licence": _LICENCE,
-        "credit": STAR_CREDITS[0],
-    }
+    values: dict[str, Any] = {column.name: made.table.column(column.name).tolist() for column in COLUMNS}
+    values |= {item.name: np.round(values[item.name], item.decimals) for item in COLUMNS if item.kind == "float"}
+    about = {"cuts": asdict(made.cuts), "snapshot": snapshot_vintage(), "licence": _LICENCE, "credit": STAR_CREDITS[0]}
     columns = [replace(column, description=made.table.descriptions[column.name]) for column in COLUMNS]
-    return ecsv_of(made, columns, values, versions, about)
+    return ecsv_of(made, columns, values, versions, **about)
 
 
 def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
@@ -218,34 +167,21 @@ def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
     InputError
         If it is damaged, of another version, or not a refreshed table.
     """
-    table = parse_ecsv(text, name, FORMAT_KEY, _FORMAT_VERSION)
+    table = parse_ecsv(text, name, "simbad")
     meta = json.loads(json.dumps(dict(table.meta), default=str))
-    hint = DAMAGED
     try:
         datetime.fromisoformat(meta["queried_utc"])
         float(meta["cuts"]["parallax_min_mas"])
         int(meta["counts"]["stars"])
-    except (KeyError, TypeError, ValueError):
-        raise InputError(f"{name} header", "without date, cuts or counts", hint=hint) from None
-    lost = [column.name for column in COLUMNS if column.name not in table.colnames]
-    if lost or len(table) == 0:
-        raise InputError(f"{name} columns", f"without {', '.join(lost)}" if lost else "no rows", hint=hint)
-    values = {}
-    for column in COLUMNS:
-        cells = np.ma.asarray(table[column.name])
-        try:
-            values[column.name] = (
-                np.ma.filled(cells.astype(np.float64), np.nan).tolist()
-                if column.kind == "float"
-                else ["" if cell is None else cell for cell in cells.tolist()]
-            )
-        except (TypeError, ValueError):
-            raise InputError(f"{name} column {column.name}", "not numbers", hint=hint) from None
-    needed = ("v_mag", "distance_pc", "teff_k", "log_g", "metallicity", "luminosity_lsun", "ra_deg", "dec_deg")
-    for what in needed:
-        if not np.all(np.isfinite(values[what])):
-            raise InputError(f"{name} column {what}", "a missing value", allowed="numbers", hint=hint)
-    try:
-        return star_table(values, name), meta
-    except (InputError, TypeError, ValueError) as error:
-        raise InputError(name, "unreadable", hint=f"{hint}; {error}") from None
+        cells: dict[str, Any] = {column.name: np.ma.asarray(table[column.name]) for column in COLUMNS}
+        numbers = {item.name: cells[item.name].astype(float).filled(np.nan) for item in COLUMNS if item.kind == "float"}
+        others: dict[str, Any] = {key: part.filled("").tolist() for key, part in cells.items() if key not in numbers}
+        made = star_table(others | numbers, name)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(name, "unreadable", allowed="a refreshed table", hint=f"{DAMAGED}; {error}") from None
+    if len(made) == 0:
+        raise InputError(name, "no rows", hint=DAMAGED)
+    for key in _NEEDED:
+        if not np.all(np.isfinite(numbers[key])):
+            raise InputError(f"{name} column {key}", "a missing value", allowed="numbers", hint=DAMAGED)
+    return made, meta

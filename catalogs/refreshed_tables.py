@@ -8,7 +8,7 @@ under another name for a person to look at, and is never ``latest``.
 import io
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -28,6 +28,9 @@ Honest changes take less: of the archive's 176 planets of 2019 its list of July 
 reclassified ones; a star of the snapshot well within the cuts goes only if it changes its class. A service that is not
 whole loses more.
 """
+FORMATS: Mapping[str, str] = {"simbad": "cpic_star_table", "archive": "cpic_planet_table"}
+"""Key of the header that says what kind of table it is."""
+_VERSION = 1
 _SUFFIX = ".ecsv"
 _STAMP = "%Y-%m-%dT%H%M%SZ"
 _SET_ASIDE = "set_aside_"
@@ -41,6 +44,7 @@ class Refresh:
 
     Parameters
     ----------
+    kind : {"simbad", "archive"}
     queried_utc : datetime
     url : str
         Address that was asked.
@@ -50,16 +54,20 @@ class Refresh:
         Rows at each step.
     left_out : mapping of str to str
         The archive's name of what is not among the rows -> why.
-    changes : dataclass
-        Differences: lists, or numbers of rows.
+    changes : mapping of str to object
+        Differences from the shipped table, as plain values: lists, or numbers of rows.
+    refusal : str
+        Why the table is set aside; empty if it is not.
     """
 
+    kind: Kind
     queried_utc: datetime
     url: str
     queries: tuple[str, ...]
     counts: Mapping[str, int]
     left_out: Mapping[str, str]
-    changes: Any
+    changes: Mapping[str, Any]
+    refusal: str
 
 
 @dataclass(frozen=True)
@@ -143,11 +151,7 @@ def latest_table(kind: Kind, *, key: str, instead: str, command: str) -> Path:
 
 
 def ecsv_of(
-    made: Refresh,
-    columns: Iterable[Column],
-    values: Mapping[str, Any],
-    versions: Mapping[str, str],
-    about: Mapping[str, Any],
+    made: Refresh, columns: Iterable[Column], values: Mapping[str, Any], versions: Mapping[str, str], **about: object
 ) -> str:
     """Return a refreshed table as ECSV 1.0: units and descriptions of its columns, and its story in the header.
 
@@ -161,29 +165,29 @@ def ecsv_of(
         Their cells by name; nan where a number is missing. Texts are `cpic_core.guarded`.
     versions : mapping of str to str
         Software that made it.
-    about : mapping
-        What else the header says first: plain values.
+    **about : object
+        What else the header says: plain values.
     """
     from astropy.table import MaskedColumn, Table
 
     table = Table()
     for column in columns:
-        numbers = column.kind == "float"
-        cells = (
-            values[column.name]
-            if numbers
-            else [guarded(cell) if isinstance(cell, str) else cell for cell in values[column.name]]
-        )
-        gone = ~np.isfinite(cells) if numbers else False
+        cells, gone = values[column.name], False
+        if column.kind == "float":
+            gone = ~np.isfinite(cells)
+        elif column.kind == "text":
+            cells = list(map(guarded, cells))
         table[column.name] = MaskedColumn(cells, mask=gone, unit=column.unit or None, description=column.description)
-    parts = asdict(made.changes).items()
-    table.meta |= dict(about) | {
+    table.meta |= {FORMATS[made.kind]: _VERSION} | about
+    table.meta |= {
         "queried_utc": made.queried_utc.isoformat(),
         "service": made.url,
         "queries": list(made.queries),
         "counts": dict(made.counts),
         "left_out": dict(made.left_out),
-        "changes_to_snapshot": {name: part if isinstance(part, int) else len(part) for name, part in parts},
+        "changes_to_snapshot": {
+            name: part if isinstance(part, int) else len(part) for name, part in made.changes.items()
+        },
         "software": dict(versions),
     }
     text = io.StringIO()
@@ -191,7 +195,7 @@ def ecsv_of(
     return text.getvalue()
 
 
-def parse_ecsv(text: str, name: str, format_key: str, version: int) -> Any:
+def parse_ecsv(text: str, name: str, kind: Kind) -> Any:
     """Read the text of a refreshed table as an astropy table, its header checked for what kind it is.
 
     Parameters
@@ -200,10 +204,8 @@ def parse_ecsv(text: str, name: str, format_key: str, version: int) -> Any:
         ECSV as `ecsv_of` writes it.
     name : str
         File name, for messages.
-    format_key : str
-        Key of the header that says what kind of table it is.
-    version : int
-        What it must say.
+    kind : {"simbad", "archive"}
+        Where it must be from.
 
     Raises
     ------
@@ -215,11 +217,9 @@ def parse_ecsv(text: str, name: str, format_key: str, version: int) -> Any:
     except Exception as error:
         reason = " ".join(str(error).split())[:120]
         raise InputError(name, "unreadable", allowed="a refreshed table", hint=f"{DAMAGED}; {reason}") from None
-    if table.meta.get(format_key) != version:
-        found = str(table.meta.get(format_key))
-        raise InputError(f"{name} {format_key}", found, allowed=str(version), hint=DAMAGED)
+    if (found := table.meta.get(FORMATS[kind])) != _VERSION:
+        raise InputError(f"{name} {FORMATS[kind]}", str(found), allowed=str(_VERSION), hint=DAMAGED)
     for column in table.itercols():
-        for row, cell in enumerate(column.tolist()):
-            if isinstance(cell, str) and unguarded(cell) != cell:
-                column[row] = unguarded(cell)
+        if column.dtype.kind in "OU":
+            column[:] = [unguarded(cell) if isinstance(cell, str) else cell for cell in column]
     return table

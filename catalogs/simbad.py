@@ -8,7 +8,8 @@ temperatures, gravities and metallicities of the same objects, many rows each. S
 import warnings
 from dataclasses import dataclass
 
-from catalogs.tap_client import TapService, check_range
+from catalogs.tap_client import TapService
+from cpic_core import checked_scalar
 
 NARROWER = "ask for less with --v-mag-max or --parallax-min-mas"
 """Advice of messages on an answer with too many rows."""
@@ -32,8 +33,8 @@ class Cuts:
     parallax_min_mas: float = 25.0
 
     def __post_init__(self) -> None:
-        check_range("v_mag_max", self.v_mag_max, -2.0, 15.0, "mag")
-        check_range("parallax_min_mas", self.parallax_min_mas, 1.0, 700.0, "mas")
+        checked_scalar("v_mag_max", self.v_mag_max, low=-2.0, high=15.0, unit="mag")
+        checked_scalar("parallax_min_mas", self.parallax_min_mas, low=1.0, high=700.0, unit="mas")
 
 
 def queries(cuts: Cuts) -> tuple[str, str]:

@@ -10,7 +10,6 @@ A star whose companion has no row stands where its own proper motion carries it.
 """
 
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -52,16 +51,9 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     if orbits:
         columns |= _on_orbits(table, epoch_yr, columns[POSITION_ERROR])
         columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
-    for values in columns.values():
-        values.flags.writeable = False
-    return replace(
-        table,
-        columns=MappingProxyType({**table.columns, **columns}),
-        units=MappingProxyType({**table.units, POSITION_ERROR: "arcsec"}),
-        descriptions=MappingProxyType(
-            {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
-        ),
-    )
+    units = {**table.units, POSITION_ERROR: "arcsec"}
+    descriptions = {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
+    return replace(table, columns={**table.columns, **columns}, units=units, descriptions=descriptions)
 
 
 def _moved(table: StarTable, epoch_yr: float) -> dict[str, NDArray[np.generic]]:

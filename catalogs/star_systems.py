@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.coordinates import neighbours, separation_arcsec
+from catalogs.coordinates import neighbours
 
 CLOSE_ARCSEC = 30.0
 """Rows of consistent parallax this close are one system whatever their proper motions say."""
@@ -54,33 +54,21 @@ def group_systems(members: Sequence[Member]) -> list[int]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    near = neighbours([item.ra_deg for item in members], [item.dec_deg for item in members], _GROUP_ARCSEC)
-    bound = [(i, j) for i, others in enumerate(near) for j in others if j > i and _bound(members[i], members[j])]
-    if not bound:
+    ra, dec, hip, parallax, error, *motion = np.array(members, float).reshape(-1, len(Member._fields)).T
+    near = neighbours(ra, dec, _GROUP_ARCSEC)
+    if not any(near):
         return list(range(len(members)))
-    links = coo_array((np.ones(len(bound)), tuple(zip(*bound, strict=True))), shape=(len(members),) * 2)
+    pairs = [(i, j, sep) for i, others in enumerate(near) for j, sep in others.items() if j > i]
+    first, second, sep = (np.array(part) for part in zip(*pairs, strict=True))
+    one, other = (np.array([hip, parallax, error, *motion])[:, rows] for rows in (first, second))
+    tolerance = np.maximum(0.1 * np.maximum(one[1], other[1]), 3.0 * np.nan_to_num(np.hypot(one[2], other[2])))
+    differ = np.hypot(*(one[3:] - other[3:])) >= 0.3 * np.hypot(*one[3:]) + 20.0  # not where a motion is unknown
+    bound = (np.abs(one[1] - other[1]) <= tolerance) & ((sep < CLOSE_ARCSEC) | ~differ)
+    bound |= (one[0] > 0) & (one[0] == other[0])
+    links = coo_array((np.ones(bound.sum()), (first[bound], second[bound])), shape=(len(members),) * 2)
     _, label = connected_components(links, directed=False)
-    _, first, system = np.unique(label, return_index=True, return_inverse=True)
-    return [int(row) for row in first[system]]
-
-
-def _bound(a: Member, b: Member) -> bool:
-    sep = float(separation_arcsec(a.ra_deg, a.dec_deg, b.ra_deg, b.dec_deg))
-    if sep > _GROUP_ARCSEC:
-        return False
-    if a.hip and a.hip == b.hip:
-        return True
-    errors = float(np.nan_to_num(np.hypot(a.parallax_err_mas, b.parallax_err_mas)))
-    tolerance = max(0.1 * max(a.parallax_mas, b.parallax_mas), 3.0 * errors)
-    if abs(a.parallax_mas - b.parallax_mas) > tolerance:
-        return False
-    if sep < CLOSE_ARCSEC:
-        return True
-    move_a = np.array([a.pm_ra_mas_yr, a.pm_dec_mas_yr])
-    move_b = np.array([b.pm_ra_mas_yr, b.pm_dec_mas_yr])
-    if not (np.isfinite(move_a).all() and np.isfinite(move_b).all()):
-        return True
-    return float(np.hypot(*(move_a - move_b))) < 0.3 * float(np.hypot(*move_a)) + 20.0
+    _, begin, system = np.unique(label, return_index=True, return_inverse=True)
+    return [int(row) for row in begin[system]]
 
 
 def adopt_parallaxes(members: Sequence[Member], systems: Sequence[int]) -> list[Adopted]:

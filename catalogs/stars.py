@@ -25,6 +25,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from catalogs.frozen_table import FrozenTable
 from catalogs.nomenclature import designation_key
 from catalogs.published_parameters import updated_columns
 from catalogs.star_columns import COLUMNS
@@ -65,7 +66,8 @@ class OwnColumns(Mapping[str, NDArray[np.generic]]):
         cells = self._cells[heading]()[self._rows]
         found = np.ma.getdata(cells).astype(object)
         found[np.ma.getmaskarray(cells)] = None
-        return _frozen(found)
+        found.flags.writeable = False
+        return found
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._cells)
@@ -83,7 +85,7 @@ class OwnColumns(Mapping[str, NDArray[np.generic]]):
 
 
 @dataclass(frozen=True)
-class StarTable:
+class StarTable(FrozenTable):
     """An immutable table of stars.
 
     Parameters
@@ -100,19 +102,10 @@ class StarTable:
         Columns of a user's file that are not used; none of other tables.
     """
 
-    columns: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str]
     descriptions: Mapping[str, str]
     label: str = ""
     own: OwnColumns = field(default_factory=OwnColumns)
-
-    def __len__(self) -> int:
-        """Return the number of stars."""
-        return len(self.columns["name"])
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
-        return (_immutable, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
 
     def column(self, name: str) -> NDArray[np.generic]:
         """Return one column (read-only).
@@ -149,8 +142,8 @@ class StarTable:
             raise InputError("mask", str(chosen.dtype), allowed="booleans or integer row numbers")
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
-        parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
-        return replace(self, columns=MappingProxyType(parts), own=self.own.select(chosen))
+        parts = {name: values[chosen] for name, values in self.columns.items()}
+        return replace(self.with_columns(parts), own=self.own.select(chosen))
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
         """Return one star as a dictionary of plain Python values.
@@ -163,6 +156,10 @@ class StarTable:
         if not -len(self) <= index < len(self):
             raise InputError("row", index, allowed=f"0 to {len(self) - 1}")
         return {name: values[index].item() for name, values in self.columns.items()}
+
+    def with_columns(self, columns: Mapping[str, NDArray[np.generic]]) -> Self:
+        """Return the table with other columns, or more, which become read-only."""
+        return replace(self, columns={**self.columns, **columns})
 
     @functools.cached_property
     def name_keys(self) -> Mapping[str, tuple[int, ...]]:
@@ -185,13 +182,6 @@ class StarTable:
             if number:
                 add(f"HIP {number}", row)
         return MappingProxyType({key: tuple(rows) for key, rows in found.items() if key})
-
-
-def _immutable(
-    columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str], label: str
-) -> StarTable:
-    frozen = {name: _frozen(values) for name, values in columns.items()}
-    return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions), label)
 
 
 def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColumns | None = None) -> StarTable:
@@ -224,7 +214,7 @@ def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColum
         columns[column.name] = np.array(list(values[column.name]), kinds[column.kind])
     units = {column.name: column.unit for column in COLUMNS}
     descriptions = {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS
-    return replace(_immutable(columns, units, descriptions, label), own=own or OwnColumns())
+    return StarTable(columns, units, descriptions, label, own or OwnColumns())
 
 
 def load_stars(*, updates: bool = True) -> StarTable:
@@ -255,7 +245,7 @@ def _stars(updates: bool) -> StarTable:
         cells = list(zip(*reader, strict=True))
     columns = {name: _array(about[name]["kind"], texts) for name, texts in zip(header, cells, strict=True)}
     units, descriptions = ({name: about[name][what] for name in header} for what in ("unit", "description"))
-    return _immutable(columns, units, descriptions, "")
+    return StarTable(columns, units, descriptions)
 
 
 def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
@@ -266,12 +256,6 @@ def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
     return np.array([int(text) for text in texts], dtype=_KINDS[kind])
 
 
-def _frozen(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    values.flags.writeable = False
-    return values
-
-
 def with_updates(table: StarTable) -> StarTable:
     """Return the table with the published parameters of its stars."""
-    columns = {name: _frozen(values) for name, values in updated_columns(table.columns).items()}
-    return replace(table, columns=MappingProxyType({**table.columns, **columns}))
+    return table.with_columns(updated_columns(table.columns))

@@ -7,7 +7,9 @@ The shipped table is built with them, a refreshed one and a user's own table are
   Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants; that from B-V is used for giants too.
 - Bolometric correction from Teff: Flower 1996, ApJ 469, 355, coefficients as corrected by Torres 2010, AJ 140, 1158,
   with M_bol,sun = 4.73, the value that belongs to them; what it leaves out, metallicity and gravity, is a small table
-  from the spectra of the stellar grid (:data:`_BC_BESIDES_MAG`).
+  from the spectra of the stellar grid (``bolometric_corrections.csv``): mag by gravity, metallicity and temperature,
+  the correction of the grid (sigma T^4 over V, 1 Lsun for the Sun at V = -26.76) less Flower's. Cool dwarfs keep
+  Flower's: the grid is too bright in V.
 - Mass of dwarfs and subgiants from luminosity: Eker et al. 2018, MNRAS 479, 5491. Giants: 1.5 Msun assumed.
 - log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K (IAU 2015 resolution B3).
 """
@@ -18,10 +20,12 @@ import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from statistics import median
+from typing import Any
 
 import numpy as np
 
 from catalogs.coordinates import ecliptic
+from catalogs.shipped import shipped_rows
 from catalogs.spectral_types import luminosity_class, parse_spectral_type
 from cpic_core import InputError, NDArray, in_unit
 
@@ -43,31 +47,6 @@ COOLEST_BC_K = 3500.0
 """Below this temperature the bolometric correction runs away: 1.6 and 3.6 times too bright for Lalande 21185 (3560 K)
 and Barnard's star (3200 K), and more than a hundred times at 2400 K."""
 _M_BOL_SUN = 4.73
-_BC_LOG_G = (2.5, 3.5, 4.5)
-_BC_METALLICITY = (-1.0, -0.5, 0.0, 0.5)
-_BC_TEFF_K = (4400.0, 4800.0, 5200.0, 5600.0, 6000.0, 6400.0, 6800.0, 7200.0, 7600.0, 8000.0)
-_BC_BESIDES_MAG = (
-    (
-        (0.097, 0.038, -0.010, -0.039, -0.050, -0.038, -0.017, -0.011, -0.008, -0.023),
-        (0.099, 0.051, 0.012, -0.010, -0.018, -0.008, 0.010, 0.011, 0.011, -0.005),
-        (0.094, 0.059, 0.030, 0.018, 0.016, 0.027, 0.043, 0.041, 0.038, 0.019),
-        (0.078, 0.060, 0.042, 0.040, 0.046, 0.062, 0.079, 0.075, 0.070, 0.049),
-    ),
-    (
-        (0.101, 0.039, -0.014, -0.054, -0.082, -0.083, -0.070, -0.063, -0.048, -0.050),
-        (0.096, 0.048, 0.006, -0.023, -0.044, -0.046, -0.036, -0.034, -0.023, -0.029),
-        (0.087, 0.055, 0.024, 0.006, -0.005, -0.003, 0.006, 0.005, 0.011, 0.000),
-        (0.067, 0.060, 0.039, 0.029, 0.028, 0.037, 0.050, 0.048, 0.050, 0.037),
-    ),
-    (
-        (0.0, 0.0, -0.012, -0.050, -0.089, -0.110, -0.118, -0.114, -0.099, -0.087),
-        (0.0, 0.0, 0.005, -0.021, -0.049, -0.068, -0.078, -0.077, -0.067, -0.060),
-        (0.0, 0.0, 0.020, 0.005, -0.011, -0.021, -0.028, -0.030, -0.024, -0.023),
-        (0.0, 0.0, 0.034, 0.029, 0.022, 0.023, 0.023, 0.023, 0.027, 0.023),
-    ),
-)
-"""To be added to Flower's correction, mag, by gravity, metallicity and temperature: that of the stellar grid (sigma T^4
-over V, 1 Lsun for the Sun at V = -26.76) less Flower's. Cool dwarfs keep Flower's: the grid is too bright in V."""
 _ARCSEC_AU_RSUN = 149597870.7 / 695700.0
 """Radii of the Sun (IAU 2015 resolution B3) that an angle of one arcsec spans at one parsec."""
 _TEFF_SUN_K = 5772.0
@@ -219,9 +198,23 @@ def bolometric_correction(teff_k: float, metallicity: float = 0.0, log_g: float 
     total = 0.0
     for coefficient in reversed(_about(series, middle)):
         total = total * (x - middle) + coefficient
-    besides = [[np.interp(teff_k, _BC_TEFF_K, line) for line in table] for table in _BC_BESIDES_MAG]
-    by_gravity = [np.interp(metallicity, _BC_METALLICITY, values) for values in besides]
-    return total + float(np.interp(log_g, _BC_LOG_G, by_gravity))
+    temperatures, tables = _besides()
+    by_gravity = [
+        np.interp(metallicity, list(table), [np.interp(teff_k, temperatures, values) for values in table.values()])
+        for table in tables.values()
+    ]
+    return total + float(np.interp(log_g, list(tables), by_gravity))
+
+
+@functools.cache
+def _besides() -> tuple[list[float], dict[float, dict[float, list[float]]]]:
+    """Return temperatures (K), and gravity -> metallicity -> what is added at each temperature, mag."""
+    rows = shipped_rows("bolometric_corrections.csv")
+    tables: dict[float, dict[float, list[float]]] = {}
+    for row in rows:
+        log_g, metallicity, *values = map(float, row.values())
+        tables.setdefault(log_g, {})[metallicity] = values
+    return [float(name) for name in [*rows[0]][2:]], tables
 
 
 @functools.cache
@@ -329,6 +322,29 @@ def gravity(mass_msun: float, radius_rsun: float) -> float:
     """
     mass, radius = _positive("mass_msun", mass_msun, "M_sun"), _positive("radius_rsun", radius_rsun, "R_sun")
     return float(_LOG_G_SUN + np.log10(mass) - 2.0 * np.log10(radius))
+
+
+def bulk_columns(row: Mapping[str, Any], known: Mapping[str, tuple[float, str] | None]) -> dict[str, Any]:
+    """Return the columns of luminosity, radius, mass and gravity: each as it is known, else by the relations above.
+
+    Parameters
+    ----------
+    row : mapping
+        The columns ``v_mag``, ``distance_pc``, ``teff_k``, ``metallicity`` and ``sp_type`` of a star.
+    known : mapping of str to (float, str)
+        Value and source of ``luminosity_lsun``, ``mass_msun`` and ``log_g``; None or left out where it is not known.
+    """
+    teff_k, log_g, luminosity = row["teff_k"], known.get("log_g"), known.get("luminosity_lsun")
+    if luminosity is None:
+        light = (row["v_mag"], row["distance_pc"], teff_k, row["metallicity"])
+        usual = log_g[0] if log_g else usual_gravity(row["sp_type"])
+        luminosity = luminosity_from_v(*light, usual), LUMINOSITY_SOURCE
+    radius = radius_from_luminosity(luminosity[0], teff_k)
+    mass = known.get("mass_msun") or mass_of(row["sp_type"], luminosity[0])
+    log_g = log_g or (gravity(mass[0], radius), GRAVITY_SOURCE)
+    found = {"luminosity_lsun": luminosity, "radius_rsun": (radius, RADIUS_SOURCE), "mass_msun": mass, "log_g": log_g}
+    values = {name: value for name, (value, _) in found.items()}
+    return values | {f"{name}_src": src for name, (_, src) in found.items()}
 
 
 def _positive(name: str, value: float, unit: str) -> float:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_rows
 from catalogs.table_files import RawColumn, RawTable
 from cpic_core import InputError, NDArray, listed
 

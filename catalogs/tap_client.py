@@ -13,7 +13,6 @@ for; a redirect to a file never.
 import atexit
 import contextlib
 import json
-import math
 import os
 import subprocess
 import sys
@@ -25,7 +24,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from catalogs.table_files import RawTable, column_of
-from cpic_core import InputError
+from cpic_core import InputError, checked_scalar
 
 _PAUSE_FACTOR = 2.0
 IDLE_S = 5.0
@@ -38,13 +37,11 @@ class RefreshError(RuntimeError):
     """A table could not be refreshed; the text is one line: what failed, and what to do about it."""
 
     def __init__(self, what: str, remedy: str = "") -> None:
-        self.what = what
         self.remedy = remedy
-        super().__init__(" ".join((f"{what}; {remedy}" if remedy else what).split()))
+        super().__init__(what, remedy)
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Survive pickling."""
-        return (RefreshError, (self.what, self.remedy))
+    def __str__(self) -> str:
+        return " ".join("; ".join(filter(None, self.args)).split())
 
 
 @dataclass(frozen=True)
@@ -83,11 +80,11 @@ class TapService:
     def __post_init__(self) -> None:
         if self.url:
             self.check_url("url", self.url)
-        check_range("timeout_s", self.timeout_s, 0.1, 86400.0, "s")
-        check_range("retries", self.retries, 0, 20)
-        check_range("pause_s", self.pause_s, 0.0, 3600.0, "s")
-        check_range("maxrec", self.maxrec, 1, 2_000_000)
-        check_range("max_bytes", self.max_bytes, 1, 2**30)
+        checked_scalar("timeout_s", self.timeout_s, low=0.1, high=86400.0, unit="s")
+        checked_scalar("retries", self.retries, low=0, high=20)
+        checked_scalar("pause_s", self.pause_s, low=0.0, high=3600.0, unit="s")
+        checked_scalar("maxrec", self.maxrec, low=1, high=2_000_000)
+        checked_scalar("max_bytes", self.max_bytes, low=1, high=2**30)
 
     def address(self, variable: str) -> str:
         """Return the base of the address that was given, in ``url`` or an environment variable; empty without either.
@@ -135,27 +132,6 @@ def may_be_asked(url: str, *, plain_http: bool) -> bool:
 def is_here(host: str | None) -> bool:
     """Tell whether a host is this very machine."""
     return host in _LOOPBACK
-
-
-def check_range(name: str, value: float, low: float, high: float, unit: str = "") -> None:
-    """Refuse a number outside its range.
-
-    Parameters
-    ----------
-    name : str
-        What it is, for messages.
-    value, low, high : float
-        The number, and the range, inclusive.
-    unit : str
-        Unit of all three.
-
-    Raises
-    ------
-    InputError
-        If it is outside, or nan.
-    """
-    if not (math.isfinite(value) and low <= value <= high):
-        raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
 
 
 def ask(

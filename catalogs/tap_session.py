@@ -49,9 +49,8 @@ class Problem(Exception):
     """
 
     def __init__(self, text: str, kind: str = "way") -> None:
-        self.text = text
+        super().__init__(text)
         self.kind = kind
-        super().__init__(text, kind)
 
 
 def refuse_place(service: TapService, first: str, url: str) -> None:
@@ -129,30 +128,24 @@ def answer(service: TapService, url: str, query: str) -> list[tuple[str, str, li
         with _Session(service, url) as session:
             asked = TAPQuery(url, query, maxrec=service.maxrec, session=session)
             body = asked.execute_raw()
-    except requests.TooManyRedirects:
-        raise Problem(f"the service redirects more than {_MOST_REDIRECTS} times", "final") from None
-    except requests.exceptions.InvalidSchema as error:  # a redirect to file: and the like
-        raise Problem(f"the service redirects to what is not followed ({error})", "final") from None
     except (Problem, MemoryError):
         raise
     except Exception as error:
         raise _explained(error) from None
-    columns, problem = [], None
+    refusal = ""
     try:
-        columns = _columns(body, service.maxrec)
-    except Problem as found:
-        problem = found
-    try:
-        asked.raise_if_error()
-    except DALServiceError as error:
-        refusal = problem.text if problem is not None and problem.kind == "query" else ""
-        again = error.code >= 500 or error.code in (408, 429)
-        if again or not refusal:
-            status = f"HTTP {error.code} {error.cause.response.reason or ''}".strip()
-            raise Problem(": ".join(filter(None, (status, refusal))), "way" if again else "final") from None
-    if problem is not None:
-        raise problem
-    return columns
+        return _columns(body, service.maxrec)
+    except Problem as problem:
+        refusal = str(problem) if problem.kind == "query" else ""
+        raise
+    finally:  # a status of error is worse than any answer, but for a refusal with its reason
+        try:
+            asked.raise_if_error()
+        except DALServiceError as error:
+            again = error.code >= 500 or error.code in (408, 429)
+            if again or not refusal:
+                status = f"HTTP {error.code} {error.cause.response.reason or ''}".strip()
+                raise Problem(": ".join(filter(None, (status, refusal))), "way" if again else "final") from None
 
 
 def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
@@ -172,14 +165,19 @@ def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
         columns = [raw_column("the answer", name, table[name]) for name in table.colnames]
     except DALQueryError as error:
         raise Problem(" ".join(error.reason.split())[:300], "query") from None
-    except DALFormatError:
-        raise Problem("the answer holds no table", "final") from None
-    except InputError as error:
-        raise Problem(str(error), "final") from None
+    except (DALFormatError, InputError) as error:
+        raise Problem(str(error) if isinstance(error, InputError) else "the answer holds no table", "final") from None
     except MemoryError:
         raise
     except Exception:
-        raise Problem(_misfit(body.lstrip()[:40])) from None
+        start = body.lstrip()[:40]
+        said = "breaks off or is damaged" if start.lower().startswith((b"<?xml", b"<votable")) else ""
+        said = (
+            f"the answer is a VOTable that {said}"
+            if said
+            else f"the answer is no VOTable (it starts {start.decode('ascii', 'replace').strip()!r})"
+        )
+        raise Problem(said if start else "the answer is empty") from None
     if len(table) >= maxrec or cut:
         kind = "cut" if len(table) >= maxrec else "limit"
         raise Problem(f"the answer was cut off at {len(table)} rows (allowed: {maxrec})", kind)
@@ -189,19 +187,15 @@ def _columns(body: bytes, maxrec: int) -> list[tuple[str, str, list[Any]]]:
     return [(column.heading, column.unit, column.cells.tolist()) for column in columns]
 
 
-def _misfit(start: bytes) -> str:
-    """Say what an answer is that cannot be read, by its first bytes."""
-    if not start:
-        return "the answer is empty"
-    if start.lower().startswith((b"<?xml", b"<votable")):
-        return "the answer is a VOTable that breaks off or is damaged"
-    return f"the answer is no VOTable (it starts {start.decode('ascii', 'replace').strip()!r})"
-
-
 def _explained(error: BaseException) -> Problem:
     """Turn an exception into words: the innermost reason is the one that people understand."""
-    if isinstance(error, requests.exceptions.InvalidURL):
-        return Problem(str(error), "final")
+    final: dict[type[BaseException], str] = {
+        requests.TooManyRedirects: f"the service redirects more than {_MOST_REDIRECTS} times",
+        requests.exceptions.InvalidSchema: f"the service redirects to what is not followed ({error})",  # file: ...
+        requests.exceptions.InvalidURL: str(error),
+    }
+    if type(error) in final:
+        return Problem(final[type(error)], "final")
     dropped = isinstance(error, ProtocolError)
     while inner := error.__cause__ or error.__context__:
         error = inner
@@ -231,10 +225,9 @@ def main() -> None:
         try:
             found: dict[str, Any] = {"columns": answer(service, asked["url"], asked["query"])}
         except Problem as problem:
-            found = {"problem": problem.text, "kind": problem.kind}
+            found = {"problem": str(problem), "kind": problem.kind}
         except MemoryError:
-            text = f"the answer takes more than {_MEMORY_BYTES / 2**30:g} GB of memory"
-            found = {"problem": text, "kind": "final"}
+            found = {"problem": f"the answer takes more than {_MEMORY_BYTES / 2**30:g} GB of memory", "kind": "final"}
         print(json.dumps(found, default=str), file=said, flush=True)
         signal.alarm(0)
 

@@ -8,14 +8,14 @@ and searched for (`tools.velocity_limits`); where a row has none it names a rule
 import functools
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from catalogs.known_planet_table import star_key
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_rows
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, FloatArray, real_array
 
@@ -29,19 +29,8 @@ VELOCITY_AXES_AU = tuple(math.sqrt(low * high) for low, high in itertools.pairwi
 """Axis for which the numbers of each annulus hold: its geometric middle."""
 NUMBERS = ("m50_mjup", "m90_mjup", "ceiling")
 """What is known in each annulus; columns of the table end in the number of the annulus, from 1."""
-LIMIT_COLUMNS = (
-    *("star", "rule", "n_velocities", "baseline_years"),
-    *(f"{name}_{number}" for name in NUMBERS for number in range(1, len(VELOCITY_AXES_AU) + 1)),
-    *("reference", "note"),
-)
 _RULE_NUMBERS = ("k50_m_s", "m90_over_m50", "ceiling")
-RULE_COLUMNS = (
-    *("rule", "n_stars"),
-    *(f"{name}_{number}" for name in _RULE_NUMBERS for number in range(1, len(VELOCITY_AXES_AU) + 1)),
-    "reference",
-)
 _AMPLITUDE_M_S = 28.4329
-_Cells: TypeAlias = dict[str, str]
 
 
 def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mass_msun: ArrayLike) -> FloatArray:
@@ -116,41 +105,32 @@ def _limits() -> dict[str, VelocityLimit]:
     masses = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
     rules = {row["rule"]: row for row in shipped_rows(RULES_FILE.name)}
     rows = shipped_rows(LIMITS_FILE.name)
-    return {star_key(row["star"]): _limit(row, rules, float(masses[row["star"]])) for row in rows}
+    return {star_key(row["star"]): _limit(row, rules.get(row["rule"], {}), masses[row["star"]]) for row in rows}
 
 
-def _limit(row: _Cells, rules: dict[str, _Cells], star_mass_msun: float) -> VelocityLimit:
-    """Return a row with what its rule says in the annuli without numbers of their own."""
-    rule = rules.get(row["rule"])
-    numbers = [_annulus(row, rule, number, star_mass_msun) for number in range(1, len(VELOCITY_AXES_AU) + 1)]
-    m50, m90, ceiling = zip(*numbers, strict=True)
+def _numbers(row: Mapping[str, str], names: tuple[str, ...]) -> FloatArray:
+    """Return numbers by annulus, one row each; nan where there is none."""
+    annuli = range(1, len(VELOCITY_AXES_AU) + 1)
+    return np.array([[float(row.get(f"{name}_{number}") or math.nan) for number in annuli] for name in names])
+
+
+def _limit(row: Mapping[str, str], rule: Mapping[str, str], star_mass_msun: float) -> VelocityLimit:
+    """Return a row with what its rule says in the annuli without numbers of their own; a ceiling of 0 for nothing."""
+    own, (k50, ratio, share) = _numbers(row, NUMBERS), _numbers(rule, _RULE_NUMBERS)
+    m50 = k50 / amplitude_m_s(1.0, VELOCITY_AXES_AU, star_mass_msun)
+    by_rule = np.where(np.isfinite(share), [m50, ratio * m50, share], [[1.0], [2.0], [0.0]])
+    limits = np.where(np.isfinite(own[2]), own, by_rule)
     baseline = float(row["baseline_years"])
-    known = [axis for axis, share in zip(VELOCITY_AXES_AU, ceiling, strict=True) if share > 0.0]
     # Beyond the orbit whose period is the baseline only the star's own injections say what is found.
-    period_reach = (
-        math.inf if row[f"ceiling_{len(VELOCITY_AXES_AU)}"] else (star_mass_msun * baseline**2) ** (1.0 / 3.0)
-    )
+    reach = math.inf if np.isfinite(own[2, -1]) else (star_mass_msun * baseline**2) ** (1.0 / 3.0)
+    known = [axis for axis, ceiling in zip(VELOCITY_AXES_AU, limits[2], strict=True) if ceiling > 0.0]
     return VelocityLimit(
         star=row["star"],
         rule=row["rule"],
         n_velocities=int(row["n_velocities"]) if row["n_velocities"] else None,
         baseline_years=baseline,
-        m50_mjup=m50,
-        m90_mjup=m90,
-        ceiling=ceiling,
-        reach_au=min(period_reach, max(known, default=0.0)),
+        **dict(zip(NUMBERS, map(tuple, limits.tolist()), strict=True)),
+        reach_au=min(reach, max(known, default=0.0)),
         reference=row["reference"],
         note=row["note"],
     )
-
-
-def _annulus(row: _Cells, rule: _Cells | None, number: int, star_mass_msun: float) -> tuple[float, float, float]:
-    """Return the limits at 50 and 90 %, and ceiling, of one annulus; a ceiling of 0 where nothing is known."""
-    if row[f"ceiling_{number}"]:
-        m50, m90, ceiling = (float(row[f"{name}_{number}"]) for name in NUMBERS)
-        return m50, m90, ceiling
-    if rule is None:
-        return 1.0, 2.0, 0.0
-    k50, ratio, ceiling = (float(rule[f"{name}_{number}"]) for name in _RULE_NUMBERS)
-    m50 = k50 / float(amplitude_m_s(1.0, VELOCITY_AXES_AU[number - 1], star_mass_msun))
-    return m50, ratio * m50, ceiling

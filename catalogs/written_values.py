@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from catalogs.shipped_tables import shipped_rows
+from catalogs.shipped import shipped_rows
 from cpic_core import BoolArray, FloatArray, InputError, NDArray
 
 if TYPE_CHECKING:

@@ -23,10 +23,8 @@ from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 from catalogs.velocity_limits import (
     ANNULI_AU,
-    LIMIT_COLUMNS,
     LIMITS_FILE,
     NUMBERS,
-    RULE_COLUMNS,
     RULES_FILE,
     VELOCITY_AXES_AU,
     amplitude_m_s,
@@ -47,6 +45,15 @@ NO_LIMIT_FROM = {
 half of the heaviest planets were missed there, which the velocities show plainly."""
 _USUAL_RATIO, _RATIO_SCATTER = 1.6, 0.7
 _CEILING_WEIGHT = 4.0
+
+
+def _by_annulus(*names: str) -> list[str]:
+    """Return the columns of quantities, whose names end in the number of the annulus, from 1."""
+    return [f"{name}_{number}" for name in names for number in range(1, len(VELOCITY_AXES_AU) + 1)]
+
+
+LIMIT_COLUMNS = ("star", "rule", "n_velocities", "baseline_years", *_by_annulus(*NUMBERS), "reference", "note")
+RULE_COLUMNS = ("rule", "n_stars", *_by_annulus("k50_m_s", "m90_over_m50", "ceiling"), "reference")
 
 
 @dataclass(frozen=True)

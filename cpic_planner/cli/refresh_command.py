@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,12 +14,23 @@ from cpic_planner.cli.options import JsonOption, console, error_line, note, plac
 from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
-    from catalogs import Cuts, Refreshed, RefreshedPlanets, TapService
+    from catalogs import Cuts, TapService
     from cpic_planner.cli.refreshed_files import Written
 
 _NAMES_SHOWN = 8
+_DIFFERENCES = {
+    "same": "the same",
+    "added": "added",
+    "removed": "removed",
+    "gone": "gone",
+    "v_mag_changed": "V differs by 0.05 mag or more",
+    "parallax_changed": "parallax differs by 1 % or more",
+    "orbit_moved": "orbit moved out of its errors",
+}
 _ELEMENTS = {"period_days": "period (d)", "semi_major_axis_au": "semi-major axis (au)", "eccentricity": "eccentricity"}
 
 
@@ -86,7 +97,7 @@ def refresh(
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
     from catalogs import Cuts, RefreshError, TapService
-    from cpic_planner.cli.refreshed_files import refresh_catalog, refresh_known_planets
+    from cpic_planner.cli.refreshed_files import refresh_catalog
 
     service = TapService(
         url=url,
@@ -107,11 +118,7 @@ def refresh(
         return
     try:
         with progress("asking the archive" if planets else "asking SIMBAD", total=2 if planets else 3) as step:
-            done = (
-                refresh_known_planets(out=out, service=service, step=step, tell=note)
-                if planets
-                else refresh_catalog(out=out, service=service, cuts=cuts, step=step, tell=note)
-            )
+            done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=note)
     except RefreshError as error:
         raise typer.Exit(error_line(str(error), 1)) from None
     if as_json:
@@ -147,67 +154,32 @@ def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_j
 
 def _show_result(done: Written, screen: Console) -> None:
     """Print counts, differences from the shipped table, and where the file is."""
-    from catalogs import RefreshedPlanets
-
     made = done.made
-    name = "NASA Exoplanet Archive" if isinstance(made, RefreshedPlanets) else "SIMBAD"
-    rows = [(what, str(count)) for what, count in made.counts.items()]
+    name, what = ("SIMBAD", "stars") if made.kind == "simbad" else ("NASA Exoplanet Archive", "planets")
+    rows = [(step, str(count)) for step, count in made.counts.items()]
     table(screen, f"{name} of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
-    if isinstance(made, RefreshedPlanets):
-        _show_planets(made, screen)
-    else:
-        _show_stars(made, screen)
+    moved = made.changes.get("orbit_moved", ())
+    changes = dict(made.changes) | {"orbit_moved": list(dict.fromkeys(item["planet"] for item in moved))}
+    cells = []
+    for key in made.changes:
+        names = [] if key == "same" else list(changes[key])
+        shown = ", ".join(names[:_NAMES_SHOWN]) + (", ..." if names[_NAMES_SHOWN:] else "")
+        cells.append((_DIFFERENCES[key], str(changes[key] if key == "same" else len(names)), shown))
+    heads = ("", what, "first of them (--json lists all, with reasons)")
+    table(screen, "Compared with the shipped table", heads, cells)
+    if moved:
+        columns = ("planet", "element", "shipped", "archive", "combined errors")
+        table(screen, "Orbits that moved", columns, map(_moved, moved))
+    report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
     if not done.made.refusal:
         report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
 
 
-def _show_stars(made: Refreshed, screen: Console) -> None:
-    changes = made.changes
-    differences = (
-        ("the same", changes.same, ()),
-        ("added", len(changes.added), changes.added),
-        ("removed", len(changes.removed), tuple(changes.removed)),
-        ("V differs by 0.05 mag or more", len(changes.v_mag), changes.v_mag),
-        ("parallax differs by 1 % or more", len(changes.parallax), changes.parallax),
-    )
-    _compared(screen, "stars", differences)
-
-
-def _show_planets(made: RefreshedPlanets, screen: Console) -> None:
-    from cpic_planner.cli.refreshed_files import plain
-
-    changes = made.changes
-    moved = tuple(dict.fromkeys(item.planet for item in changes.moved))
-    differences = (
-        ("the same", changes.same, ()),
-        ("new", len(changes.added), changes.added),
-        ("gone", len(changes.gone), tuple(changes.gone)),
-        ("orbit moved out of its errors", len(moved), moved),
-    )
-    _compared(screen, "planets", differences)
-    if changes.moved:
-        cells = (
-            (
-                item.planet,
-                _ELEMENTS[item.element],
-                _measured(item.before, item.before_err),
-                _measured(item.now, item.now_err),
-                "none given" if plain(item.sigmas) is None else f"{item.sigmas:.1f}",
-            )
-            for item in changes.moved
-        )
-        table(screen, "Orbits that moved", ("planet", "element", "shipped", "archive", "combined errors"), cells)
-    report.print_plain(screen, *made.notes, wraps=False)
-
-
-def _measured(value: float, error: float) -> str:
-    return f"{value:g}" + (f" ± {error:g}" if error == error else "")
-
-
-def _compared(screen: Console, what: str, differences: tuple[tuple[str, int, tuple[str, ...]], ...]) -> None:
-    cells = (
-        (kind, str(count), ", ".join(names[:_NAMES_SHOWN]) + (", ..." if names[_NAMES_SHOWN:] else ""))
-        for kind, count, names in differences
-    )
-    heads = ("", what, "first of them (--json lists all, with reasons)")
-    table(screen, "Compared with the shipped table", heads, cells)
+def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of an element of an orbit that moved."""
+    values = [
+        f"{item[name]:g}" + (f" ± {error:g}" if (error := item[f"{name}_err"]) is not None else "")
+        for name in ("before", "now")
+    ]
+    sigmas = "none given" if item["sigmas"] is None else f"{item['sigmas']:.1f}"
+    return (item["planet"], _ELEMENTS[item["element"]], *values, sigmas)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import catalogs
 from catalogs import (
@@ -47,14 +47,9 @@ class Written:
     def summary(self) -> dict[str, Any]:
         """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
         made = self.made
-        about: dict[str, Any]
-        if isinstance(made, RefreshedPlanets):
-            kind, changes, about = "planets_refresh", _planets_changed(made), {"notes": list(made.notes)}
-        else:
-            kind, changes, about = "catalog_refresh", _stars_changed(made), {"cuts": asdict(made.cuts)}
         return {
             "schema_version": 1,
-            "kind": kind,
+            "kind": "catalog_refresh" if isinstance(made, Refreshed) else "planets_refresh",
             "file": str(self.path),
             "sha256": self.sha256,
             "set_aside": made.refusal,
@@ -62,40 +57,10 @@ class Written:
             "service": made.url,
             "queries": list(made.queries),
             "counts": dict(made.counts),
-            "changes_to_snapshot": changes,
+            "changes_to_snapshot": dict(made.changes),
             "left_out": dict(made.left_out),
-            **about,
+            **({"cuts": asdict(made.cuts)} if isinstance(made, Refreshed) else {"notes": list(made.notes)}),
         }
-
-
-def _stars_changed(made: Refreshed) -> dict[str, Any]:
-    changes = made.changes
-    return {
-        "same": changes.same,
-        "added": list(changes.added),
-        "removed": dict(changes.removed),
-        "v_mag_changed": list(changes.v_mag),
-        "parallax_changed": list(changes.parallax),
-    }
-
-
-def _planets_changed(made: RefreshedPlanets) -> dict[str, Any]:
-    changes = made.changes
-    moved = [asdict(item) | {"sigmas": item.sigmas} for item in changes.moved]
-    return {
-        "same": changes.same,
-        "added": list(changes.added),
-        "gone": dict(changes.gone),
-        "orbit_moved": [
-            {name: plain(value) if isinstance(value, float) else value for name, value in item.items()}
-            for item in moved
-        ],
-    }
-
-
-def plain(value: float) -> float | None:
-    """Return a number as JSON has it: none where it is infinite or nan."""
-    return value if abs(value) < float("inf") else None
 
 
 def target_path(out: str | Path | None) -> Path:
@@ -120,19 +85,23 @@ def target_path(out: str | Path | None) -> Path:
 
 def refresh_catalog(
     *,
+    planets: bool = False,
     out: str | Path | None = None,
     service: TapService | None = None,
     cuts: Cuts | None = None,
     step: Listener = lambda text: None,
     tell: Listener = lambda text: None,
 ) -> Written:
-    """Ask SIMBAD for the stars and write them as one ECSV file, all or nothing.
+    """Ask an archive and write its stars or planets as one ECSV file, all or nothing.
 
     Parameters
     ----------
+    planets : bool
+        Ask the NASA Exoplanet Archive for planets of catalogue stars, not SIMBAD for stars.
     out : str or Path, optional
-        File to write, replaced when it is there; by default a dated file in the data folder
-        (`catalogs.data_dir`), where ``--catalog latest`` finds it. A table that lacks too much is set aside beside it.
+        File to write, replaced when it is there; by default a dated file in the data folder (`catalogs.data_dir`),
+        where ``--catalog latest`` or ``--known-planets latest`` finds it. A table that lacks too much is set aside
+        beside it.
     service : TapService, optional
         Where and how patiently to ask.
     cuts : Cuts, optional
@@ -148,50 +117,19 @@ def refresh_catalog(
     InputError
         If ``out`` cannot be a place for it.
     """
-    place = target_path(out)
-    made = refresh_stars(service or TapService(), cuts or Cuts(), step=step, tell=tell)
-    text = ecsv_text(made, _versions())
-    parse_refreshed(text, "the new table")  # what cannot be read back is not worth writing
-    return _kept(place, out is None, "simbad", made, text)
-
-
-def refresh_known_planets(
-    *,
-    out: str | Path | None = None,
-    service: TapService | None = None,
-    step: Listener = lambda text: None,
-    tell: Listener = lambda text: None,
-) -> Written:
-    """Ask the NASA Exoplanet Archive for planets of catalogue stars and write one ECSV file, all or nothing.
-
-    Parameters
-    ----------
-    out : str or Path, optional
-        As in `refresh_catalog`; ``--known-planets latest`` finds those in the data folder.
-    service : TapService, optional
-        Where and how patiently to ask.
-    step, tell : callable
-        Told of finished steps, and of failures that are tried again.
-
-    Raises
-    ------
-    RefreshError
-        As in `refresh_catalog`.
-    InputError
-        If ``out`` cannot be a place for it.
-    """
-    place = target_path(out)
-    made = refresh_planets(service or TapService(), step=step, tell=tell)
-    text = planets_ecsv(made, _versions())
-    parse_planets(TableBytes("the new table", text.encode(), ""))
-    return _kept(place, out is None, "archive", made, text)
-
-
-def _kept(
-    place: Path, dated: bool, kind: Literal["simbad", "archive"], made: Refreshed | RefreshedPlanets, text: str
-) -> Written:
-    """Write a table whole, or set it aside; the file's name has the date of the query if the place is a folder."""
-    path = place / file_name(made.queried_utc, kind) if dated else place
+    path, service = target_path(out), service or TapService()
+    versions = {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
+    made: Refreshed | RefreshedPlanets
+    # What cannot be read back is not worth writing.
+    if planets:
+        made = refresh_planets(service, step=step, tell=tell)
+        text = planets_ecsv(made, versions)
+        parse_planets(TableBytes("the new table", text.encode(), ""))
+    else:
+        made = refresh_stars(service, cuts or Cuts(), step=step, tell=tell)
+        text = ecsv_text(made, versions)
+        parse_refreshed(text, "the new table")
+    path = path / file_name(made.queried_utc, made.kind) if out is None else path
     path = set_aside(path) if made.refusal else path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -200,7 +138,3 @@ def _kept(
         hint = "choose another place with --out or CPIC_DATA_DIR"
         raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
     return Written(path, hashlib.sha256(text.encode()).hexdigest(), made)
-
-
-def _versions() -> dict[str, str]:
-    return {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}

@@ -84,7 +84,7 @@ def test_is_an_ecsv_file_that_says_where_it_comes_from(made, text, tmp_path):
     assert meta["software"]["astroquery"] == "1"
     assert "ODbL" in meta["licence"]
     assert "SIMBAD" in meta["credit"]
-    assert meta["changes_to_snapshot"]["added"] == len(made.changes.added)
+    assert meta["changes_to_snapshot"]["added"] == len(made.changes["added"])
     json.dumps(dict(meta))
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from astropy import units as u
 
-from catalogs import Cuts, RefreshError, TapService, queries, simbad_answer
+from catalogs import Cuts, RefreshError, TapService, queries
+from catalogs.archive_answers import asked_columns
 from catalogs.simbad_answer import read_measurements, read_stars
-from catalogs.table_files import RawTable, column_of
+from catalogs.table_files import RawColumn, RawTable
 from catalogs.tap_client import ask
 
 STARS, MEASUREMENTS = queries(Cuts())
@@ -19,10 +20,6 @@ def answered(simbad, query=STARS):
     return {column.heading: column for column in ask(TapService(retries=0), simbad.url, query).columns}
 
 
-def with_cells(column, cells):
-    return column_of(column.heading, column.unit, cells)
-
-
 def table(columns):
     return RawTable("the answer", list(columns.values()))
 
@@ -31,49 +28,46 @@ def both(simbad):
     return read_stars(table(answered(simbad))), read_measurements(table(answered(simbad, MEASUREMENTS)))
 
 
+def column(rows, name):
+    return np.array([row.get(name, np.nan) for row in rows])
+
+
 def same(one, two):
-    for name, values in vars(one).items():
-        if isinstance(values, list):
-            assert values == getattr(two, name), name
+    assert [row.keys() for row in one] == [row.keys() for row in two]
+    for name in one[0]:
+        values, others = ([row.get(name) for row in rows] for rows in (one, two))
+        if name in ("main_id", "sp_type", "object_type", "ids", "bibcode"):
+            assert values == others
         else:
-            np.testing.assert_array_equal(values, getattr(two, name), err_msg=name)
+            np.testing.assert_array_equal(np.array(values, float), np.array(others, float), err_msg=name)
 
 
 def test_values_are_those_of_the_tables(simbad, sky):
     answer, measurements = both(simbad)
     by_name = {" ".join(star[1].split()): star for star in sky.STARS}
-    for i, name in enumerate(answer.main_id):
-        _, _, ra, dec, plx, err, pmra, pmdec, rv, sp_type, otype, b, v, ids = by_name[name]
+    names = "ra_deg dec_deg parallax_mas parallax_err_mas pm_ra_mas_yr pm_dec_mas_yr rv_km_s b_mag v_mag".split()
+    for star in answer:
+        _, _, ra, dec, plx, err, pmra, pmdec, rv, sp_type, otype, b, v, ids = by_name[star["main_id"]]
         expected = [ra, dec, plx, err, pmra, pmdec, rv, b, v]
-        found = [
-            answer.ra_deg[i],
-            answer.dec_deg[i],
-            answer.parallax_mas[i],
-            answer.parallax_err_mas[i],
-            answer.pm_ra_mas_yr[i],
-            answer.pm_dec_mas_yr[i],
-            answer.rv_km_s[i],
-            answer.b_mag[i],
-            answer.v_mag[i],
-        ]
+        found = [star[name] for name in names]
         np.testing.assert_allclose(found, [np.nan if x is None else x for x in expected], rtol=1e-6)
-        assert answer.sp_type[i] == (sp_type or "")
-        assert answer.object_type[i] == otype
-        assert answer.ids[i] == tuple(" ".join(name.split()) for name in (ids or "").split("|") if name)
+        assert star["sp_type"] == (sp_type or "")
+        assert star["object_type"] == otype
+        assert star["ids"] == tuple(" ".join(name.split()) for name in (ids or "").split("|") if name)
     assert len(measurements) == sum(row[0] != 14 for row in sky.MEASUREMENTS)
 
 
 def test_white_space_of_identifiers_is_normalised(simbad):
     answer, _ = both(simbad)
-    assert "* alf Cen A" in answer.ids[answer.main_id.index("* alf Cen A")]
-    assert "GJ 559 B" in answer.ids[answer.main_id.index("* alf Cen B")]
+    ids = {star["main_id"]: star["ids"] for star in answer}
+    assert "* alf Cen A" in ids["* alf Cen A"]
+    assert "GJ 559 B" in ids["* alf Cen B"]
 
 
 def test_misprints_of_the_literature_count_as_missing(simbad):
     _, measurements = both(simbad)
-    odd = measurements.bibcode.index("1901ApJ.....1....1X")
-    assert np.isnan(measurements.teff_k[odd])
-    assert np.isnan(measurements.fe_h[odd])
+    odd = next(row for row in measurements if row["bibcode"] == "1901ApJ.....1....1X")
+    assert not odd.keys() & {"teff_k", "metallicity"}
 
 
 @pytest.mark.parametrize("names", ["OLD_NAMES", "PARENTHESES"])
@@ -85,9 +79,11 @@ def test_old_names_of_the_columns_are_understood(simbad, tap, names):
 
 
 def test_every_column_that_is_asked_for_is_known(tap):
-    for query, columns in ((STARS, simbad_answer.STARS), (MEASUREMENTS, simbad_answer.MEASUREMENTS)):
+    for query, table in ((STARS, "simbad_stars"), (MEASUREMENTS, "simbad_measurements")):
         asked = {column for _, column, _ in tap.parse(query)[1]["select"]} - {"mespos"}  # of the order of the list
-        assert {columns.meant_by(column)[0].name for column in asked} == set(columns)
+        listed = asked_columns(table)
+        forms = {form: name for name, row in listed.items() for form in (name, *row["headings"].split())}
+        assert {forms[column.replace("_", "") if column not in forms else column] for column in asked} == set(listed)
 
 
 def test_positions_in_hours_and_units_of_another_kind_are_converted(simbad):
@@ -95,25 +91,23 @@ def test_positions_in_hours_and_units_of_another_kind_are_converted(simbad):
     columns = answered(simbad)
     from astropy.coordinates import SkyCoord
 
-    sky = SkyCoord(answer.ra_deg * u.deg, answer.dec_deg * u.deg)
+    sky = SkyCoord(column(answer, "ra_deg") * u.deg, column(answer, "dec_deg") * u.deg)
     ra = sky.ra.to_string(unit="hourangle", sep=" ", precision=6).tolist()
     dec = sky.dec.to_string(unit="deg", sep=" ", precision=6, alwayssign=True).tolist()
-    rv_m_s = [None if np.isnan(value) else 1000.0 * value for value in answer.rv_km_s.tolist()]
-    columns["ra"], columns["dec"] = column_of("ra", "", ra), column_of("dec", "", dec)
-    columns["plx_value"] = column_of("plx_value", "arcsec", (answer.parallax_mas / 1000.0).tolist())
-    columns["rvz_radvel"] = column_of("rvz_radvel", "m/s", rv_m_s)
+    rv_m_s = [None if np.isnan(value) else 1000.0 * value for value in column(answer, "rv_km_s")]
+    columns["ra"], columns["dec"] = RawColumn("ra", "", ra), RawColumn("dec", "", dec)
+    columns["plx_value"] = RawColumn("plx_value", "arcsec", (column(answer, "parallax_mas") / 1000.0).tolist())
+    columns["rvz_radvel"] = RawColumn("rvz_radvel", "m/s", rv_m_s)
     other = read_stars(table(columns))
-    np.testing.assert_allclose(other.ra_deg, answer.ra_deg, atol=1e-8)
-    np.testing.assert_allclose(other.dec_deg, answer.dec_deg, atol=1e-8)
-    np.testing.assert_allclose(other.parallax_mas, answer.parallax_mas)
-    np.testing.assert_allclose(other.rv_km_s, answer.rv_km_s)
+    for name in ("ra_deg", "dec_deg", "parallax_mas", "rv_km_s"):
+        np.testing.assert_allclose(column(other, name), column(answer, name), atol=1e-8)
 
 
 def change(name, value):
     """Change the first cell of a column."""
 
     def alter(columns):
-        columns[name] = with_cells(columns[name], [value, *columns[name].cells.tolist()[1:]])
+        columns[name] = replace(columns[name], cells=[value, *columns[name].cells[1:]])
 
     return alter
 
@@ -122,7 +116,7 @@ def fill(name, value):
     """Change all cells of a column."""
 
     def alter(columns):
-        columns[name] = with_cells(columns[name], [value] * len(columns[name].cells))
+        columns[name] = replace(columns[name], cells=[value] * len(columns[name].cells))
 
     return alter
 
@@ -132,7 +126,7 @@ def rows(choose):
 
     def alter(columns):
         for name, column in columns.items():
-            columns[name] = with_cells(column, choose(column.cells.tolist()))
+            columns[name] = replace(column, cells=choose(column.cells))
 
     return alter
 
@@ -141,9 +135,9 @@ def rows(choose):
     ("alter", "words"),
     [
         (rows(lambda cells: []), "no star"),
-        (lambda columns: columns.pop("plx_value"), "column parallax_mas = missing"),
-        (lambda columns: columns.update(V=replace(columns["V"], heading="Vega")), "column v_mag = missing"),
-        (rows(lambda cells: [cells[0], *cells]), "rows 1 and 2 are of one name; same oid"),
+        (lambda columns: columns.pop("plx_value"), "no column parallax_mas"),
+        (lambda columns: columns.update(V=replace(columns["V"], heading="Vega")), "no column v_mag"),
+        (rows(lambda cells: [cells[0], *cells]), "2 rows are of one name; same oid"),
         (change("plx_value", None), "column plx_value = missing"),
         (change("plx_value", -3.0), r"column plx_value = -3.0 mas"),
         (change("V", None), "column V = missing"),
@@ -170,16 +164,14 @@ def test_what_cannot_be_right_is_refused_in_one_line(simbad, alter, words):
 
 def test_no_measurements_at_all_are_fine_but_a_lost_column_is_not(simbad):
     columns = answered(simbad, MEASUREMENTS)
-    assert len(read_measurements(table({name: with_cells(column, []) for name, column in columns.items()}))) == 0
+    assert len(read_measurements(table({name: replace(column, cells=[]) for name, column in columns.items()}))) == 0
     del columns["fe_h"]
-    with pytest.raises(RefreshError, match="fe_h"):
+    with pytest.raises(RefreshError, match="no column metallicity"):
         read_measurements(table(columns))
 
 
 def test_numbers_in_texts_are_read(simbad):
     columns = answered(simbad)
     expected = read_stars(table(columns))
-    columns["pmra"] = with_cells(
-        columns["pmra"], [str(cell) if cell else cell for cell in columns["pmra"].cells.tolist()]
-    )
+    columns["pmra"] = replace(columns["pmra"], cells=[str(cell) if cell else cell for cell in columns["pmra"].cells])
     same(expected, read_stars(table(columns)))

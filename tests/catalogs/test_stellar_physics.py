@@ -10,6 +10,7 @@ from catalogs import load_johnson_v, load_stars, load_stellar_grid, luminosity_f
 from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     bolometric_correction,
+    bulk_columns,
     colour_temperature,
     gravity,
     mass_from_luminosity,
@@ -214,3 +215,16 @@ def test_shipped_stars_are_flagged_as_their_types_say():
     for sp_type, words in zip(types, flags, strict=True):
         assert {word for word in words.split(";") if word in told} == type_flags(sp_type, "", ""), sp_type
     assert sum("composite_spectrum" in words for words in flags) == 34
+
+
+def test_what_is_known_of_a_star_counts_before_what_is_derived():
+    row = {"v_mag": 4.0, "distance_pc": 10.0, "teff_k": 5772.0, "metallicity": 0.0, "sp_type": "G2V"}
+    derived = bulk_columns(row, {})
+    assert derived["luminosity_lsun"] == luminosity_from_v(4.0, 10.0, 5772.0)
+    assert derived["mass_msun_src"].startswith("derived:luminosity")
+    known = bulk_columns(row, {"luminosity_lsun": (4.0, "a"), "mass_msun": (1.2, "b"), "log_g": (4.1, "c")})
+    assert [known[name] for name in ("luminosity_lsun", "mass_msun", "log_g")] == [4.0, 1.2, 4.1]
+    assert [known[f"{name}_src"] for name in ("luminosity_lsun", "mass_msun", "log_g")] == ["a", "b", "c"]
+    assert known["radius_rsun"] == pytest.approx(2.0, rel=1e-9), "four suns at the temperature of the Sun"
+    poor = bulk_columns(row | {"metallicity": -1.0}, {"log_g": (2.5, "c"), "mass_msun": None})
+    assert poor["luminosity_lsun"] == luminosity_from_v(4.0, 10.0, 5772.0, -1.0, 2.5)

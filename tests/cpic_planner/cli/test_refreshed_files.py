@@ -119,7 +119,7 @@ def put(column, value):
             lambda headings, rows: (headings[:-2] + headings[-1:], [row[:-2] + row[-1:] for row in rows]),
             "column v",
         ),
-        ("measurements", lambda headings, rows: (headings[:3], [row[:3] for row in rows]), "fe_h"),
+        ("measurements", lambda headings, rows: (headings[:3], [row[:3] for row in rows]), "column metallicity"),
     ],
 )
 @pytest.mark.parametrize("out", [None, "mine.ecsv"])

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from catalogs.exoplanet_archive import ORBIT, REST
+from catalogs.archive_answers import asked_columns
 from tools.build_catalogue.builders import known_planets as builder
 
-COLUMNS = [column for _, _, column in (*ORBIT, *REST)]
+COLUMNS = [column for column, row in asked_columns("ps").items() if row["quantity"]]
 
 
 def row(**given):
