@@ -25,7 +25,8 @@ _UNSAID = f"name the column {_NAMES}, or the unit in a first line such as '# Ang
 _NOISE = 0.01
 """Transmissions below 0 or above 1 by no more of the peak are noise: makers cut measured curves off at 1 % for that."""
 # Albedos without a unit: what cannot be nm is um and the other way round; Angstrom and wavenumbers overlap.
-_UM_BELOW, _LEAST_NM, _MOST_NM = 20.0, 100.0, 3000.0
+_UM_BELOW, _NM_ABOVE, _NM_BELOW = 20.0, 100.0, 3000.0
+_LEAST_NM, _MOST_NM = 1e-3, 1e8
 _VALUES = {"transmission", "flux", "albedo"}
 _MARKS, _BESIDE_COMMAS = (";", ",", "\t", "|", None), (";", "\t")
 _REMARKS, _LONGEST, _HEADINGS = 1000, 1000, 50_000
@@ -35,7 +36,10 @@ _PER = re.compile(
     r"1\s*/\s*([cu]m)(?![a-z])|(?<![a-z])([cu]m)\s*(?:\^|\*\*)?\s*[({]?\s*[-\u2212]\s*[1\u00b9]\s*[)}]?(?![\d.])"
 )
 _PERCENT = re.compile(r"(?<![\d<>])(?<!\d\s)(?:%|\bper ?cent\b|\bpct\b)", re.IGNORECASE)
-_FLUX = re.compile(r"\b(?:ergs?|photons?|ph|W)\b[\w\s/.*^-]*(?:/|-[12])[\w\s/.*^-]*")
+_FLUX = re.compile(
+    r"(?<![^\W_])(?:(?:ergs?|photons?|ph|W)\b[\w\s/.*^-]*(?:/|-[12])[\w\s/.*^-]*|[munM\u00b5\u03bc]?Jy(?![^\W_]))"
+)
+_REMARK = re.compile(r"\s*(?:[!;%]+(?=\s)|!|\\|//|$)")
 
 
 class _Entry(NamedTuple):
@@ -105,8 +109,7 @@ def read_curve(
     """
     table = _tabled(name, data)
     if len(table.places) < 2:
-        shown = f"{len(table.places)} rows of numbers"
-        raise InputError(name, shown, allowed=f"two or more rows of wavelength and {wanted}")
+        raise InputError(name, f"{len(table.places)} rows of numbers", allowed="two or more rows")
     axis, other = _choose(table, wanted)
     raw, values = _numbers(table, axis, "wavelength"), _numbers(table, other, wanted)
     said = [text for text in table.remarks if wanted in _meaning(text)]
@@ -118,6 +121,7 @@ def read_curve(
     _check(table, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
     _check(table, wanted, values, good, allowed)
     nm = _in_nm(table, axis, unit, raw, by_size)
+    _check(table, "wavelength", nm, (nm >= _LEAST_NM) & (nm <= _MOST_NM), f"{_LEAST_NM:g} to {_MOST_NM:g} nm")
     if wanted != "albedo":
         ordered = np.append(True, np.diff(nm) * (nm[-1] - nm[0]) > 0.0)
         _check(table, "wavelength", raw, ordered, "rows in order of wavelength, each once")
@@ -231,7 +235,7 @@ def _from_table(name: str, data: bytes) -> _Table:
     except InputError as error:
         reason = error.hint or f"allowed: {error.allowed}"
         raise InputError(name, str(error.value), allowed="a whole table of a curve", hint=reason) from None
-    said = [(column.heading, column.unit, getattr(column, "description", "")) for column in table.columns]
+    said = [(item.heading, item.unit, "" if item.unit else getattr(item, "description", "")) for item in table.columns]
     headings, units, remarks = ([text[:_LONGEST] for text in texts] for texts in zip(*said, strict=True))
     return _Table(name, headings, units, table.columns, "row", range(1, len(table) + 1), remarks)
 
@@ -247,9 +251,10 @@ def _from_text(name: str, text: str) -> _Table:
     mark: str | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         body, _, remark = line.partition("#")
-        if not body.strip(" \t,;") or (not rows and body.lstrip()[:1] in "!\\"):
+        sign = _REMARK.match(body)
+        if not body.strip(" \t,;") or (sign and not rows):
             if not rows or len(said) < _REMARKS:
-                said.append(((remark or body.strip("!\\ "))[:_LONGEST], False))
+                said.append(((remark or body[sign.end() if sign else 0 :])[:_LONGEST], False))
             continue
         if not rows:
             mark = min(_MARKS, key=lambda item: _likeness(body, item))
@@ -300,10 +305,9 @@ def _numbers(table: _Table, index: int, what: str) -> np.ndarray:
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "fiu":
         return np.asarray(np.ma.filled(np.ma.asarray(cells, dtype=np.float64), np.nan))
     found = [_number(cell) for cell in cells]
-    if None in found:
-        row = found.index(None)
-        where = f"{table.name} {table.at(row)} {what}"
-        raise InputError(where, cells[row] or "empty", allowed="a finite number")
+    if None in found:  # what it is, is not shown: the file may be none of curves
+        where = f"{table.name} {table.at(found.index(None))} {what}"
+        raise InputError(where, "something else", allowed="a finite number")
     return np.array(found, dtype=np.float64)
 
 
@@ -337,10 +341,8 @@ def _apart(text: str, count: int) -> Iterator[list[str]]:
 
 def _choose(table: _Table, wanted: str) -> tuple[int, int]:
     """Return which column holds wavelengths, and which the values."""
-    meanings = [
-        _meaning(heading) or ({"unit"} if unit and _unit(unit) else set())
-        for heading, unit in zip(table.headings, table.units, strict=True)
-    ]
+    given = zip(table.headings, table.units, strict=True)
+    meanings = [_meaning(text) or frozenset(("unit",) if unit and _unit(unit) else ()) for text, unit in given]
     every = [i for i in range(len(meanings)) if meanings[i] or _holds_numbers(table.cells(i))]
     axes = [i for i in every if "axis" in meanings[i]] or [i for i in every if "unit" in meanings[i]]
     named = [i for i in every if wanted in meanings[i]]
@@ -403,7 +405,7 @@ def _in_nm(table: _Table, axis: int, given: str | None, raw: np.ndarray, by_size
             found |= _units_in(text, "unit") or ({"1 / cm"} if axes == {"wavenumber"} else set())
     if not found:
         found = {"1 / cm"} if numbered else set().union(*(_units_in(text, "unit") for text in table.remarks))
-    if not found and by_size and (raw.max() < _UM_BELOW or _LEAST_NM <= raw.min() <= raw.max() <= _MOST_NM):
+    if not found and by_size and (raw.max() < _UM_BELOW or _NM_ABOVE <= raw.min() <= raw.max() <= _NM_BELOW):
         found = {"um" if raw.max() < _UM_BELOW else "nm"}
     said = " and ".join(sorted(found)) or inner
     unit = _unit(said)
@@ -418,7 +420,9 @@ def _unit_of_flux(table: _Table, index: int) -> str:
     """Return the unit of flux densities that the file states, as astropy spells it; several are joined by "and"."""
     heading, remarks = table.headings[index], table.remarks
     stated = table.units[index].strip() or _within(heading)
-    found = {stated} - {""} or _named(heading, "flux") or set().union(*(_named(text, "flux") for text in remarks))
-    found = found or {text.strip() for remark in (heading, *remarks) for text in _FLUX.findall(remark)}
+    found: set[str] | frozenset[str] = {stated} - {""}
+    for texts in ([heading], remarks):
+        found = found or {unit.strip() for text in texts for unit in _FLUX.findall(text)}
+        found = found or frozenset().union(*(_named(text, "flux") for text in texts))
     known = _entries("spelling")
     return re.sub(r"[^\W\d_]+", lambda m: known[m[0]].name if m[0] in known else m[0], " and ".join(sorted(found)))

@@ -312,9 +312,8 @@ def _band(name: str, config: BandConfig) -> Band:
     apart_nm, wider = abs(read.center_nm - band.center_nm), read.width_nm / band.width_nm
     if apart_nm > _CENTER_TOLERANCE * band.width_nm or not 1.0 / _WIDTH_TOLERANCE <= wider <= _WIDTH_TOLERANCE:
         given = f"{band.center_nm:g} and {band.width_nm:g}"
-        own = f"{read.center_nm:.1f} and {read.width_nm:.1f} nm, those of {file}"
-        hint = "leave both out to have them from the curve"
-        raise InputError(f"instrument.bands.{name}.center_nm and width_nm", given, unit="nm", allowed=own, hint=hint)
+        own = f"{read.center_nm:.1f} and {read.width_nm:.1f} nm, those of {file}; or neither, to have them from it"
+        raise InputError(f"instrument.bands.{name}.center_nm and width_nm", given, unit="nm", allowed=own)
     return replace(band, curve=read.curve)
 
 

@@ -238,11 +238,12 @@ def test_noise_of_a_measured_curve_is_taken_off():
         (text(NM, T, "# nm\n", tail=" 0.1"), ("unnamed, unnamed, unnamed", "wavelength_nm")),
         (text(NM, T, "wavelength_nm T QE\n", tail=" 0.1"), ("wavelength_nm, T, QE",)),
         (text(NM, T, "# nm\n") + "nonsense\n", ("line 8 = 1 cells", "as in line 2")),
-        (text(NM, T, "# nm\n") + "560 x\n", ("line 8 transmission = x",)),
-        (text(NM, T, "# nm,,\n", ",") + "560,\n", ("line 8 transmission = ",)),
+        (text(NM, T, "# nm\n") + "560 x\n", ("line 8 transmission = something else",)),
+        (text(NM, T, "# nm,,\n", ",") + "560,\n", ("line 8 transmission = something else",)),
         (text(NM[[0, 2, 1]], T[:3], "# nm\n"), ("line 4 wavelength = 510.0", "in order")),
         (text(NM[[0, 1, 1]], T[:3], "# nm\n"), ("line 4 wavelength = 510.0", "once")),
         (text(-NM, T, "# nm\n"), ("line 2 wavelength = -500",)),
+        (text(NM, T, "wavelength_m T\n"), ("line 2 wavelength = 5", "0.001 to 1e+08 nm")),
         ("# nm\n500 0.1\n", ("1 rows of numbers",)),
         (b"\x89PNG\r\n\0\1", ("binary",)),
     ],
@@ -299,3 +300,18 @@ def test_quantities_of_specutils_like_tables():
     table, out = QTable({"spectral_axis": NM * u.nm, "flux": FLUX * u.Jy, "uncertainty": FLUX}), io.StringIO()
     table.write(out, format="ascii.ecsv")
     assert is_read(out.getvalue(), "flux", FLUX) == "Jy"
+
+
+@pytest.mark.parametrize("sign", ["%", "%%", ";", "!", "//", "\\\\"])
+def test_remarks_of_other_languages_are_neither_percent_nor_cells(sign):
+    is_read(text(NM, T, f"{sign} made in 2024\n{sign} wavelength_nm T\n"))
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"),
+    [("wave_nm,flux_Jy", "Jy"), ("wave_nm,fnu_mJy", "mJy"), ("wave_nm,flux_MJy", "MJy"),
+     ("wave_nm,flux\n# in uJy", "uJy"),
+     ("# Units: nm, mJy (fnu)", "mJy"), ("# nm, flam; erg/s/cm2/A", "erg/s/cm2/Angstrom"), ("# nm FLAM", "flam")],
+)  # fmt: skip
+def test_the_unit_of_a_flux_is_the_most_particular_word(head, unit):
+    assert is_read(text(NM, FLUX, head + "\n", ","), "flux", FLUX) == unit
