@@ -38,9 +38,9 @@ class KnownPlanetsQuestion(shared.TablesQuestion):
     known_planets: str | None = asked(
         None,
         "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
-        "(without them), latest (made by cpic catalog refresh --planets), or a table file, which "
-        "is laid over the snapshot planet by planet; none+FILE takes the file alone. In a ranking or a plan it stands "
-        "instead of a population; whatif counts them beside it, and off leaves them out.",
+        "(without them), latest (made by cpic catalog refresh --planets), or a file (CSV, VOTable, FITS or "
+        "another format), which is laid over the snapshot planet by planet; none+FILE takes the file alone. In a "
+        "ranking or a plan it stands instead of a population; whatif counts them beside it, and off leaves them out.",
         physics=False,
         read=str,
         names_file=lambda word: word not in ("snapshot", "archive_2019"),

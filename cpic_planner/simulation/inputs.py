@@ -61,9 +61,9 @@ def simulation_from(
     Parameters
     ----------
     what : sequence
-        Simulations and scenes (presets, YAML files, mappings, objects), and tables of stars (a file in
-        any usual format; ``snapshot``, ``latest``, ``simbad_2012``), each row of which is a scene. Nothing for a
-        calibration ``kind``.
+        Simulations and scenes (presets, YAML files, mappings, objects), and tables of stars (a file in any usual
+        format; ``snapshot``, ``latest``, ``simbad_2012``), each row of which is a scene. Nothing for a calibration
+        ``kind``.
     settings : mapping, optional
         Keys of `SequenceConfig` for the scenes; a simulation has its own. The scene of references may have the forms
         that `simulator.config.scene.load_scene` reads.

@@ -201,7 +201,7 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
 _FILES = {
     "catalog": (
         "Star table",
-        "CSV, VOTable, FITS or another format, with name, V, distance, and spectral type or temperature.",
+        "CSV, VOTable, FITS, ..., with name, V, distance, and spectral type or temperature.",
     ),
     "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
     "other": ("The other instrument", "The same, of the one that the first is compared with."),
