@@ -17,7 +17,7 @@ from catalogs import RefreshError, TapService, load_stars
 from catalogs.archive_answers import read_answer
 from catalogs.exoplanet_archive import read_archive
 from catalogs.simbad_answer import read_measurements, read_stars
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import RawTable, column_of
 from catalogs.tap_client import ask
 
 NO_LONG, NO_INT = -(2**63), -(2**31)
@@ -202,7 +202,7 @@ def test_the_archives_planets_are_read_with_units_errors_and_limits(answered):
 
 def test_a_service_with_other_rows_than_it_should_have_is_refused():
     def column(name, *cells):
-        return RawColumn(name, "", list(cells))
+        return column_of(name, "", list(cells))
 
     whole = [column("oidref", 1, 2), *(column(name, None, 1.0) for name in ("teff", "log_g", "fe_h", "bibcode"))]
     assert [row["oid"] for row in read_answer(RawTable("the answer", whole), "simbad_measurements")[0]] == [1, 2]

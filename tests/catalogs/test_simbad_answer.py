@@ -9,10 +9,15 @@ from astropy import units as u
 from catalogs import Cuts, RefreshError, TapService, queries
 from catalogs.archive_answers import asked_columns
 from catalogs.simbad_answer import read_measurements, read_stars
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import RawTable, column_of
 from catalogs.tap_client import ask
 
 STARS, MEASUREMENTS = queries(Cuts())
+
+
+def with_cells(given, cells):
+    """The column with other cells, None where missing."""
+    return column_of(given.heading, given.unit, cells)
 
 
 def answered(simbad, query=STARS):
@@ -95,9 +100,9 @@ def test_positions_in_hours_and_units_of_another_kind_are_converted(simbad):
     ra = sky.ra.to_string(unit="hourangle", sep=" ", precision=6).tolist()
     dec = sky.dec.to_string(unit="deg", sep=" ", precision=6, alwayssign=True).tolist()
     rv_m_s = [None if np.isnan(value) else 1000.0 * value for value in column(answer, "rv_km_s")]
-    columns["ra"], columns["dec"] = RawColumn("ra", "", ra), RawColumn("dec", "", dec)
-    columns["plx_value"] = RawColumn("plx_value", "arcsec", (column(answer, "parallax_mas") / 1000.0).tolist())
-    columns["rvz_radvel"] = RawColumn("rvz_radvel", "m/s", rv_m_s)
+    columns["ra"], columns["dec"] = column_of("ra", "", ra), column_of("dec", "", dec)
+    columns["plx_value"] = column_of("plx_value", "arcsec", (column(answer, "parallax_mas") / 1000.0).tolist())
+    columns["rvz_radvel"] = column_of("rvz_radvel", "m/s", rv_m_s)
     other = read_stars(table(columns))
     for name in ("ra_deg", "dec_deg", "parallax_mas", "rv_km_s"):
         np.testing.assert_allclose(column(other, name), column(answer, name), atol=1e-8)
@@ -107,7 +112,7 @@ def change(name, value):
     """Change the first cell of a column."""
 
     def alter(columns):
-        columns[name] = replace(columns[name], cells=[value, *columns[name].cells[1:]])
+        columns[name] = with_cells(columns[name], [value, *columns[name].cells.tolist()[1:]])
 
     return alter
 
@@ -116,7 +121,7 @@ def fill(name, value):
     """Change all cells of a column."""
 
     def alter(columns):
-        columns[name] = replace(columns[name], cells=[value] * len(columns[name].cells))
+        columns[name] = with_cells(columns[name], [value] * len(columns[name].cells))
 
     return alter
 
@@ -126,7 +131,7 @@ def rows(choose):
 
     def alter(columns):
         for name, column in columns.items():
-            columns[name] = replace(column, cells=choose(column.cells))
+            columns[name] = with_cells(column, choose(column.cells.tolist()))
 
     return alter
 
@@ -164,7 +169,7 @@ def test_what_cannot_be_right_is_refused_in_one_line(simbad, alter, words):
 
 def test_no_measurements_at_all_are_fine_but_a_lost_column_is_not(simbad):
     columns = answered(simbad, MEASUREMENTS)
-    assert len(read_measurements(table({name: replace(column, cells=[]) for name, column in columns.items()}))) == 0
+    assert len(read_measurements(table({name: with_cells(column, []) for name, column in columns.items()}))) == 0
     del columns["fe_h"]
     with pytest.raises(RefreshError, match="no column metallicity"):
         read_measurements(table(columns))
@@ -173,5 +178,7 @@ def test_no_measurements_at_all_are_fine_but_a_lost_column_is_not(simbad):
 def test_numbers_in_texts_are_read(simbad):
     columns = answered(simbad)
     expected = read_stars(table(columns))
-    columns["pmra"] = replace(columns["pmra"], cells=[str(cell) if cell else cell for cell in columns["pmra"].cells])
+    columns["pmra"] = with_cells(
+        columns["pmra"], [str(cell) if cell else cell for cell in columns["pmra"].cells.tolist()]
+    )
     same(expected, read_stars(table(columns)))

@@ -119,7 +119,7 @@ def test_columns_of_a_table_are_documented(done):
     rows = {row["name"]: row for row in json.loads(out)["columns"]}
     assert {name for name, row in rows.items() if row["required"]} == set(
         """
-        name hip hd gj hr tic gaia planet v_mag opt_mag g_mag distance_pc parallax_mas sp_type teff_k
+        name hip hd gj hr tic gaia planet v_mag opt_mag gaia_g_mag distance_pc parallax_mas sp_type teff_k
     """.split()
     )
     assert rows["distance_pc"]["required"] == rows["parallax_mas"]["required"] == "one of 2"
