@@ -46,18 +46,17 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f\ufffd]")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+$")
 _RULE = re.compile(r"(?=[-=+|:;, \t]+$).*(?:--|==|\|:?-).*|\(\d+ rows?\)")  # psql ends with the number of rows
 _DESCRIBED = re.compile(r"^Byte-by-byte Description of file", re.MULTILINE | re.IGNORECASE)
-_IPAC = re.compile(r"(?:(?:\\.*|[ \t]*)\r?\n)*(?:\|.*\|[ \t]*\r?\n){1,4}(?=[ \t]+[^|\s+])")
-_VIZIER = re.compile(r"^#Column\s+(\S+)\s+\(\S+\)[ \t]+(.*?)[ \t]*(?:\[ucd=(.*?)\])?[ \t]*$", re.MULTILINE)
-_TABLEHEAD = re.compile(r"\\tablehead\{(.*?)\}\s*\\startdata(.*?)\\enddata", re.DOTALL)
-_TABULAR = re.compile(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}[^\n]*()\n(.*?)\\end\{", re.DOTALL)
+_IPAC = re.compile(r"(?:(?:\\[^\r\n]*|[ \t]*)\r?\n)*(?:\|[^\r\n]*\|[ \t]*\r?\n){1,4}(?=[ \t]+[^|\s+])")
+_VIZIER = re.compile(r"^#Column\t(\S+)\t[^\t\n]*\t([^\t\n]*)(?:\t\[ucd=([^\]\n]*))?", re.MULTILINE)
+_TABULAR = re.compile(r"\\begin\{(?:tabular|tabulary|longtable)[x*]*\}|\\startdata")
 _GREEK = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
 _LATEX_WORDS = (
-    (r"\\frac\{(.*?)\}\{(.*?)\}", r"\1/\2"),
+    (r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"\1/\2"),
     (r"\^\{?\\circ\}?", "deg"),
-    (r"\\(?:nodata|[clv]?dots)(?![A-Za-z])|\\(?:tablenotemark|tablefootmark|cite[a-z]*)\{.*?\}", ""),
+    (r"\\(?:nodata|[clv]?dots)(?![A-Za-z])|\\(?:tablenotemark|tablefootmark|cite[a-z]*)\{[^{}]*\}", ""),
     (rf"\\({_GREEK.replace(' ', '|')})(?![a-z])", r"\1"),
     (r"\\[,;:! ]|~", " "),
-    (r"\\([_#%&])|\\[A-Za-z]+\*?(?:\[.*?\])?|[${}^]", r"\1"),
+    (r"\\([_#%&])|\\[A-Za-z]+\*?(?:\[[^\[\]]*\])?|[${}^]", r"\1"),
 )
 _Notes = tuple[str, ...]
 _Parted = tuple[Sequence[Any], tuple["Reject", ...]]
@@ -176,10 +175,10 @@ def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapsh
 
 def _described(name: str, data: bytes, readme: bytes) -> bytes:
     """Return a data file of the CDS behind its description in a ReadMe; alone where that has none of it."""
-    line = rb"-{40,}[ \t]*\r?\n"
-    title = rb"Byte-by-byte Description of file:[^\n]*(?<![\w.])" + re.escape(name.encode()) + rb"(?![\w.])[^\n]*\n"
-    found = re.search(title + rb"(?:" + line + rb".*?){2}" + line, readme, re.DOTALL)
-    return data if found is None else found[0] + data
+    title = rb"^Byte-by-byte Description of file:[^\n]*(?<![\w.])" + re.escape(name.encode()) + rb"(?![\w.])[^\n]*\n"
+    found = re.search(title, readme, re.MULTILINE)
+    parts = re.split(rb"^(-{40,}[ \t\r]*\n)", readme[found.end() :], maxsplit=3, flags=re.MULTILINE) if found else []
+    return found[0] + b"".join(parts[:6]) + data if found and len(parts) == 7 else data
 
 
 def parse_table(file: TableBytes, readme: bytes | None = None) -> RawTable:
@@ -239,7 +238,7 @@ def _reader(file: TableBytes) -> tuple[str, Callable[[], RawTable]]:
         return "ECSV table", partial(_astropy, file, "ecsv", notes)
     if text.startswith("<"):
         return "HTML table", partial(_html, file, notes)
-    if _TABLEHEAD.search(text) or _TABULAR.search(text):
+    if _TABULAR.search(text):
         return "LaTeX table", partial(_latex, file, notes)
     if _DESCRIBED.search(text):
         return "MRT or CDS table", partial(_astropy, file, "cds", notes)
@@ -382,7 +381,7 @@ def _units_of(rows: Sequence[Sequence[str]]) -> list[str]:
 
     plain = [cell.strip("[]()-") for cell in rows[0]]
     try:
-        return plain if all(units.Unit(plain[i]) is not None for i in given) else []
+        return plain if all(len(plain[i]) < 40 and units.Unit(plain[i]) is not None for i in given) else []
     except (ValueError, TypeError):
         return []
 
@@ -540,28 +539,55 @@ def _masked(data: Any, gone: Any, heading: str, *, guarded: bool = False) -> "np
 
 
 def _html(file: TableBytes, notes: _Notes) -> RawTable:
-    """Read the first table of a page that has more than one row."""
-    from bs4 import BeautifulSoup
+    """Read the largest table of a page; end tags may be left out, as HTML allows."""
+    from html.parser import HTMLParser
 
     _refuse_large(file.name, len(file.data))
-    tables = BeautifulSoup(file.data.decode(), "html5lib").find_all("table")
-    plain = [table.find_all("tr") for table in tables if not table.find("table")]  # others arrange a page
-    found = [
-        [[cell.get_text(" ", strip=True) for cell in row(["th", "td"])] for row in rows] for rows in plain if rows[1:]
-    ]
-    if not found:
+    tables: list[list[list[list[str]]]] = []
+    begun: list[list[list[list[str]]]] = []
+
+    class Page(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            if tag == "table":
+                begun.append([])
+                tables.append(begun[-1])
+            elif tag == "tr" and begun:
+                begun[-1].append([])
+            elif tag in ("td", "th") and begun and begun[-1]:
+                begun[-1][-1].append([])
+            elif tag == "br":
+                self.handle_data(" ")
+
+        def handle_endtag(self, tag: str) -> None:
+            if tag == "table" and begun:
+                begun.pop()
+
+        def handle_data(self, data: str) -> None:
+            if begun and begun[-1] and begun[-1][-1]:
+                begun[-1][-1][-1].append(data)
+
+    Page().feed(file.data.decode())
+    found = max(tables, key=lambda rows: sum(map(len, rows)), default=[])
+    if len(found) < 2:
         raise InputError(file.name, "no table", allowed="a page with a table of rows and columns")
-    return _of_rows(file.name, found[0], notes, len(found))
+    rows = [[" ".join("".join(cell).split()) for cell in row] for row in found if row]
+    return _of_rows(file.name, rows, notes, sum(len(rows) > 1 for rows in tables), "largest")
 
 
 def _latex(file: TableBytes, notes: _Notes) -> RawTable:
     """Read the first table of a text in LaTeX or AASTeX; its commands are taken as text, and none is followed."""
     _refuse_large(file.name, len(file.data))
     text = re.sub(r"(?<!\\)%.*", "", file.data.decode())
-    found = _TABLEHEAD.findall(text) or _TABULAR.findall(text)
-    lines = [line for part in found[0] for line in re.split(r"\\\\(?:\[.*?\])?|\\tabularnewline", part)]
+    _, _, whole = text.partition("\\tablehead{")
+    if "\\startdata" in whole:
+        heading, _, body = whole.partition("\\startdata")
+        parts = [heading.rpartition("}")[0], body.partition("\\enddata")[0]]
+    else:
+        begun = _TABULAR.search(text)
+        parts = [text[begun.end() :].partition("\n")[2].partition("\\end{")[0]] if begun else []
+    lines = [line for part in parts for line in re.split(r"\\\\(?:\[[^\[\]]*\])?|\\tabularnewline", part)]
     rows = [[_plain_latex(cell) for cell in re.split(r"(?<!\\)&", line)] for line in lines]
-    return _of_rows(file.name, list(filter(any, rows)), notes, len(found))
+    return _of_rows(file.name, list(filter(any, rows)), notes, len(_TABULAR.findall(text)))
 
 
 def _plain_latex(cell: str) -> str:
@@ -593,16 +619,16 @@ def _excel(file: TableBytes) -> RawTable:
     return _of_rows(file.name, [row + [""] * (width - len(row)) for row in rows[start:]], (), len(book.worksheets))
 
 
-def _of_rows(name: str, rows: list[list[str]], notes: tuple[str, ...], tables: int) -> RawTable:
+def _of_rows(name: str, rows: list[list[str]], notes: _Notes, tables: int, which: str = "first") -> RawTable:
     """Return a table of rows of cells, the first of them the headings and the second perhaps the units."""
-    notes += _several(name, tables)
+    notes += _several(name, tables, which)
     units = _units_of(rows[1:_LOOKED_AT])
     heading = rows[0] if rows else []
     return _table(name, heading, units, _parted(rows[2 if units else 1 :], len(heading)), notes)
 
 
-def _several(name: str, tables: int) -> tuple[str, ...]:
-    return (f"{name} holds several tables: the first is read",) if tables > 1 else ()
+def _several(name: str, tables: int, which: str = "first") -> _Notes:
+    return (f"{name} holds several tables: the {which} is read",) if tables > 1 else ()
 
 
 def _refuse_large(name: str, size: int) -> None:

@@ -1,8 +1,10 @@
 """Tables from files: nulls of every format are missing, and what a file says of its own completeness is heard."""
 
+import contextlib
 import gzip
 import io
 import json
+import time
 import zipfile
 
 import numpy as np
@@ -14,6 +16,7 @@ from pyarrow import parquet
 
 from catalogs import load_known_planets, open_catalogue, table_files
 from catalogs.table_files import Reject, TableBytes, column_of, parse_table, read_bytes
+from cpic_core import InputError
 
 STARS = Table(
     {
@@ -314,12 +317,16 @@ def test_first_of_several_tables_is_read_and_it_is_said():
     tables = [fits.BinTableHDU(STARS), fits.BinTableHDU(STARS[:1])]
     file = io.BytesIO()
     fits.HDUList([fits.PrimaryHDU(), *tables]).writeto(file)
-    pages = (
-        "<html><table><tr><td>menu</table><table><tr><th>a<th>b<tr><td>1<td>2</table><table><tr><th>c<tr><td>3</table>"
-    )
-    for data in (file.getvalue(), pages.encode()):
-        assert parsed(data).notes == ("mine.dat holds several tables: the first is read",)
-    assert cells(parsed(pages.encode())) == {"a": ["1"], "b": ["2"]}
+    assert parsed(file.getvalue()).notes == ("mine.dat holds several tables: the first is read",)
+
+
+def test_the_largest_table_of_a_page_is_read_and_it_is_said():
+    menu, last = "<table><tr><td>menu</table>", "<table><tr><th>c<tr><td>3</table>"
+    stars = "<table><tr><th>a<th>b<br>c<tr><td>1&lt;2<td><i>x</i> y</table>"
+    page = f"<html><table><tr><td>{menu}{stars}{last}<tr><td></table>"
+    table = parsed(page.encode())
+    assert cells(table) == {"a": ["1<2"], "b c": ["x y"]}
+    assert table.notes == ("mine.dat holds several tables: the largest is read",)
 
 
 def test_numbers_of_single_precision_are_the_decimals_that_they_stand_for():
@@ -418,7 +425,7 @@ def flat_parquet():
         (b"<html><p>no rows</p></html>", "no table"),
         (fits.PrimaryHDU().header.tostring().encode().ljust(2880), "it has no table extension"),
         (b"Some words of prose\nthat say\nnothing at all of any star\n", "heading = one column"),
-        (b"\\startdata\nx\n\\begin{tabular}{c}\na & b\n", "heading = one column|no table"),
+        (b"\\startdata\nx\n\\begin{tabular}{c}\na & b\n", "no rows"),
         (b"<html><table><tr><td></td></tr><tr><td>1</td></tr></table>", "heading = empty"),
     ],
 )
@@ -449,3 +456,38 @@ def test_commands_of_latex_and_pages_are_not_followed(tmp_path):
         assert "hidden" not in str(cells(parsed(text.encode())))
     assert cells(parsed(latex.encode()))["name"][1] == "tau Cet"
     assert cells(parsed(latex.encode()))["V"][1] == "-3.5"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            "\\tablehead{",
+            "\\begin{tabular}",
+            "\\begin{tabular}\n",
+            "\\startdata",
+            "\\a=b\r\n",
+            "|a|b|\r\n",
+            "<table>",
+            "\\frac{",
+        ),
+        *(
+            "#Column\ta\t(I6)\t" + " " * 999 + "x\n",
+            "# " + " " * 999 + "\n",
+            "-",
+            "- ",
+            "--|",
+            "a ",
+            " a,",
+            '"',
+            "\t|;,",
+            "%",
+        ),
+    ],
+)
+@pytest.mark.parametrize("start", ["", "\\tablehead{\\startdata ", "\\begin{tabular}{c}\n", "a,b\n1,2\n"])
+def test_texts_that_repeat_themselves_take_no_longer_than_others(start, text):
+    began = time.process_time()
+    with contextlib.suppress(InputError):
+        parsed((start + text * (100_000 // len(text)) + "x").encode())
+    assert time.process_time() - began < 3.0
