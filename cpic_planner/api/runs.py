@@ -294,8 +294,8 @@ def simulate_products(question: queries.SimulateQuestion) -> results.SimulationR
     """
     from cpic_planner.simulation import simulate, simulation_from
 
-    simulation, _ = simulation_from(question.what, **question.given)
-    return simulate(simulation, question.out, truth=question.truth, **question.how).result
+    simulation, notes = simulation_from(question.what, **question.given)
+    return simulate(simulation, question.out, truth=question.truth, notes=notes, **question.how).result
 
 
 def visibility_of(

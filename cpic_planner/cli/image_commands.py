@@ -201,13 +201,13 @@ def simulate(
         return
     from cpic_planner import simulation
 
-    made, _ = simulation.simulation_from(question.what, **question.given)
+    made, notes = simulation.simulation_from(question.what, **question.given)
     if dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
         output.show(planned, partial(report.print_planned, planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
-    start = partial(simulation.simulate, made, question.out, truth=question.truth, **question.how)
+    start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
     done = with_progress("frames", total, start, "sequence")
     output.show(done.result, partial(report.print_simulation, done.result, question.out))
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
-from cpic_planner.results.base import Result, Row, RunResult, StatusText, column, optional
+from cpic_planner.results.base import OfTables, Result, Row, RunResult, StatusText, column, optional
 from simulator.knobs import Quantity
 
 
@@ -106,7 +106,7 @@ class SimulationEstimate(Result):
     sequences: list[PlannedSequenceRow]
 
 
-class SimulationResult(RunResult):
+class SimulationResult(OfTables, RunResult):
     """The products of a simulation: reproducible from configuration and seeds."""
 
     schema_version: Literal[1] = 1

@@ -21,7 +21,7 @@ RESULT_VERSION = 3
 
 
 def simulation_job(
-    planned: Sequence[PlannedSequence], simulation: SimulationConfig, *, truth: bool
+    planned: Sequence[PlannedSequence], simulation: SimulationConfig, *, truth: bool, notes: Sequence[str] = ()
 ) -> Job[SimulationResult]:
     """Return the job that makes the Level-0 products of a simulation.
 
@@ -32,6 +32,8 @@ def simulation_job(
     simulation : SimulationConfig
     truth : bool
         Write the truth beside the products.
+    notes : sequence of str
+        Remarks on the reading of tables of stars.
     """
     digests = _Digests()
     settings = [item.settings(digests) for item in planned]
@@ -53,6 +55,7 @@ def simulation_job(
             size_bytes=sum(row.size_bytes for row in rows),
             sequences=rows,
             programmes=list(_programmes(planned, bodies)),
+            notes=list(notes),
         )
 
     def write(folder: RunFolder, result: SimulationResult, bodies: Mapping[str, Any]) -> None:
@@ -71,7 +74,12 @@ def simulation_job(
 
 
 def simulate(
-    simulation: SimulationConfig, out: str | Path, *, truth: bool = True, **how: Unpack[RunSettings]
+    simulation: SimulationConfig,
+    out: str | Path,
+    *,
+    truth: bool = True,
+    notes: Sequence[str] = (),
+    **how: Unpack[RunSettings],
 ) -> Finished[SimulationResult]:
     """Make the Level-0 products of a simulation.
 
@@ -83,6 +91,8 @@ def simulate(
         Root of the tree of products; continued when it holds part of the same simulation.
     truth : bool
         Write the truth beside the products.
+    notes : sequence of str
+        Remarks on the reading of tables of stars, as `cpic_planner.simulation.simulation_from` returns them.
     **how
         As of `cpic_planner.jobs.job.run`. Workers of another ``scheduler`` see ``out`` under the same name.
         ``advance`` is told about frames: one by one in this process, a sequence at a time with several workers.
@@ -94,7 +104,7 @@ def simulate(
     """
     planned = plan_sequences(simulation)
     check_light(planned)
-    job = simulation_job(planned, simulation, truth=truth)
+    job = simulation_job(planned, simulation, truth=truth, notes=notes)
     _check_room(Path(out), planned, truth=truth)
     return run(job, out, **how)
 

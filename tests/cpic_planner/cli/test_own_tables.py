@@ -253,6 +253,27 @@ def test_strict_still_says_that_there_is_no_detection(call, tmp_path):
     assert call(*asked, "--strict")[0] == 3
 
 
+@pytest.mark.parametrize("command", [("rank", *QUICK), ("etc", "Bob", "--band", "F520"), ("visibility", "Bob")])
+def test_a_table_that_was_cut_off_says_so_in_every_result(done, tmp_path, command):
+    from astropy.io.votable import from_table
+    from astropy.table import Table
+
+    stars = {"name": ["Bob"], "distance_pc": [10.0], "v_mag": [5.0], "sp_type": ["G2V"], "ra": [9.0], "dec": [9.0]}
+    from_table(Table(stars)).to_xml(str(tmp_path / "s.xml"))
+    text = (tmp_path / "s.xml").read_text()
+    (tmp_path / "s.xml").write_text(text.replace("<TABLE", '<INFO name="QUERY_STATUS" value="OVERFLOW"/><TABLE', 1))
+    out, err = done(*command, "--catalog", tmp_path / "s.xml", "--json")
+    (note,) = json.loads(out)["notes"]
+    assert "was cut off" in note
+    assert err.count("was cut off") == 1
+
+
+def test_a_simulation_keeps_the_remarks(done, tmp_path, stars):
+    out, _ = done("simulate", stars, "--band", "F520", "--out", tmp_path / "out", "--fidelity", "quick", "--json")
+    assert any("3 rows left out" in note for note in json.loads(out)["notes"])
+    assert json.loads(out)["notes"] == json.loads((tmp_path / "out" / "simulation.json").read_text())["notes"]
+
+
 def test_python_reads_as_strictly(stars):
     from cpic_core import InputError
 

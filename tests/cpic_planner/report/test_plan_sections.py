@@ -499,3 +499,11 @@ def test_known_planets_come_with_their_next_windows(plan, rank, read):
     never = known.model_copy(update={"planets": [row.model_copy(update={"windows": []})]})
     text = " ".join(read(page_html(plan_document(PlanReport(plan, rank, {}, {}, known=never)))).text)
     assert "In no dark hole more likely than not in that time: ε Eri b." in text
+
+
+def test_remarks_on_a_users_table_stand_in_the_report(plan, rank, read):
+    """Rows that are left out and a table that was cut off: on the page of whoever reads the plan."""
+    remark = f"mine.csv: 2 rows left out: 2 by v_mag, {HOSTILE}"
+    noted = plan.model_copy(update={"notes": [remark]})
+    assert remark in " ".join(" ".join(read(page_html(plan_document(PlanReport(noted, rank, {}, {})))).text).split())
+    assert "Remarks on your tables" not in page_html(plan_document(PlanReport(plan, rank, {}, {})))

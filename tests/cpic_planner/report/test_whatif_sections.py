@@ -195,3 +195,10 @@ def test_the_subtitle_and_the_yields_follow_the_run(compared):
     assert "2 strategies with 1752 h of telescope time, 20 % of 360 days" in html
     assert html.count("68 % of the planets found are eps Eri b") >= 2
     assert "deep drift=0.1 nm" in html
+
+
+def test_remarks_on_a_users_table_stand_in_the_report(compared, page, read):
+    noted = compared().model_copy(update={"notes": ["pl.csv: 2 rows left out: 2 by period"]})
+    words = " ".join(" ".join(read(page_html(whatif_document(WhatIfReport(noted, PICTURES)))).text).split())
+    assert "pl.csv: 2 rows left out: 2 by period" in words
+    assert "Remarks on your tables" not in page
