@@ -12,7 +12,8 @@ set -euo pipefail
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check astropy==8.0.2 numpy==2.4.6 pyarrow==26.0.1
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check \
+    astropy==8.0.2 numpy==2.4.6 pandas==3.1.1 pyarrow==26.0.1
 cd "$folder"
 "$folder/venv/bin/python" - <<'PYTHON'
 import warnings
