@@ -17,7 +17,7 @@ from cpic_core import InputError, listed, visible
 from cpic_planner import report
 from cpic_planner.cli.asking import Commands
 from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
-from cpic_planner.cli.own_tables import REJECTS_ENDINGS, RejectsOption, write_rejects
+from cpic_planner.cli.own_tables import RejectsOption, check_rejects, write_rejects
 from cpic_planner.cli.progress import heard
 
 if TYPE_CHECKING:
@@ -143,10 +143,9 @@ def columns(
 
 def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
     """Show what the columns of a file are taken for."""
-    from cpic_planner.cli.options import check_file
     from cpic_planner.results import ColumnsResult
 
-    check_file(rejects, REJECTS_ENDINGS, "--rejects")
+    check_rejects(rejects, [file])
     found = catalogs.taken_for(file, None if taken_as is None else taken_as.value, strict=strict)
     if rejects is not None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from cpic_core import InputError
+from cpic_core import InputError, at_home
 from cpic_planner.cli import options
 
 if TYPE_CHECKING:
@@ -46,9 +46,9 @@ def tables_of(question: Any, rejects: Path | None) -> Iterator[None]:
     """
     from catalogs import tables_read
 
-    options.check_file(rejects, REJECTS_ENDINGS, "--rejects")
-    named = [getattr(question, name, None) for name in ("strategies", "what")]
-    if rejects is not None and not any(named) and not _names_table(question):
+    tables = _named_tables(question)
+    check_rejects(rejects, tables)
+    if rejects is not None and not tables and getattr(question, "strategies", None) is None:
         raise _no_table(rejects)
     with tables_read(strict=getattr(question, "strict", False), tell=options.note) as read:
         try:
@@ -60,11 +60,36 @@ def tables_of(question: Any, rejects: Path | None) -> Iterator[None]:
         raise _no_table(rejects)
 
 
-def _names_table(question: Any) -> bool:
+def _named_tables(question: Any) -> list[Any]:
+    """Return the files that a question names as tables; a file of strategies may name others."""
     from catalogs import NAMED_TABLES, split_source
 
     stars, planets = getattr(question, "catalog", None), getattr(question, "known_planets", None)
-    return stars not in (None, *NAMED_TABLES) or (planets not in (None, "off") and bool(split_source(planets)[1]))
+    laid_over = "" if planets in (None, "off") else split_source(planets)[1]
+    return [
+        *([] if stars in (None, *NAMED_TABLES) else [stars]),
+        *filter(None, [laid_over]),
+        *getattr(question, "what", ()),
+    ]
+
+
+def check_rejects(rejects: Path | None, tables: Sequence[Any]) -> None:
+    """Refuse a file of ``--rejects`` that cannot be written, or that is one of the tables themselves.
+
+    Parameters
+    ----------
+    rejects : Path or None
+    tables : sequence
+        Files that are read.
+
+    Raises
+    ------
+    InputError
+    """
+    options.check_file(rejects, REJECTS_ENDINGS, "--rejects")
+    names = [table for table in tables if isinstance(table, str | Path)]
+    if rejects is not None and rejects.resolve() in [at_home(name).resolve() for name in names]:
+        raise InputError("--rejects", str(rejects), allowed="another file than the table that is read")
 
 
 def _no_table(rejects: Path) -> InputError:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,6 +247,14 @@ def test_rejects_without_a_table_of_ones_own_are_refused(call, tmp_path, argumen
 
 def test_rejects_have_a_known_ending(refuses, stars):
     refuses(["rank", "--catalog", stars, "--rejects", "r.txt"], ["--rejects", ".csv, .ecsv or .parquet"])
+
+
+@pytest.mark.parametrize(
+    "arguments", [("catalog", "columns", "STARS"), ("rank", "--catalog", "STARS"), ("simulate", "STARS", "--dry-run")]
+)
+def test_rejects_do_not_replace_the_table_itself(refuses, stars, arguments):
+    refuses([*with_tables(arguments, stars, ""), "--rejects", stars], ["--rejects", "another file"])
+    assert Path(stars).read_text() == STARS
 
 
 def test_strict_still_says_that_there_is_no_detection(call, tmp_path):
