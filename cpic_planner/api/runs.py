@@ -154,8 +154,9 @@ def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") 
             raise InputError(key, other, allowed=allowed, hint=error.hint) from None
         same = question.model_copy(update={"instrument": instrument})
         before = Ranking.of(prepared(same).ranked(), instrument=instrument)
-    after = Ranking.of(prepared(question).ranked(), instrument=question.instrument)
-    return compare_rankings(before, after)
+    ready = prepared(question)
+    after = Ranking.of(ready.ranked(), instrument=question.instrument)
+    return ready.noted(compare_rankings(before, after))
 
 
 class CompareQuestion(queries.RankQuestion):

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from catalogs import StarTable
-from cpic_core import BoolArray
+from cpic_core import BoolArray, visible
 from cpic_planner.results import RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
@@ -72,7 +72,7 @@ def with_own(rank: RankResult, table: StarTable, names: Collection[str] = ()) ->
     """
     if not table.own:
         return rank
-    headings = {f"{OWN_PREFIX * (text in RankedTarget.model_fields)}{text}": text for text in table.own}
+    headings = {f"{OWN_PREFIX * (text in RankedTarget.model_fields)}{visible(text)}": text for text in table.own}
     taken = {
         name: table.own[text].tolist()
         for number, (name, text) in enumerate(headings.items())

@@ -298,7 +298,7 @@ class ComparedRanking(Result):
     n_detected: int = Field(description="stars whose reference planet is detected")
 
 
-class RankComparison(Result):
+class RankComparison(OfTables):
     """The moves from one ranking to another one, and their reasons."""
 
     main_rows: ClassVar[str] = "targets"

@@ -172,7 +172,7 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
 
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(names)
+    writer.writerow(map(guarded, names))
     writer.writerows([cell(row.get(name)) for name in names] for row in rows)
     return buffer.getvalue()
 
@@ -253,12 +253,12 @@ def astropy_table(
     table = Table(meta=dict(meta))
     for taken in columns:
         column = taken.column
-        about = {"name": column.name, "unit": column.unit or None, "description": column.description or None}
+        about = {"name": text(column.name), "unit": column.unit or None, "description": column.description or None}
         cells, missing = _filled(taken, entries, joined)
         texts = column.dtype == "string"
         values = np.array(list(map(text, cells)) if texts else cells, dtype=str if texts else column.dtype)
         masked = any(missing)
-        table[column.name] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)
+        table[about["name"]] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)
     return table
 
 

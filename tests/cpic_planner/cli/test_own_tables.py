@@ -175,6 +175,8 @@ def test_rejects_are_written_in_every_form(done, tmp_path, stars, ending, of):
 COMMANDS = {
     "rank": ("rank", "--catalog", "STARS", *QUICK),
     "explain": ("rank", "--catalog", "STARS", *QUICK, "--explain", "mine"),
+    "sensitivity": ("rank", "--catalog", "STARS", *QUICK, "--sensitivity"),
+    "compare": ("rank", "--catalog", "STARS", *QUICK, "--compare", "as_published"),
     "etc": ("etc", "mine", "--catalog", "STARS", "--band", "F520"),
     "visibility": ("visibility", "mine", "--catalog", "STARS", "--days", "3"),
     "curve": ("curve", "mine", "--catalog", "STARS", "--band", "F520", "--separation-arcsec", "0.5"),
@@ -308,6 +310,22 @@ def test_other_columns_travel_to_every_output(done, tmp_path, stars):
     assert done(*asked, "--columns", "name,mood", "--format", "csv")[0].splitlines()[:2] == ["name,mood", "mine,fine"]
     assert "fine" in done(*asked, "--columns", "name,mood")[0]
     assert "mood: column of your own table" in done(*asked, "--columns", "help")[0]
+
+
+def test_headings_of_others_steer_no_program(done, tmp_path):
+    """A heading may begin like a formula of spreadsheets, or hold what steers a terminal."""
+    text = "name,distance_pc,v_mag,sp_type,=cmd|x,\x1b[31mred\nBob,10,5,G2V,1,2\n"
+    (tmp_path / "odd.csv").write_text(text)
+    asked = ["rank", "--catalog", tmp_path / "odd.csv", *QUICK]
+    for ending in (".csv", ".ecsv"):
+        done(*asked, "--out", tmp_path / f"r{ending}")
+        lines = [line for line in (tmp_path / f"r{ending}").read_text().splitlines() if not line.startswith("#")]
+        names = next(csv.reader(lines[:1]))
+        assert [name for name in names if name.startswith(("=", "+", "@"))] == []
+        assert any("=cmd" in name for name in names)
+        assert "\x1b" not in "".join(lines)
+    for more in (["--columns", "help"], ["--format", "csv"], ["--json"]):
+        assert "\x1b" not in done(*asked, *more)[0]
 
 
 def test_numbers_of_a_file_with_types_stay_numbers(tmp_path):
