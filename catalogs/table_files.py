@@ -681,7 +681,8 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
             from astropy.io import ascii as text_tables
 
             # As lines: a text without an end of line would be taken for the name of a file.
-            table = text_tables.read([line.rstrip("\r\n") for line in _lines(file.data)], format=kind)
+            text = file.data.decode().replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
+            table = text_tables.read(text.split("\n"), format=kind)
             said = repr(table.meta)
         return table, remarks(file.name, said) + _several(file.name, tables)
 
