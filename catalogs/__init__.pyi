@@ -103,7 +103,6 @@ from catalogs.table_cells import (
     LeftOut as LeftOut,
     Rows as Rows,
     read_rows as read_rows,
-    synonyms_of as synonyms_of,
 )
 from catalogs.table_files import (
     RawColumn as RawColumn,
