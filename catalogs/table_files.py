@@ -433,11 +433,12 @@ def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> _Parted 
         return "skip"
 
     names = list(map(str, range(width)))
+    texts = dict.fromkeys(names, pa.string())
     found = tables.read_csv(
         pa.py_buffer(memoryview(data)[start:]),
-        tables.ReadOptions(column_names=names, use_threads=False, block_size=2**22),
+        tables.ReadOptions(column_names=names, use_threads=False, block_size=2**21),
         tables.ParseOptions(delimiter=mark, newlines_in_values=quoted, invalid_row_handler=rejected),
-        tables.ConvertOptions(column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False),
+        tables.ConvertOptions(column_types=texts, strings_can_be_null=False, check_utf8=False),  # it was decoded
     )
     whole = not quoted or len(found) + len(rejects) == sum(map(bool, map(bytes.strip, data[start:].splitlines())))
     return (found.columns, tuple(rejects)) if simple and whole else None  # else a quotation may span lines

@@ -1,10 +1,8 @@
 """Tables from files: nulls of every format are missing, and what a file says of its own completeness is heard."""
 
-import contextlib
 import gzip
 import io
 import json
-import time
 import zipfile
 
 import numpy as np
@@ -486,8 +484,10 @@ def test_commands_of_latex_and_pages_are_not_followed(tmp_path):
     ],
 )
 @pytest.mark.parametrize("start", ["", "\\tablehead{\\startdata ", "\\begin{tabular}{c}\n", "a,b\n1,2\n"])
-def test_texts_that_repeat_themselves_take_no_longer_than_others(start, text):
-    began = time.process_time()
-    with contextlib.suppress(InputError):
-        parsed((start + text * (100_000 // len(text)) + "x").encode())
-    assert time.process_time() - began < 3.0
+def test_texts_that_repeat_themselves_are_read_or_refused_in_one_line(start, text):
+    """Time that grew with the square of the length, or faster, would let none of these end."""
+    try:
+        told = parsed((start + text * (100_000 // len(text)) + "x").encode()).name
+    except InputError as error:
+        told = str(error)
+    assert "\n" not in told
