@@ -7,6 +7,7 @@ import numpy as np
 
 from catalogs import ORBIT, KnownPlanetTable, OrbitPlaces
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, stream
+from cpic_planner.planets.allowed import catalogue_masses_msun
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
 from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.population import OrbitingPlanets, Planets
@@ -113,7 +114,8 @@ def draw_known(
     epoch_mjd : float
         Date of the mean anomalies.
     star_mass_msun : array_like, optional
-        Mass of each star, ``(n,)`` or one number, where the table has none: it joins period and axis.
+        Mass of each star, ``(n,)`` or one number, where the table has none: it joins period and axis. Without it those
+        of the embedded catalogue are taken.
 
     Returns
     -------
@@ -154,7 +156,10 @@ def draw_known(
     if given.size and not ((given >= 0.0) & (given <= 1.0)).all():
         raise InputError("uniforms", "outside", allowed="numbers from 0 to 1")
     epoch = float(check_finite("epoch_mjd", epoch_mjd, "d"))
-    masses = np.broadcast_to(np.asarray(np.nan if star_mass_msun is None else star_mass_msun, float), index.shape)
+    if star_mass_msun is None:
+        stars = table.text("star")
+        star_mass_msun = catalogue_masses_msun([stars[row] for row in index])
+    masses = np.broadcast_to(np.asarray(star_mass_msun, float), index.shape)
     drawn = _drawn(table, index, given, epoch, masses)
     share = given[:, :, QUANTITIES.index("solution")]
     names = table.text("planet")

@@ -26,6 +26,7 @@ from cpic_planner.planets import (
     places_at,
     planets_of,
     quantiles,
+    star_masses_msun,
 )
 from cpic_planner.ranking.known_completeness import KnownChoice
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue
@@ -196,7 +197,9 @@ def _row(
 ) -> results.KnownPlanetRow:
     table = choice.table
     years = years if table.counted[row] else None
-    drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
+    star_msun = star_masses_msun(star.name, star.log_g, star.luminosity_lsun, star.teff_k)[0]
+    uniforms = known_uniforms(table, [row], choice.n_draws, choice.seed)
+    drawn = draw_known(table, [row], uniforms, epoch_mjd=choice.mjd, star_mass_msun=star_msun)
     planets = planets_of(drawn, 0, choice.albedo)
     period = float(np.median(drawn.period_days[0]))
     days = [0.0] if years is None else _days(years * DAYS_PER_YEAR, period)

@@ -12,7 +12,15 @@ import numpy as np
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import ArrayLike, BoolArray, InputError, check_finite, check_whole
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import Planets, PopulationChoice, StarLimits, draw_known, known_uniforms, planets_of
+from cpic_planner.planets import (
+    Planets,
+    PopulationChoice,
+    StarLimits,
+    draw_known,
+    known_uniforms,
+    planets_of,
+    star_masses_msun,
+)
 from cpic_planner.queries import RankedQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
 from cpic_planner.ranking.in_zone import ZonePlanets
@@ -133,9 +141,10 @@ class KnownChoice:
         n = check_whole("n_draws", self.n_draws, 1, MAX_DRAWS)
         mjd = float(check_finite("mjd", self.mjd, "d"))
         made = []
-        for rows in known_rows(self.table, targets):
+        masses = star_masses_msun(targets.name, targets.log_g, targets.luminosity_lsun, targets.teff_k)
+        for rows, mass in zip(known_rows(self.table, targets), masses, strict=True):
             uniforms = known_uniforms(self.table, rows, n, self.seed)
-            drawn = draw_known(self.table, rows, uniforms, epoch_mjd=mjd)
+            drawn = draw_known(self.table, rows, uniforms, epoch_mjd=mjd, star_mass_msun=mass)
             made.append(tuple(planets_of(drawn, k, self.albedo) for k in range(len(rows))))
         return KnownSample(tuple(made), n)
 
