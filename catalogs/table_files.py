@@ -12,6 +12,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from functools import partial
 from itertools import compress
 from numbers import Integral, Real
@@ -611,13 +612,19 @@ def _excel(file: TableBytes) -> RawTable:
     sheet, rows, cells = book.worksheets[0], [], 0
     sheet.reset_dimensions()  # the file may say any
     for row in sheet.iter_rows(values_only=True):
-        rows.append(["" if cell is None else str(cell).strip() for cell in row])
+        rows.append([_hours(cell) if isinstance(cell, timedelta) else _said(cell) for cell in row])
         if (cells := cells + len(row)) > _MAX_PAGE_BYTES:
             raise InputError(file.name, "too many cells", allowed=f"up to {_MAX_PAGE_BYTES:.0e}", hint="save it as CSV")
     filled = [len(row) - row.count("") for row in rows]
     start = next((i for i, count in enumerate(filled) if 2 * count > max(filled)), 0)  # below titles
     width = max(map(len, rows), default=0)
     return _of_rows(file.name, [row + [""] * (width - len(row)) for row in rows[start:]], (), len(book.worksheets))
+
+
+def _hours(cell: timedelta) -> str:
+    """Return what was typed as 61:03:00, which a sheet keeps as a time of more than two days."""
+    minutes, seconds = divmod(cell.total_seconds(), 60.0)
+    return f"{minutes // 60.0:.0f}:{minutes % 60.0:02.0f}:{seconds:g}"
 
 
 def _of_rows(name: str, rows: list[list[str]], notes: _Notes, tables: int, which: str = "first") -> RawTable:

@@ -4,8 +4,10 @@ import gzip
 import io
 import json
 import zipfile
+from datetime import time, timedelta
 
 import numpy as np
+import openpyxl
 import pyarrow as pa
 import pytest
 from astropy.io import fits
@@ -491,3 +493,13 @@ def test_texts_that_repeat_themselves_are_read_or_refused_in_one_line(start, tex
     except InputError as error:
         told = str(error)
     assert "\n" not in told
+
+
+def test_an_angle_that_a_sheet_keeps_as_a_time_is_read_as_it_was_typed():
+    book = openpyxl.Workbook()
+    for row in (["name", "RA", "Dec", "V"], ["HD 1", time(7, 39, 18), timedelta(hours=61, minutes=3), 5.0]):
+        book.active.append(row)
+    written = io.BytesIO()
+    book.save(written)
+    read = parse_table(TableBytes("mine.xlsx", written.getvalue(), ""))
+    assert [column.cells[0] for column in read.columns[1:3]] == ["07:39:18", "61:03:0"]
