@@ -2,45 +2,28 @@
 
 ``archive_columns.csv`` lists what is read: SIMBAD's two answers under the names of TAP, of ``add_votable_fields`` and
 of astroquery before 0.4.8, and the NASA Exoplanet Archive's table ``ps``, with its names before 2021. A measured
-quantity of ``ps`` has columns for both errors and a limit beside its own.
+quantity of ``ps`` has columns for both errors and a limit beside its own: a limit is no value, unless the table has a
+quantity of ours for it too.
 """
 
 import functools
 import math
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 from catalogs.shipped import shipped_rows
 from catalogs.table_cells import Column, Columns, Row, read_rows
-from catalogs.table_files import RawColumn, RawTable, column_of
+from catalogs.table_files import RawTable
 from catalogs.tap_client import RefreshError
+from catalogs.written_values import unit_of
 from cpic_core import InputError
-
-_UNITS = {
-    "d": "days day bjd jd",
-    "AU": "au",
-    "deg": "degrees",
-    "jupiterMass": "jupitermass mj mjup mjupiter",
-    "jupiterRad": "jupiterradius jupiterradii rj rjup rjupiter",
-    "solMass": "solarmass msun",
-}
-"""Units as archives have written them, lower case without blanks and underlines, by ours."""
 
 
 @functools.cache
 def asked_columns(table: str) -> Mapping[str, Mapping[str, str]]:
     """Return the rows of ``archive_columns.csv`` on an answer, by the names of its columns."""
-    beside = {"needed": "", "quantity": ""}
-    ends = {"err1": beside, "err2": beside, "lim": beside | {"unit": ""}}
-    found = {}
-    for row in shipped_rows("archive_columns.csv"):
-        if row["table"] != table:
-            continue
-        found[row["column"]] = row
-        for end, other in ends.items() if row["quantity"] else ():
-            found[row["column"] + end] = row | other | {"column": row["column"] + end}
-    return found
+    return {row["column"]: row for row in shipped_rows("archive_columns.csv") if row["table"] == table}
 
 
 @functools.cache
@@ -72,47 +55,28 @@ def read_answer(answer: RawTable, table: str, *, unique: tuple[str, ...] = ()) -
     """
     columns, asked = _columns(table), asked_columns(table)
     remedy = "the archive may have changed or the service is another one; tables already here stay as they are"
-    given, notes = [], []
     try:
-        for item in answer.columns:
-            if (meant := columns.meant_by(item.heading).column) is not None:
-                own = _in_our_words(item, meant)
-                given.append((meant.name, own))
-                if own.unit not in ("", meant.unit):
-                    notes.append(f"{item.heading} is in {own.unit}, not in {meant.unit}: converted")
-                if item.heading.lower() != meant.name:
-                    notes.append(f"{meant.name} is called {item.heading}")
-        lacking = [name for name in columns if name not in dict(given)]
+        known = [(item, meant) for item in answer.columns if (meant := columns.meant_by(item.heading).column)]
+        given = [item if meant.unit else replace(item, unit="") for item, meant in known]  # a pure number has none
+        lacking = [name for name in columns if name not in {meant.name for _, meant in known}]
         if needed := [name for name in lacking if asked[name]["needed"]]:
             raise RefreshError(f"the archive's table has no column {', '.join(needed)}", remedy)
-        if lacking:
-            notes.append(f"columns that the archive no longer has: {', '.join(lacking)}")
-        read = read_rows(RawTable(answer.name, [own for _, own in given]), columns, (), about=next(iter(columns)))
+        read = read_rows(RawTable(answer.name, given), columns, (), about=next(iter(columns)))
+        cells = [[name] for name in columns if asked[name]["needed"] == "cell"]
         for number, row in enumerate(read.rows, start=1):
-            for name in columns:
-                if name not in row and asked[name]["needed"] == "cell":
-                    raise InputError(f"{answer.name} row {number} column {read.headings[name]}", "missing")
+            read.refuse_missing(f"{answer.name} row {number}", row, cells)
     except InputError as error:
         raise RefreshError(str(error), remedy) from None
+    notes = []
+    for item, meant in known:
+        if meant.unit and unit_of(item.unit, meant.unit) != unit_of(meant.unit):
+            notes.append(f"{item.heading} is in {item.unit}, not in {meant.unit}: converted")
+        if item.heading.lower() != meant.name:
+            notes.append(f"{meant.name} is called {item.heading}")
+    if lacking:
+        notes.append(f"columns that the archive no longer has: {', '.join(lacking)}")
     for name in unique:
         value, count = max(Counter(row[name] for row in read.rows).items(), key=lambda item: item[1], default=("", 0))
         if count > 1:
             raise RefreshError(f"{answer.name}: {count} rows are of one name; same {name} {value}", remedy)
     return read.rows, tuple(notes)
-
-
-def _in_our_words(given: RawColumn, meant: Column) -> RawColumn:
-    """Return a column with its unit as we write it and its angles in degrees; a pure number has no unit."""
-    unit = given.unit if meant.unit else ""
-    if unit.lower().replace(" ", "").replace("_", "") in _UNITS.get(meant.unit, "").split():
-        unit = meant.unit
-    cells: list[Any] = [None if cell == "~" else cell for cell in given.cells.tolist()]
-    if meant.unit == "deg" and any(isinstance(cell, str) and len(cell.split()) > 1 for cell in cells):
-        from astropy.coordinates import Angle
-
-        clock = "hourangle" if meant.name.startswith("ra") else "deg"  # what SIMBAD gave before TAP
-        try:
-            unit, cells = "deg", [None if cell is None else Angle(str(cell), unit=clock).deg for cell in cells]
-        except ValueError as error:
-            raise InputError(f"column {given.heading}", "unreadable", allowed="angles", hint=str(error)) from None
-    return column_of(given.heading, unit, cells)

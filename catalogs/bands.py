@@ -155,14 +155,8 @@ def band_from_file(
 
 
 @functools.cache
-def _tree() -> dict[str, Any]:
-    tree: dict[str, Any] = load_yaml(_FILE, shipped=True)
-    return tree
-
-
-@functools.cache
 def _load() -> tuple[dict[str, Band], dict[str, Provenance]]:
-    values, provenance = split_sourced(_tree())
+    values, provenance = split_sourced(load_yaml(_FILE, shipped=True))
     bands = {name: Band(name=name, **_floats(entry)) for name, entry in values["bands"].items()}
     return bands, {key.removeprefix("bands."): item for key, item in provenance.items()}
 

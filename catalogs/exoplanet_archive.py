@@ -34,10 +34,8 @@ PLANETS_QUERY = "SELECT * FROM ps WHERE sy_dist <= 50"
 """All solutions of planets within 50 pc; the catalogue ends at 40 pc."""
 NARROWER = "ask another service with --url"
 """Advice of messages on an answer with too many rows."""
-_ORBIT = ("period_days", "periastron_jd", "conjunction_jd", "eccentricity", "omega_star_deg")
+_ORBIT = ("period_days", "periastron_jd", "conjunction_jd", "eccentricity", "eccentricity_limit", "omega_star_deg")
 """Columns of ours that are taken from one solution, whichever gives the orbit."""
-_LIMITS = ("pl_orbeccen", "pl_bmassj")
-"""Columns of which a limit is kept and flagged; a limit of any other column is no value."""
 _FAR_ARCSEC = 120.0
 _SAME_DISTANCE = 0.2
 _SAME_PERIOD = 0.1
@@ -231,18 +229,16 @@ def settled(row: Mapping[str, Any], orbit: Mapping[str, Any], where: str) -> tup
         For a kind of mass that nobody knows.
     """
     numbers: dict[str, float] = {}
-    for column, about in asked_columns("ps").items():
-        given, quantity = orbit if about["quantity"] in _ORBIT else row, about["quantity"]
-        limit = float(given.get(f"{column}lim") or 0.0) and column not in _LIMITS
-        if not quantity or given.get(column, "") == "" or limit:
+    asked = asked_columns("ps")
+    for column, about in asked.items():
+        given, quantity, limit = orbit if about["quantity"] in _ORBIT else row, about["quantity"], f"{column}lim"
+        refused = limit in asked and not asked[limit]["quantity"] and float(given.get(limit) or 0.0)
+        if not quantity or given.get(column, "") == "" or refused:
             continue
         numbers[quantity] = float(given[column])
         sides = [abs(float(given[key])) for end in ("err1", "err2") if given.get(key := f"{column}{end}", "") != ""]
         if error := sum(sides) / max(len(sides), 1):
             numbers[about["error"]] = float(f"{error:.6g}")
-    numbers["best_mass_limit"] = float(row.get("pl_bmassjlim") or 0.0)
-    numbers["eccentricity_limit"] = float(orbit.get("pl_orbeccenlim") or 0.0)
-    numbers["controversial"] = float(row.get("pl_controv_flag") or 0.0)
     return settle(numbers, str(row.get("pl_bmassprov", "")), where)
 
 

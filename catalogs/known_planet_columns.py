@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Mapping
 
+from catalogs.shipped import shipped_words
 from catalogs.table_cells import Columns, columns_of, synonyms_of
 from cpic_core import InputError
 
@@ -40,47 +41,14 @@ UPDATES_ONLY = ("solution_weight", *STANDING)
 """Columns that the table of 2019 does not have, and what is laid over it may."""
 INPUT_ONLY = tuple(column.name for column in columns_of("planets", only="input"))
 """Columns that a table of a user's own may have; reading turns them into the others."""
-STATUSES: dict[str, str] = {
-    "confirmed": "a planet that nobody disputes: counted",
-    "controversial": "a published planet that later work doubts and does not exclude: counted",
-    "candidate": "a signal that may be a planet: listed, counted only when asked for",
-    "refuted": "a published planet that later work excludes: listed, not counted",
-}
+STATUSES = shipped_words("status")
 """Meaning of each status."""
 COUNTED = ("confirmed", "controversial")
 """Statuses of the planets that rankings, plans, what-ifs and scenes have; the others are only listed."""
 CANDIDATE = "candidate"
 """Status of those that are counted as well when asked for."""
 
-FLAGS: dict[str, str] = {
-    "controversial": "the archive marks the planet as controversial; read as the status of that name",
-    "earlier_orbit": "period, time, eccentricity and omega are of an earlier publication, which gives the time",
-    "several_orbits": "several published orbits that disagree: each is drawn with its weight",
-    "orbit_superseded": "a later publication has another orbit, outside the errors of this one: cpic known says which",
-    "edge_on_assumed": "the source sets the inclination to 90 deg: its mass is m sin i, the inclination unknown",
-    "mass_lower_limit": "the source gives the mass as a lower limit: taken as m sin i",
-    "eccentricity_upper_limit": "the eccentricity is an upper limit",
-    "mass_upper_limit": "the mass is an upper limit",
-    "phase_unknown": "no time of periastron or conjunction, or in archives no error of time or period: phase unknown",
-    "period_unknown": "no period: that of the semi-major axis around a star of its mass",
-    "axis_unknown": "no semi-major axis: that of the period around a star of its mass",
-    "eccentricity_unknown": "no eccentricity: drawn from those of long-period planets",
-    "omega_unknown": "no argument of periastron: any",
-    "minimum_mass": "m sin i alone is known",
-    "mass_unknown": "neither mass nor m sin i",
-    "inclination_unknown": "no inclination: any orientation of the orbit's pole",
-    "radius_unknown": "no radius: that of the mass, with scatter",
-    "period_err_unknown": "no error of the period: taken as exact",
-    "time_err_unknown": "no error of the time of periastron or conjunction: taken as exact",
-    "eccentricity_err_unknown": "no error of the eccentricity: taken as exact",
-    "omega_err_unknown": "no error of omega: taken as exact",
-    "axis_err_unknown": "no error of the semi-major axis: taken as exact",
-    "mass_err_unknown": "no error of the mass or m sin i: taken as exact",
-    "inclination_err_unknown": "no error of the inclination: taken as exact",
-    "node_err_unknown": "no error of the node: taken as exact",
-    "radius_err_unknown": "no error of the radius: taken as exact",
-    "columns_not_used": "columns of the table were not used: what is unknown may stand in one of them",
-}
+FLAGS = shipped_words("planet")
 """What each flag means."""
 
 _LIMITS = ("mass_lower_limit", "eccentricity_upper_limit", "mass_upper_limit")

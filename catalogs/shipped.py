@@ -19,6 +19,11 @@ def shipped_rows(name: str) -> list[dict[str, str]]:
     return [dict(zip(headings, row, strict=True)) for row in rows]
 
 
+def shipped_words(kind: str) -> dict[str, str]:
+    """Return the words of one kind of flag and what each means, as ``flags.csv`` has them, in its order."""
+    return {row["word"]: row["meaning"] for row in shipped_rows("flags.csv") if row["kind"] == kind}
+
+
 def shipped_lines(name: str) -> list[list[str]]:
     """Return the cells of a table line by line, the headings first: half the time for thousands of lines."""
     with (_DATA / name).open(encoding="utf-8", newline="") as stream:

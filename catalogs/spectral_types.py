@@ -194,12 +194,18 @@ def _luminosity(rest: str, prefix: str) -> tuple[float | None, bool]:
     return _PREFIX_RANKS.get(prefix), "sd" in prefix
 
 
+def readable_type(sp_type: str) -> SpectralType | None:
+    """Return what `parse_spectral_type` does, None of a type that cannot be read."""
+    try:
+        return parse_spectral_type(sp_type)
+    except InputError:
+        return None
+
+
 def is_composite(sp_type: str) -> bool:
     """Tell whether a spectral type names more than one star; a plus may also be a mark (``G8+V``, ``G8V+CN+1``)."""
-    try:
-        return "composite_first_used" in parse_spectral_type(sp_type).flags
-    except InputError:
-        return "+" in sp_type[1:]
+    found = readable_type(sp_type)
+    return "composite_first_used" in found.flags if found else "+" in sp_type[1:]
 
 
 def _class_ends(first: str, name: str) -> bool:
@@ -213,11 +219,10 @@ def luminosity_class(sp_type: str) -> str:
 
     Prefixes count as classes: that of a giant (``gG8``) as III, those of dwarfs and subdwarfs (``dG2``, ``sdF8``) as V.
     """
-    try:
-        found = parse_spectral_type(sp_type)
-    except InputError:
+    found = readable_type(sp_type)
+    if found is None or "luminosity_class_assumed" in found.flags:
         return ""
-    return "" if "luminosity_class_assumed" in found.flags else _NAMES[round(2.0 * found.luminosity_rank) - 2]
+    return _NAMES[round(2.0 * found.luminosity_rank) - 2]
 
 
 def _refusal(name: str) -> InputError:

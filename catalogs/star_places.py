@@ -13,13 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from catalogs.binaries import (
-    POSITION_ERROR_ARCSEC,
-    binary_orbits,
-    companion_places,
-    companion_share,
-    orbits_by_star,
-)
+from catalogs.binaries import POSITION_ERROR_ARCSEC, binary_orbits, companion_places, companion_share, orbits_by_star
 from catalogs.coordinates import offset_place, propagate, tangent_offset
 from catalogs.stars import StarTable
 from cpic_core import FloatArray, NDArray

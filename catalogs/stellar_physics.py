@@ -2,9 +2,9 @@
 
 The shipped table is built with them, a refreshed one and a user's own table are filled with them.
 
-- Teff from B-V or V-Ks and [Fe/H]: Casagrande et al. 2010, A&A 512, A54, table 4, for 0.18 < B-V < 1.29 (used to 1.40,
-  where stars with known temperatures still agree) and 0.78 < V-Ks < 3.15; at other B-V the black-body relation of
-  Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants; that from B-V is used for giants too.
+- Teff from B-V and [Fe/H] (in the shipped table from V-Ks too): Casagrande et al. 2010, A&A 512, A54, table 4, for
+  0.18 < B-V < 1.29 (used to 1.40, where stars with known temperatures still agree); at other B-V the black-body
+  relation of Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants; that from B-V is used for giants too.
 - Bolometric correction from Teff: Flower 1996, ApJ 469, 355, coefficients as corrected by Torres 2010, AJ 140, 1158,
   with M_bol,sun = 4.73, the value that belongs to them; what it leaves out, metallicity and gravity, is a small table
   from the spectra of the stellar grid (``bolometric_corrections.csv``): mag by gravity, metallicity and temperature,
@@ -26,7 +26,7 @@ import numpy as np
 
 from catalogs.coordinates import ecliptic
 from catalogs.shipped import shipped_rows
-from catalogs.spectral_types import luminosity_class, parse_spectral_type
+from catalogs.spectral_types import luminosity_class, readable_type
 from cpic_core import InputError, NDArray, in_unit
 
 DWARF_LOG_G = 4.5
@@ -66,10 +66,8 @@ def spectral_letter(sp_type: str) -> str:
     Prefixes and marks are read through (``sdF8``, ``(G2)V``, ``dK5``); a range counts by its middle (F9/G0 is F), a
     metallic-line type by its hydrogen lines (``kA5hF0mF2`` is F).
     """
-    try:
-        return "OBAFGKM"[int(parse_spectral_type(sp_type).position // 10.0)]
-    except InputError:
-        return ""
+    found = readable_type(sp_type)
+    return "OBAFGKM"[int(found.position // 10.0)] if found else ""
 
 
 def is_giant(sp_type: str) -> bool:
@@ -157,22 +155,6 @@ def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
         return 5040.0 / theta, "derived:B-V (Casagrande et al. 2010)"
     teff = 4600.0 * (1.0 / (0.92 * x + 1.7) + 1.0 / (0.92 * x + 0.62))
     return teff, "derived:B-V (Ballesteros 2012)"
-
-
-def infrared_temperature(v_ks_mag: float, metallicity: float) -> float:
-    """Return effective temperature (K) of a dwarf or subgiant from V-Ks and [Fe/H], nan outside the relation's range.
-
-    Parameters
-    ----------
-    v_ks_mag : float
-        V - Ks, mag, with Ks of 2MASS, unsaturated and of one star; from 0.78 to 3.15.
-    metallicity : float
-        [Fe/H], dex.
-    """
-    x, z = v_ks_mag, metallicity
-    if not 0.78 < x < 3.15:
-        return float("nan")
-    return 5040.0 / (0.5057 + 0.2600 * x - 0.0146 * x**2 - 0.0131 * x * z + 0.0288 * z + 0.0016 * z**2)
 
 
 def temperatures_disagree(adopted_k: float, others_k: Iterable[float]) -> bool:

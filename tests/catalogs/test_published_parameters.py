@@ -12,11 +12,11 @@ from catalogs import StarTable, catalogue_info, load_stars, open_catalogue, snap
 from catalogs.published_parameters import parameters_vintage, published_parameters, updated_columns
 from catalogs.stellar_physics import (
     colour_temperature,
-    infrared_temperature,
     luminosity_from_diameter,
     luminosity_from_v,
     temperatures_disagree,
 )
+from tools.build_catalogue.builders._star_physics import infrared_temperature
 
 #: Effective temperatures (K) of bright targets: of interferometry where there is any, else of spectroscopy.
 LITERATURE = {

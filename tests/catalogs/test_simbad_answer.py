@@ -152,7 +152,7 @@ def rows(choose):
         (change("oid", None), "column oid = missing"),
         (change("main_id", None), "row 1 column main_id = missing"),
         (fill("pmra", "fast"), "column pmra = fast"),
-        (fill("ra", "12 xx 4"), "column ra = unreadable"),
+        (fill("ra", "12 xx 4"), "column ra = 12 xx 4"),
         (
             lambda columns: columns.update(plx_value=replace(columns["plx_value"], unit="kg")),
             "column plx_value = unit kg.*like mas",

@@ -19,7 +19,6 @@ from catalogs.stellar_physics import (
     TEFF_TOLERANCE_K,
     colour_temperature,
     gravity,
-    infrared_temperature,
     is_giant,
     mass_of,
     nearest_subtype,
@@ -109,6 +108,24 @@ def _temperature(person: Identity, table: dict[tuple[bool, int], tuple[float, fl
     values["teff_k"] = adopted
     if temperatures_disagree(adopted, [expected, *(teff for teff, _ in found)]):
         row.flags.add("teff_disagreement")
+
+
+def infrared_temperature(v_ks_mag: float, metallicity: float) -> float:
+    """Return effective temperature (K) of a dwarf or subgiant from V-Ks and [Fe/H], nan outside the relation's range.
+
+    Casagrande et al. 2010, A&A 512, A54, table 4.
+
+    Parameters
+    ----------
+    v_ks_mag : float
+        V - Ks, mag, with Ks of 2MASS, unsaturated and of one star; from 0.78 to 3.15.
+    metallicity : float
+        [Fe/H], dex.
+    """
+    x, z = v_ks_mag, metallicity
+    if not 0.78 < x < 3.15:
+        return float("nan")
+    return 5040.0 / (0.5057 + 0.2600 * x - 0.0146 * x**2 - 0.0131 * x * z + 0.0288 * z + 0.0016 * z**2)
 
 
 def _infrared(person: Identity, metallicity: float) -> float:
