@@ -6,48 +6,20 @@ Words of the column ``quality_flags``: what each means, and those that type, nam
 import math
 import re
 
+from catalogs.shipped import shipped_words
 from catalogs.spectral_types import is_composite, luminosity_class
 from catalogs.stellar_physics import is_giant
-from catalogs.table_cells import Column, Columns, columns_of, synonyms_of
+from catalogs.table_cells import Column, Columns, columns_of
 
 COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
 """Columns of a star table, in the order of the shipped file."""
-QUANTITIES = Columns(*columns_of("stars", only="own"), synonyms=lambda: synonyms_of("stars"))
+QUANTITIES = Columns(*columns_of("stars", only="own"), table="stars")
 """Every column that a user's table may give, by its name."""
 
-
-#: Words of the column quality_flags in the shipped table.
-FLAGS: dict[str, str] = {
-    "colour_outlier": "B-V of the extract contradicts the spectral type; the subtype's median is used",
-    "composite": "entry is the blended light of components that have no entry of their own",
-    "composite_spectrum": "spectral type names more than one star",
-    "double_entry": "SIMBAD object type is a double or multiple star",
-    "giant": "luminosity class III-IV or brighter",
-    "low_parallax_snr": "adopted parallax is below 50 times its error",
-    "no_class": "spectral type has no luminosity class",
-    "no_hip": "no Hipparcos number in the sources",
-    "parallax_unknown_error": "no source gives an error of the parallax",
-    "peculiar": "spectral type marked p or m",
-    "rv_unknown": "radial velocity not known, 0 assumed",
-    "shared_parallax": "member of a bound system whose members take one parallax",
-    "spectroscopic_binary": "SIMBAD object type is a spectroscopic, eclipsing or ellipsoidal binary",
-    "teff_conflict": "ExoCat-1 temperature contradicts the spectral type and was not used",
-    "teff_disagreement": "an estimate from B-V, V-Ks, spectral type or publications is over 200 K from teff_k",
-    "v_conflict": "V differs by more than 0.15 mag between the extract and ExoCat-1, often another blend",
-    "variable": "SIMBAD object type or identifier of a variable star",
-}
-
-#: Words that only refreshed tables and tables of a user's own have.
-ADDED_FLAGS: dict[str, str] = {
-    "companions_not_listed": "the table does not say whether the star has a companion: none is counted",
-    "companions_not_searched": "not in the snapshot: companions fainter than the query's limit are not known",
-    "distance_assumed": "no distance is given, 10 pc assumed",
-    "distance_conflict": "the table's distance and parallax differ by more than 5 %; the distance is used",
-    "luminosity_conflict": "V, distance and temperature give a radius that the type or gravity contradicts by 1.5 dex",
-    "luminosity_extrapolated": "luminosity from V below 3500 K, where the bolometric correction makes it too high",
-    "position_unknown": "the table gives no position on the sky",
-    "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
-}
+FLAGS = shipped_words("star_flags", "shipped")
+"""Words of the column quality_flags in the shipped table, and what each means."""
+ADDED_FLAGS = shipped_words("star_flags", "added")
+"""Words that only refreshed tables and tables of a user's own have."""
 
 _LOW_PARALLAX_SNR = 50.0
 # SIMBAD's codes of object types.
