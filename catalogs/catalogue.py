@@ -13,39 +13,20 @@ from typing import Any, Literal
 from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
 from catalogs.known_planet_columns import STATUSES
 from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
-from catalogs.shipped import shipped_rows
+from catalogs.shipped import shipped_rows, shipped_words
 from catalogs.stars import StarTable, load_stars, with_updates
 from catalogs.table_cells import LeftOut, Use
 from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
 
-STAR_CREDITS = (
-    "This research has made use of the SIMBAD database, operated at CDS, Strasbourg, France (Wenger et al. 2000). "
-    "The star table is a database derived from it, under the Open Database License 1.0.",
-    "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
-    "(Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Places of companions: the Sixth Catalog of Orbits of Visual Binary Stars (ORB6, US Naval Observatory), and the "
-    "orbits of Akeson et al. 2021.",
-    "Temperatures of bright stars: the publications that stellar_parameters.csv names, foremost the Gaia FGK benchmark "
-    "stars (Heiter et al. 2015; Soubiran et al. 2024).",
-)
+STAR_CREDITS = tuple(shipped_words("star_credits").values())
 """Credits of the embedded and refreshed star tables."""
 
-PLANET_CREDITS = (
-    "Known planets: the NASA Exoplanet Archive (Akeson et al. 2013), operated by the California Institute of "
-    "Technology under contract with NASA's Exoplanet Exploration Program; orbits as in the reference of each.",
-    "Updates of known planets: the California Legacy Survey (Rosenthal et al. 2021), the Extrasolar Planets "
-    "Encyclopaedia (Schneider et al. 2011), archive parameters compiled by Pearce, Males & Limbach 2025.",
-)
+PLANET_CREDITS = tuple(shipped_words("planet_credits").values())
 """Credits of the table of known planets."""
 
-MODEL_CREDITS = (
-    "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
-    "Pickles 1998; Sun and Vega: CALSPEC.",
-    "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
-    "Planets that radial velocities exclude: California Legacy Survey (Rosenthal et al. 2021), fits to its injections.",
-)
+MODEL_CREDITS = tuple(shipped_words("model_credits").values())
 """Credits of the other data, which every result rests on."""
 
 
@@ -152,10 +133,6 @@ class Catalogue:
         One line for results: what it is, its date or file name (no folder), the first digits of its sha256.
     sample : str
         What its stars are, in words: "every FGK star of the snapshot with parallax >= 25 mas".
-    ranked_v_mag : float or None
-        Faintest V of a ranking unless asked otherwise; None for all rows.
-    orbits : bool
-        Whether companions follow the orbits of `catalogs.binaries`.
     notes : tuple of str
         Remarks on the reading, for the person who asked.
     uses : tuple of Use
@@ -168,11 +145,19 @@ class Catalogue:
     kind: Literal["snapshot", "simbad_2012", "refreshed", "file"]
     provenance: str
     sample: str
-    ranked_v_mag: float | None
-    orbits: bool
     notes: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+
+    @property
+    def ranked_v_mag(self) -> float | None:
+        """Faintest V of a ranking unless asked otherwise; None for all rows."""
+        return None if self.kind == "file" else RANKED_V_MAG
+
+    @property
+    def orbits(self) -> bool:
+        """Whether companions follow the orbits of `catalogs.binaries`."""
+        return self.kind in ("snapshot", "refreshed")
 
 
 def open_catalogue(source: str | Path = "snapshot", *, strict: bool = False) -> Catalogue:
@@ -196,14 +181,9 @@ def open_catalogue(source: str | Path = "snapshot", *, strict: bool = False) -> 
     source = checked_table_name(source)
     if source == "snapshot" or source == "simbad_2012":
         updates = source == "snapshot"
-        return Catalogue(
-            table=load_stars(updates=updates),
-            kind="snapshot" if updates else "simbad_2012",
-            provenance=snapshot_vintage(updates=updates),
-            sample="every FGK star of the snapshot with parallax >= 25 mas",
-            ranked_v_mag=RANKED_V_MAG,
-            orbits=updates,
-        )
+        table, vintage = load_stars(updates=updates), snapshot_vintage(updates=updates)
+        sample = "every FGK star of the snapshot with parallax >= 25 mas"
+        return Catalogue(table, "snapshot" if updates else "simbad_2012", vintage, sample)
     if source == "latest":
         from catalogs.refreshed_tables import latest_table
 
@@ -268,14 +248,8 @@ def catalogue_of_star(
             raise InputError("sp_type", sp_type or "missing", allowed=error.allowed, hint=hint) from None
     far = f"{ASSUMED_PC:g} pc (assumed)" if distance_pc is None else f"{distance_pc:g} pc"
     facts = [f"V {v_mag:g}", sp_type or "", "" if teff_k is None else f"{teff_k:g} K", far]
-    return Catalogue(
-        table=named_star(name, v_mag, sp_type=sp_type, teff_k=teff_k, distance_pc=distance_pc),
-        kind="file",
-        provenance=f"{_USER}star: {', '.join(filter(None, facts))}",
-        sample="one star",
-        ranked_v_mag=None,
-        orbits=False,
-    )
+    table = named_star(name, v_mag, sp_type=sp_type, teff_k=teff_k, distance_pc=distance_pc)
+    return Catalogue(table, "file", f"{_USER}star: {', '.join(filter(None, facts))}", "one star")
 
 
 def data_credits(provenance: str) -> tuple[str, ...]:
@@ -298,31 +272,17 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
         notes = () if len(table) == whole else (part,)
         tell(*notes)
         day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
-        return Catalogue(
-            table=with_updates(table),
-            kind="refreshed",
-            provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
-            sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
-            ranked_v_mag=RANKED_V_MAG,
-            orbits=True,
-            notes=notes,
-        )
+        origin = f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})"
+        sample = f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas"
+        return Catalogue(with_updates(table), "refreshed", origin, sample, notes)
     from catalogs.user_table import user_table
 
     raw = parse_table(file)
     made = user_table(raw, strict=strict)
     tell(*made.notes)
-    return Catalogue(
-        table=made.table,
-        kind="file",
-        provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest}{raw.shortened})",
-        sample=f"every star of {file.name}{raw.shortened}",
-        ranked_v_mag=None,
-        orbits=False,
-        notes=made.notes,
-        uses=made.uses,
-        left_out=made.left_out,
-    )
+    stars = f"{len(made.table)} star{'s' * (len(made.table) != 1)}"
+    origin, sample = f"{_USER_TABLE} of {stars} ({digest}{raw.shortened})", f"every star of {file.name}{raw.shortened}"
+    return Catalogue(kind="file", provenance=origin, sample=sample, **vars(made))
 
 
 def _elsewhere(service: str) -> str:

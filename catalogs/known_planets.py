@@ -11,9 +11,7 @@ status alone. Where publications disagree, a planet has several rows, each a who
 are a mixture, from which draws take one orbit each.
 """
 
-import csv
 import functools
-import hashlib
 import math
 import re
 from collections.abc import Collection, Iterable, Sequence
@@ -26,7 +24,6 @@ from catalogs.known_planet_columns import (
     COLUMNS,
     FLAGS,
     GIVEN_FLAGS,
-    LOOKALIKES,
     STANDING,
     STATUSES,
     flags_of,
@@ -44,22 +41,17 @@ from catalogs.known_planet_table import (
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
 from catalogs.own_tables import is_strict, keep, tell
+from catalogs.shipped import shipped_digest, shipped_rows, shipped_words
 from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
-from cpic_core import InputError, NDArray, check_flag, listed
+from cpic_core import InputError, check_flag, listed
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
-SOURCES: dict[str, str] = {
-    "snapshot": "NASA Exoplanet Archive of 2019 with the updates since",
-    "archive_2019": "the same without the updates",
-    "latest": "the newest table that cpic catalog refresh --planets left, with the updates that are newer",
-    "none": "no table of ours: only the file behind the +",
-}
+SOURCES = shipped_words("planet_sources")
 """Tables that a file can be laid over, with a description of each; the first is the default."""
 PRESETS = "snapshot, archive_2019, latest"
 """Those that need no file, for messages."""
-_DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _EDGE_ON = 0.99
 _VELOCITIES = re.compile(r"radial|\brv\b")
@@ -69,17 +61,10 @@ _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
 _HOSTS = ("hip", "hd", "tic", "gaia")
+_ASIDE = (*_HOSTS, "star_aliases")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
 _NAMES = (("star",), ("planet",))
-_STATUS_WORDS = {
-    "retracted": "refuted",
-    "refuted": "refuted",
-    "controversial": "controversial",
-    "unconfirmed": "candidate",
-    "candidate": "candidate",
-    "objects of interest": "candidate",
-    "confirmed": "confirmed",
-}
+_STATUS_WORDS = shipped_words("planet_statuses_elsewhere")
 """Parts of what exoplanet.eu, the Open Exoplanet Catalogue and the archive say of a planet, and our words."""
 _REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 REQUIRED = (*_NAMED, *_REQUIRED)
@@ -148,7 +133,7 @@ def _with_file(base: str, name: str, strict: bool) -> KnownPlanetTable:
     if table is not None:
         about = f"{about} over {table.provenance}"
         notes += (_overlay_note(below, own, file.name),)
-    rows = _laid_over(below, own, file.name)
+    rows = _laid_over(below, own)
     made = _table(rows, file.name, about, notes)
     tell(*notes)
     return replace(made, unused=given.unused, uses=given.uses, left_out=tuple(given.left_out))
@@ -186,7 +171,7 @@ def planets_updated() -> str:
 
 def _base(base: str) -> tuple[Sequence[Row], KnownPlanetTable]:
     """Return a table that needs no file, its rows first."""
-    return _latest() if base == "latest" else (_shipped_rows(base), _shipped(base))
+    return _latest() if base == "latest" else _shipped(base)
 
 
 def _latest() -> tuple[Sequence[Row], KnownPlanetTable]:
@@ -198,8 +183,8 @@ def _latest() -> tuple[Sequence[Row], KnownPlanetTable]:
     path = latest_table("archive", key="known_planets", instead="snapshot, archive_2019", command=command)
     file = read_bytes(path, key="known_planets", presets=PRESETS)
     own, day = parse_planets(file)
-    below = _laid_over((), own, file.name)
-    rows = _laid_over(below, newer_updates(below, _updates()[0]), UPDATES_FILE)
+    below = _laid_over((), own)
+    rows = _laid_over(below, newer_updates(below, _updates()[0]))
     about = f"NASA Exoplanet Archive of {day}, {len(own)} planets ({file.name} {file.sha256[:_DIGITS]}), {_updated()}"
     return rows, _table(rows, file.name, about)
 
@@ -212,7 +197,7 @@ def read_planets(file: TableBytes) -> list[Row]:
     InputError
         If it cannot be used, naming file, row, column, value, unit and range.
     """
-    return _rows_of_file(parse_table(file))[0]
+    return _rows_of_file(parse_table(file), known=())[0]
 
 
 def _updated() -> str:
@@ -220,34 +205,30 @@ def _updated() -> str:
 
 
 @functools.cache
-def _shipped(base: str) -> KnownPlanetTable:
-    """Return a shipped table."""
-    rows = _shipped_rows(base)
-    digest = hashlib.sha256((_DATA / DATA_FILE).read_bytes()).hexdigest()[:_DIGITS]
-    about = f"NASA Exoplanet Archive of 2019-05-31, {len(_shipped_rows('archive_2019'))} planets ({DATA_FILE} {digest})"
+def _shipped(base: str) -> tuple[Sequence[Row], KnownPlanetTable]:
+    """Return a shipped table, its rows first."""
     if base == "snapshot":
-        about += f", {_updated()}"
-    return _table(rows, _LABEL, about)
-
-
-@functools.cache
-def _shipped_rows(base: str) -> tuple[Row, ...]:
-    if base == "snapshot":
-        return tuple(_laid_over(_shipped_rows("archive_2019"), _updates()[0], UPDATES_FILE))
-    with (_DATA / DATA_FILE).open(encoding="utf-8", newline="") as stream:
-        found = [{name: cell for name, cell in row.items() if cell} for row in csv.DictReader(stream)]
-    read = [{name: cell if name in TEXTS else float(cell) for name, cell in row.items()} for row in found]
-    return tuple(_laid_over((), read, DATA_FILE))
+        below, older = _shipped("archive_2019")
+        rows = _laid_over(below, _updates()[0])
+        return rows, _table(rows, _LABEL, f"{older.provenance}, {_updated()}")
+    rows = [
+        {name: cell if name in TEXTS else float(cell) for name, cell in row.items() if cell}
+        for row in shipped_rows(DATA_FILE)
+    ]
+    rows = _laid_over((), rows)
+    about = f"NASA Exoplanet Archive of 2019-05-31, {len(rows)} planets ({DATA_FILE} {shipped_digest(DATA_FILE)})"
+    return rows, _table(rows, _LABEL, about)
 
 
 @functools.cache
 def _updates() -> tuple[tuple[Row, ...], str]:
     """Return the rows of the shipped updates, and the sha256 of their file."""
-    file = read_bytes(_DATA / UPDATES_FILE)
-    return tuple(_rows_of_file(parse_table(file))[0]), file.sha256
+    file = read_bytes(Path(__file__).parent / "data" / UPDATES_FILE)
+    known = {_key(row) for row in _shipped("archive_2019")[0]}
+    return tuple(_rows_of_file(parse_table(file), known=known)[0]), file.sha256
 
 
-def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]:
+def _laid_over(below: Sequence[Row], own: Iterable[Row]) -> list[Row]:
     """Return the rows of a table with those of another laid over them, new planets at the end."""
     rows = list(below)
     places = {_key(row): place for place, row in enumerate(rows)}
@@ -255,14 +236,11 @@ def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]
     for row in own:
         place = places.get(_key(row))
         if place is None:
-            if not _has_orbit(row):
-                allowed = "an orbit, or a planet of the table below"
-                raise InputError(f"{name} ({row['planet']})", "a status without an orbit", allowed=allowed)
-            rows.append(_with_status(row | {"star": stars.get(star_key(row["star"]), row["star"])}))
+            rows.append(_with_status(row | {"star": stars.get(star_key(row["star"]), row["star"])}, {}))
             continue
         older = rows[place]
         named = {"star": older["star"], "planet": older["planet"]}
-        if _has_orbit(row):
+        if any(name in row for name in _REQUIRED[0]):
             rows[place] = _with_status(row | named, older)
         else:
             orbit = {key: value for key, value in older.items() if key not in STANDING}
@@ -270,13 +248,11 @@ def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]
     return rows
 
 
-def _with_status(row: Row, older: Row | None = None) -> Row:
+def _with_status(row: Row, older: Row) -> Row:
     """Return a row with its status: its own, or that of the row below; the archive's flag makes doubtful, no more."""
     flags = row.get("flags", "").split(";")
-    known = {} if older is None else {key: older[key] for key in ("status", "status_reference") if key in older}
-    if "status" in row:
-        known = {}
-    elif "controversial" in flags and known.get("status", "confirmed") == "confirmed":
+    known = {key: older[key] for key in ("status", "status_reference") if key in older and "status" not in row}
+    if "status" not in row and "controversial" in flags and known.get("status", "confirmed") == "confirmed":
         known = {"status": "controversial"}
     others = ";".join(word for word in flags if word != "controversial")
     return {"status": "confirmed"} | row | known | {"flags": others}
@@ -300,20 +276,14 @@ def _key(row: Row) -> tuple[str, str]:
     return planet_key(row["star"], row["planet"])
 
 
-def _has_orbit(row: Row) -> bool:
-    return any(name in row for name in _REQUIRED[0])
-
-
 def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
     """Say how many planets of a user's table are new and which are replaced."""
     known = {_key(row): row["planet"] for row in below}
     changed = [known[_key(row)] for row in own if _key(row) in known]
-    shown = ", ".join(changed[:_SHOWN]) + (f" and {len(changed) - _SHOWN} more" if changed[_SHOWN:] else "")
     new = len(own) - len(changed)
-    return (
-        f"{name}: {len(changed)} of the {len(below)} planets below {'is' if len(changed) == 1 else 'are'} changed"
-        f"{': ' * bool(changed)}{shown}; {new} {'is' if new == 1 else 'are'} new (none+{name} takes the file alone)"
-    )
+    replaced = f"{len(changed)} of the {len(below)} planets below {'is' if len(changed) == 1 else 'are'} changed"
+    replaced += f": {listed(changed, _SHOWN)}" if changed else ""
+    return f"{name}: {replaced}; {new} {'is' if new == 1 else 'are'} new (none+{name} takes the file alone)"
 
 
 def own_rows(raw: RawTable, *, strict: bool = False) -> tuple[list[Row], Rows]:
@@ -330,12 +300,12 @@ def own_rows(raw: RawTable, *, strict: bool = False) -> tuple[list[Row], Rows]:
     InputError
         As `load_known_planets`.
     """
-    known = {_key(row) for row in _shipped_rows("snapshot")}
+    known = {_key(row) for row in _shipped("snapshot")[0]}
     return _rows_of_file(raw, own=True, strict=strict, known=known)
 
 
 def _rows_of_file(
-    raw: RawTable, *, own: bool = False, strict: bool = True, known: Collection[tuple[str, str]] | None = None
+    raw: RawTable, *, known: Collection[tuple[str, str]], own: bool = False, strict: bool = True
 ) -> tuple[list[Row], Rows]:
     """Return the rows of a file by the columns of a table, and as they were read; ``own`` for a file of the user's.
 
@@ -360,16 +330,14 @@ def _rows_of_file(
         _name(row)
         return _user_row(row, where, given, own, known)
 
-    rows = given.made(read)
+    given.make(read)
     unweighted = {_key(row) for row in given.rows if "solution_weight" not in row}
-    newest = sorted(range(len(rows)), key=lambda i: str(rows[i].get("updated", "")), reverse=True)
-    given.rows[:], given.numbers[:] = [given.rows[i] for i in newest], [given.numbers[i] for i in newest]
-    twins = given.refuse_twins(
+    given.refuse_twins(
         lambda row: (_key(row), "" if _key(row) in unweighted else row.get("reference", "")),
+        date=lambda row: row.get("updated", ""),
         remedy="of an archive's solutions keep the default ones, or give each its reference and a solution_weight",
     )
-    kept = sorted(i for i, stays in zip(newest, twins, strict=True) if stays)
-    return _one_each([rows[i] for i in kept]), given
+    return _one_each(given.rows), given
 
 
 def _name(row: Row) -> None:
@@ -390,16 +358,17 @@ def _refuse_lookalikes(raw: RawTable, given: Rows) -> None:
     read = set(given.headings)
     unread = given.unused
     remedies = {}
-    for name, (pattern, instead) in LOOKALIKES.items():
+    for row in shipped_rows("lookalikes.csv"):
+        pattern, names = row["pattern"], [row["quantity"], *row["instead"].split()]
         found = [text for text in unread if re.search(pattern, heading(text)) and not re.match("st|sy", heading(text))]
-        if found and not read & {name, *instead}:
-            remedies[found[0]] = f"{found[0]} as {' or '.join((name, *instead))}"
+        if found and read.isdisjoint(names):
+            remedies[found[0]] = f"{found[0]} as {' or '.join(names)}"
     if remedies:
         hint = f"name {', '.join(remedies.values())}, or leave out what is not meant"
         raise InputError(f"{raw.name} columns", ", ".join(remedies), allowed="headings that are understood", hint=hint)
 
 
-def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[tuple[str, str]] | None) -> Row:
+def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[tuple[str, str]]) -> Row:
     """Return one row by the columns of a table, its flags included.
 
     Raises
@@ -408,6 +377,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         If it lacks what is required, or states a status or flag that nobody knows.
     """
     texts = {name: value for name, value in given.items() if isinstance(value, str)}
+    # Archives write 0 for an error that nobody gave.
+    numbers = {name: value for name, value in given.items() if name not in texts and (value or "_err" not in name)}
     if "status" in texts:
         word = texts["status"].lower()
         texts["status"] = next((ours for part, ours in _STATUS_WORDS.items() if part in word), word)
@@ -415,7 +386,7 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
             raise InputError(f"{where} column {table.headings['status']}", given["status"], allowed=", ".join(STATUSES))
     alone = "status" in texts and len(texts) == len(given)
     table.refuse_missing(where, given, _NAMES if alone else (*_NAMES, *_REQUIRED))
-    if alone and known is not None and _key(given) not in known:
+    if alone and _key(given) not in known:
         allowed = "an orbit, or a planet of the table below"
         raise InputError(f"{where} column {table.headings['status']}", "a status without an orbit", allowed=allowed)
     stated = tuple(filter(None, texts.pop("flags", "").replace(" ", "").split(";")))
@@ -426,17 +397,10 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
     if "candidate" in texts.pop("solution_type", "").lower():
         allowed = "the solution of a confirmed planet"
         raise InputError(f"{where} column {table.headings['solution_type']}", given["solution_type"], allowed=allowed)
-    for name in (*_HOSTS, "star_aliases"):
-        texts.pop(name, None)
+    texts = {name: text for name, text in texts.items() if name not in _ASIDE}
     if alone:  # what says the status is all that the row is about
         texts.setdefault("status_reference", reference_text(texts.pop("reference", "")))
         return texts
-    # Archives write 0 for an error that nobody gave.
-    numbers = {
-        name: value
-        for name, value in given.items()
-        if not isinstance(value, str) and not ("_err" in name and value == 0)
-    }
     if "periastron_tau" in numbers:
         axis, mass = numbers.get("semi_major_axis_au", math.nan), numbers.get("star_mass_msun", math.nan)
         period_days = numbers.get("period_days", 365.25 * math.sqrt(axis**3 / mass))  # Kepler's third law
@@ -444,15 +408,13 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
         numbers |= {"periastron_jd": jd, "period_days": period_days} if math.isfinite(jd) else {}
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
-    edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
-    mass = numbers.get("mass_mjup")
-    turned = "inclination_deg" in numbers
-    if not edge_on and mass is not None and not turned and _VELOCITIES.search(method):
+    turned, mass = "inclination_deg" in numbers, numbers.get("mass_mjup")
+    if mass is not None and not turned and _VELOCITIES.search(method):
         numbers.setdefault("msini_mjup", mass)  # velocities alone give no more
-    if not edge_on and mass == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
-        error = numbers.get("mass_err_mjup")
-        numbers = {key: value for key, value in numbers.items() if key not in ("mass_mjup", "mass_err_mjup")}
-        if error is not None:
+    edge_on = math.sin(math.radians(numbers.get("inclination_deg", 0.0))) > _EDGE_ON
+    if not edge_on and mass is not None and mass == numbers.get("msini_mjup"):  # as exoplanet.eu repeats it
+        del numbers["mass_mjup"]
+        if (error := numbers.pop("mass_err_mjup", None)) is not None:
             numbers.setdefault("msini_err_mjup", error)
     kind = texts.pop("best_mass_kind", "")
     if not kind and "best_mass_kind" not in table.headings:
@@ -467,10 +429,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
 
 
 def _table(rows: Sequence[Row], label: str, provenance: str, notes: tuple[str, ...] = ()) -> KnownPlanetTable:
-    columns: dict[str, NDArray[np.generic]] = {}
-    for name in TABLE_COLUMNS:
-        missing = math.nan if name in NUMBERS else ""
-        columns[name] = np.array([row.get(name, missing) for row in rows])
+    missing = dict.fromkeys(NUMBERS, math.nan)
+    columns = {name: np.array([row.get(name, missing.get(name, "")) for row in rows]) for name in TABLE_COLUMNS}
     solutions = {
         row["planet"]: _table([orbit | {"planet": row["planet"]} for orbit in row[_SOLUTIONS]], label, provenance)
         for row in rows

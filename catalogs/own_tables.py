@@ -6,14 +6,13 @@ of any, is kept here while one question is answered.
 
 import contextlib
 import logging
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from catalogs.table_cells import ROW_OUT, Columns, Groups, LeftOut, Rows, Use
+from catalogs.table_cells import Columns, Groups, LeftOut, Rows, Use, reasons
 from catalogs.table_files import RawTable, parse_table, read_bytes
 from cpic_core import InputError
 
@@ -135,14 +134,7 @@ class Taken:
     @property
     def reasons(self) -> list[tuple[LeftOut, int]]:
         """The first row or cell of each reason for which some are left out, and how many there are; most first."""
-        first: dict[tuple[bool, str, str], LeftOut] = {}
-        counts: Counter[tuple[bool, str, str]] = Counter()
-        for item in sorted(self.left_out, key=lambda item: item.row):
-            reason = (item.done != ROW_OUT, item.column, item.why)
-            first.setdefault(reason, item)
-            counts[reason] += 1
-        most_first = sorted(counts.items(), key=lambda item: (item[0][0], -item[1]))
-        return [(first[reason], count) for reason, count in most_first]
+        return reasons(self.left_out)
 
 
 def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[Taken]:

@@ -1,6 +1,7 @@
 """Read the tables in CSV that are shipped with this package."""
 
 import csv
+import functools
 import hashlib
 import math
 from collections.abc import Callable
@@ -19,9 +20,23 @@ def shipped_rows(name: str) -> list[dict[str, str]]:
     return [dict(zip(headings, row, strict=True)) for row in rows]
 
 
-def shipped_words(kind: str) -> dict[str, str]:
-    """Return the words of one kind of flag and what each means, as ``flags.csv`` has them, in its order."""
-    return {row["word"]: row["meaning"] for row in shipped_rows("flags.csv") if row["kind"] == kind}
+@functools.cache
+def _word_rows() -> list[dict[str, str]]:
+    return shipped_rows("words.csv")
+
+
+def shipped_words(name: str, rule: str = "") -> dict[str, str]:
+    """Return the words of a list of ``data/words.csv``, each with its meaning, in their order.
+
+    Parameters
+    ----------
+    name : str
+        Name of the list.
+    rule : str
+        A word of the column ``rules`` that they have; by default all words of the list.
+    """
+    rows = (row for row in _word_rows() if row["list"] == name)
+    return {row["word"]: row["meaning"] for row in rows if not rule or rule in row["rules"].split()}
 
 
 def shipped_lines(name: str) -> list[list[str]]:

@@ -9,17 +9,16 @@ import re
 from catalogs.shipped import shipped_words
 from catalogs.spectral_types import is_composite, luminosity_class
 from catalogs.stellar_physics import is_giant
-from catalogs.table_cells import Column, Columns, columns_of, synonyms_of
+from catalogs.table_cells import Column, Columns, columns_of
 
 COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
 """Columns of a star table, in the order of the shipped file."""
-QUANTITIES = Columns(*columns_of("stars", only="own"), synonyms=lambda: synonyms_of("stars"))
+QUANTITIES = Columns(*columns_of("stars", only="own"), table="stars")
 """Every column that a user's table may give, by its name."""
 
-
-FLAGS = shipped_words("star")
-"""Meanings of the words of the column quality_flags in the shipped table."""
-ADDED_FLAGS = shipped_words("refreshed star")
+FLAGS = shipped_words("star_flags", "shipped")
+"""Words of the column quality_flags in the shipped table, and what each means."""
+ADDED_FLAGS = shipped_words("star_flags", "added")
 """Words that only refreshed tables and tables of a user's own have."""
 
 _LOW_PARALLAX_SNR = 50.0

@@ -5,8 +5,8 @@ bright limit and of every luminosity class, less blends whose components are lis
 parallax puts beyond 40 pc (``stars_removed.csv``). A ranking uses all rows with V <= 7. Companions are flagged, never
 dropped: dwarfs without a close companion are the paper's "nearly 700", but its own example, alpha Cen B, has one.
 
-Values are read from ``data/stars.csv``; units and descriptions are in ``data/stars_columns.json``. A number is nan only
-where its ``*_src`` column says ``missing``.
+Values are read from ``data/stars.csv``; units and descriptions are in ``data/columns.csv``. A number is nan only where
+its ``*_src`` column says ``missing``.
 
 Stars and companions stand where their sources saw them: alpha Cen B where Hipparcos did in 1991;
 `catalogs.star_places` moves them to a date. ``close_companion`` is SIMBAD's flag, by which the paper counts its sample.
@@ -14,12 +14,10 @@ Published temperatures are laid over the base table, and over refreshed tables (
 a table of one's own is never touched.
 """
 
-import csv
 import functools
-import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -28,19 +26,12 @@ import numpy as np
 from catalogs.frozen_table import FrozenTable
 from catalogs.nomenclature import designation_key
 from catalogs.published_parameters import updated_columns
+from catalogs.shipped import shipped_lines, shipped_words
 from catalogs.star_columns import COLUMNS
 from cpic_core import ArrayLike, InputError, NDArray
 
-_DATA = Path(__file__).resolve().parent / "data"
-_KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64}
-#: What the descriptions of the embedded table say of its own sources, said of any table.
-_DESCRIPTIONS = {
-    "simbad_id": "SIMBAD's main identifier, blank if not listed",
-    "parallax_own_mas": "the star's own parallax as listed",
-    "sp_type": "spectral type as listed, white space normalised",
-    "spectral_class": "letter of the spectral type, blank if it has none",
-    "close_companion": "1 if a close companion is known, else 0",
-}
+_KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64, "text": np.str_}
+_READERS: dict[str, Callable[[str], Any]] = {"int": int, "bool": int, "float": lambda text: float(text or math.nan)}
 
 
 class OwnColumns(Mapping[str, NDArray[np.generic]]):
@@ -208,12 +199,12 @@ def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColum
     lengths = {len(cells) for cells in values.values()}
     if len(lengths) > 1:
         raise InputError(f"{label} columns", f"lengths {sorted(lengths)}", allowed="one length")
-    kinds = _KINDS | {"text": np.str_}
-    columns: dict[str, NDArray[np.generic]] = {}
-    for column in COLUMNS:
-        columns[column.name] = np.array(list(values[column.name]), kinds[column.kind])
+    columns: dict[str, NDArray[np.generic]] = {
+        column.name: np.array(list(values[column.name]), _KINDS[column.kind]) for column in COLUMNS
+    }
     units = {column.name: column.unit for column in COLUMNS}
-    descriptions = {column.name: column.description for column in COLUMNS} | _DESCRIPTIONS
+    descriptions = {column.name: column.description for column in COLUMNS}
+    descriptions |= shipped_words("star_columns_of_any_table")
     return StarTable(columns, units, descriptions, label, own or OwnColumns())
 
 
@@ -238,22 +229,10 @@ def load_stars(*, updates: bool = True) -> StarTable:
 def _stars(updates: bool) -> StarTable:
     if updates:
         return with_updates(_stars(updates=False))
-    about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
-    with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
-        reader = csv.reader(stream)
-        header = next(reader)
-        cells = list(zip(*reader, strict=True))
-    columns = {name: _array(about[name]["kind"], texts) for name, texts in zip(header, cells, strict=True)}
-    units, descriptions = ({name: about[name][what] for name in header} for what in ("unit", "description"))
-    return StarTable(columns, units, descriptions)
-
-
-def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
-    if kind == "text":
-        return np.array(texts)
-    if kind == "float":
-        return np.array([float(text) if text else np.nan for text in texts])
-    return np.array([int(text) for text in texts], dtype=_KINDS[kind])
+    header, *rows = shipped_lines("stars.csv")
+    texts = dict(zip(header, zip(*rows, strict=True), strict=True))
+    cells = {column.name: list(map(_READERS.get(column.kind, str), texts[column.name])) for column in COLUMNS}
+    return replace(star_table(cells, ""), descriptions={column.name: column.description for column in COLUMNS})
 
 
 def with_updates(table: StarTable) -> StarTable:

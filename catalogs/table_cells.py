@@ -9,17 +9,15 @@ import functools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from catalogs.shipped import shipped_rows
+from catalogs.shipped import shipped_rows, shipped_words
 from catalogs.table_files import RawColumn, RawTable
 from cpic_core import InputError, NDArray, listed
-
-_T = TypeVar("_T")
 
 
 class Synonym(NamedTuple):
@@ -37,25 +35,8 @@ class Synonym(NamedTuple):
     beside: str = ""
 
 
-CONVENTIONS: dict[str, str] = {
-    "error_upper": "upper error; with the lower one their mean counts",
-    "error_lower": "lower error; with the upper one their mean counts",
-    "limit": "1 or -1 where the value is a limit: then it is no value",
-    "log10": "logarithm to base 10",
-    "rad_or_deg": "degrees where a number is larger than any angle in radians",
-    "redshift": "velocity over the speed of light",
-    "mjd": "modified Julian date",
-    "jd-2457000": "Julian date less 2 457 000",
-    "jd_auto": "Julian date, or one less 2 450 000 where it has four digits before the point",
-    "j1991.25": "at epoch 1991.25",
-    "j2000": "at epoch 2000",
-    "j2016": "at epoch 2016",
-    "gaia_dr2": "number of Gaia DR2",
-    "gaia_dr3": "number of Gaia DR3",
-}
+CONVENTIONS = shipped_words("conventions")
 """What a source means by a number, beyond its unit."""
-_EPOCHS = {"j1991.25": 1991.25, "j2016": 2016.0}
-_RELEASES = {"gaia_dr2": "Gaia DR2", "gaia_dr3": "Gaia DR3"}
 _SPEED_OF_LIGHT_KM_S = 299792.458
 
 
@@ -99,11 +80,6 @@ class Column:
     fills: bool = False
     vital: bool = False
     aside: bool = False
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Other headings than the name."""
-        return tuple(self.aliases.split())
 
     @property
     def allowed(self) -> str:
@@ -155,21 +131,14 @@ class Columns(dict[str, Column]):
     Parameters
     ----------
     *columns : Column
-    synonyms : callable, optional
-        Returns the synonyms of each column by its name, those that are preferred first; asked once.
-    cased : mapping of str to str, optional
-        Headings as reduced by `catalogs.table_cells.heading` that mean something else with a capital letter, and the
-        names of the columns that may be meant.
+    table : {"", "stars", "planets"}
+        What kind of table it is: which other headings its columns have, and which headings mean something else with a
+        capital letter.
     """
 
-    def __init__(
-        self,
-        *columns: Column,
-        synonyms: Callable[[], Mapping[str, Sequence[Synonym]]] = dict,
-        cased: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, *columns: Column, table: str = "") -> None:
         super().__init__((column.name, column) for column in columns)
-        self._synonyms, self._cased = synonyms, cased or {}
+        self._table, self._cased = table, shipped_words(f"cased_headings_of_{table}")
 
     @functools.cached_property
     def by_heading(self) -> Mapping[str, Sequence[Meaning]]:
@@ -183,8 +152,8 @@ class Columns(dict[str, Column]):
 
     def synonyms_of(self, name: str) -> Sequence[Synonym]:
         """Return what else people call a column, and whose word each is; of ``""`` what is known to be none of ours."""
-        own = self[name].headings if name else ()
-        return [*map(Synonym, own), *self._synonyms().get(name, ())]
+        own = self[name].aliases.split() if name else ()
+        return [*map(Synonym, own), *synonyms_of(self._table).get(name, ())]
 
     def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
@@ -375,17 +344,14 @@ class Rows:
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
         for number, row in zip(self.numbers, self.rows, strict=True):
-            yield self._where(number, row), row
+            yield f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
 
-    def _where(self, number: int, row: Row) -> str:
-        return f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else "")
-
-    def made(self, make: Callable[[str, Row], _T]) -> list[_T]:
-        """Return what is made of each row, and keep the rows of which something can be made.
+    def make(self, made: Callable[[str, Row], Row]) -> None:
+        """Put what is made of each row in its place, and leave out the rows of which nothing can be made.
 
         Parameters
         ----------
-        make : callable
+        made : callable
             Takes the words by which messages name a row, and the row; raises InputError if it cannot be used.
 
         Raises
@@ -393,62 +359,54 @@ class Rows:
         InputError
             Where the table is strict, or no row is left: for the first such row.
         """
-        found: list[_T] = []
         kept: list[tuple[int, Row]] = []
         first: InputError | None = None
         cells = {(item.row, item.column): i for i, item in enumerate(self.left_out) if item.done == CELL_OUT}
-        for number, row in zip(self.numbers, self.rows, strict=True):
+        for number, (where, row) in zip(self.numbers, self, strict=True):
             try:
-                found.append(make(self._where(number, row), row))
-                kept.append((number, row))
+                kept.append((number, made(where, row)))
             except InputError as error:
                 if self.strict:
                     raise
-                item = _of_error(error, number, str(row.get(self.about, "")))
+                item = _of_error(error, where, number, str(row.get(self.about, "")))
                 # A row that lacks what could not be meant is left out for that.
-                odd = [cells[number, name] for name in item.column.split(" or ") if (number, name) in cells]
-                if odd and item.value == "missing":
-                    item = replace(self.left_out[odd[0]], name=item.name, done=ROW_OUT)
-                    self.left_out[odd[0]] = item
+                odd = next(
+                    (i for one in item.column.split(" or ") if (i := cells.get((number, one))) is not None), None
+                )
+                if odd is not None and item.value == "missing":
+                    item = self.left_out[odd] = replace(self.left_out[odd], name=item.name, done=ROW_OUT)
                     error = InputError(error.key, item.value, allowed=error.allowed, hint=error.hint)
                 else:
                     self.left_out.append(item)
                 first = first or error
-        if not found and (first is not None or self.left_out):
-            raise first or self._refused(self.left_out[0])
-        self.numbers[:] = [number for number, _ in kept]
-        self.rows[:] = [row for _, row in kept]
-        return found
+        if not kept:
+            raise first or self._refused()
+        self.numbers[:], self.rows[:] = map(list, zip(*kept, strict=True))
 
-    def _refused(self, item: LeftOut) -> InputError:
+    def _refused(self) -> InputError:
         """Return why a table is refused of which nothing is left, for its first row."""
+        if not self.left_out:
+            return InputError(self.label, "no rows", allowed="at least one row")
+        item = self.left_out[0]
         who = f" ({item.name})" if item.name else ""
         key = f"{self.label} row {item.row}{who} column {item.column}"
         return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def told(self) -> tuple[str, ...]:
         """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
-        return tuple(filter(None, (self._told(ROW_OUT), self._told(CELL_OUT))))
-
-    def _told(self, done: str) -> str:
-        items = [item for item in self.left_out if item.done == done]
-        counts = Counter((item.column, item.why) for item in items)
-        rows = len({item.row for item in items})
-        if not items:
-            return ""
-        reasons = []
-        for (column, why), count in counts.most_common():
-            first = next(item for item in items if (item.column, item.why) == (column, why))
-            name = f" ({first.name})" if first.name else ""
-            reasons.append(f"{count} by {column}, {why} (first: row {first.row}{name}, {first.value})")
-        what = (
-            f"{rows} row{'s' * (rows != 1)} left out"
-            if done == ROW_OUT
-            else f"{len(items)} cell{'s' * (len(items) != 1)} taken as missing"
-        )
-        return f"{self.label}: {what}: {'; '.join(reasons[:_MANY])}" + (
-            f"; and {len(reasons) - _MANY} more reasons" if reasons[_MANY:] else ""
-        )
+        found = []
+        for done, thing in ((ROW_OUT, "row"), (CELL_OUT, "cell")):
+            items = [item for item in self.left_out if item.done == done]
+            number = len({item.row for item in items}) if done == ROW_OUT else len(items)
+            why = [
+                f"{count} because of {item.column} (first {item.value} in row {item.row}"
+                f"{', ' * bool(item.name)}{item.name}; {item.why})"
+                for item, count in reasons(items)
+            ]
+            why[_MANY:] = [f"and {len(why) - _MANY} more reasons"] if why[_MANY:] else []
+            what = f"{number} {thing}{'s' * (number != 1)} {done.removeprefix('row ')}"
+            found += [f"{self.label}: {what}: {'; '.join(why)}"] if items else []
+        return tuple(found)
 
     def refuse_lacking(self, groups: Groups) -> None:
         """Refuse a table that has no column of one of the groups.
@@ -496,15 +454,17 @@ class Rows:
                 column = " or ".join(self.headings.get(name, name) for name in own)
                 raise InputError(f"{where} column {column}", "missing", allowed=allowed)
 
-    def refuse_twins(self, key: Callable[[Row], Hashable], *, remedy: str = "") -> list[bool]:
-        """Refuse rows that are about what an earlier row is about: they are left out, or the table is refused.
-
-        Returns, for each row that there was before, whether it stays.
+    def refuse_twins(
+        self, key: Callable[[Row], Hashable], *, date: Callable[[Row], str] = lambda row: "", remedy: str = ""
+    ) -> None:
+        """Refuse rows that are about what another row is about: they are left out, or the table is refused.
 
         Parameters
         ----------
         key : callable
             What is the same for all names of one thing.
+        date : callable
+            Tells which of them stays: the one of the latest date, and of one date the first row.
         remedy : str
             What to do about it.
 
@@ -513,39 +473,42 @@ class Rows:
         InputError
             Where the table is strict: naming both rows.
         """
+        newest = sorted(range(len(self.rows)), key=lambda i: date(self.rows[i]), reverse=True)
+        self.numbers[:], self.rows[:] = [self.numbers[i] for i in newest], [self.rows[i] for i in newest]
         first: dict[Hashable, int] = {}
-        before, numbers = list(self.numbers), iter(list(self.numbers))
+        numbers = iter(list(self.numbers))
 
-        def new(where: str, row: Row) -> None:
+        def new(where: str, row: Row) -> Row:
             number = next(numbers)
             if (earlier := first.setdefault(key(row), number)) != number:
                 hint = "; ".join(filter(None, (f"rows {earlier} and {number} are of one name", remedy)))
-                column = self.headings.get(self.about, self.about)
-                raise InputError(
-                    f"{where} column {column}", row[self.about], allowed=f"every {self.about} once", hint=hint
-                )
+                column = f"{where} column {self.headings.get(self.about, self.about)}"
+                raise InputError(column, row[self.about], allowed=f"every {self.about} once", hint=hint)
+            return row
 
-        self.made(new)
-        kept = set(self.numbers)
-        return [number in kept for number in before]
+        self.make(new)
+        pairs = sorted(zip(self.numbers, self.rows, strict=True), key=lambda pair: pair[0])
+        self.numbers[:], self.rows[:] = map(list, zip(*pairs, strict=True))
 
 
-def _of_error(error: InputError, number: int, name: str) -> LeftOut:
+def _of_error(error: InputError, where: str, number: int, name: str) -> LeftOut:
     """Return what a refused row is on the list."""
-    column = error.key.rpartition(" column ")[2]
+    column = error.key.removeprefix(f"{where} column ")
     hint = re.sub(r"^rows \d+ and \d+ are of one name(; )?", "", error.hint)
     why = "; ".join(filter(None, (f"allowed: {error.allowed}" if error.allowed else "", hint)))
     return LeftOut(number, name, column, str(error.value)[:_SHOWN], why, ROW_OUT)
 
 
-def read_rows(
-    raw: RawTable,
-    columns: Columns,
-    required: Groups,
-    *,
-    about: str,
-    strict: bool = True,
-) -> Rows:
+def reasons(left_out: Iterable[LeftOut]) -> list[tuple[LeftOut, int]]:
+    """Return the first row or cell of each reason for which some are left out, and how many there are; most first."""
+    found: dict[tuple[bool, str, str], list[LeftOut]] = {}
+    for item in sorted(left_out, key=lambda item: item.row):
+        found.setdefault((item.done != ROW_OUT, item.column, item.why), []).append(item)
+    most_first = sorted(found.items(), key=lambda pair: (pair[0][0], -len(pair[1])))
+    return [(items[0], len(items)) for _, items in most_first]
+
+
+def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, strict: bool = True) -> Rows:
     """Return the rows of a table, every cell in the unit of its column and checked.
 
     Parameters
@@ -555,12 +518,14 @@ def read_rows(
     columns : Columns
         What it may have.
     required : sequence of sequence of str
-        Of each of these groups the table must have a column.
+        Of each of these groups the table must have a column; texts of the first two say what a row is about where no
+        column `about` does.
     about : str
         Name of the column that says what a row is about.
     strict : bool
         Refuse the table for the first cell that is not accepted; else it is taken as missing, or its row is left out
-        where the column is vital, and `Rows.left_out` says so. Rows with 0 in `DEFAULT_ROW` are never read.
+        where the column is vital, and `Rows.left_out` says so. Rows with 0 in `DEFAULT_ROW` are
+        read only where no other row is about the same.
 
     Raises
     ------
@@ -575,9 +540,13 @@ def read_rows(
     given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
     given.refuse_lacking(required)
     reading = _Reading(raw, strict, given.left_out)
-    if DEFAULT_ROW in chosen and reading.keep_default_rows(columns[DEFAULT_ROW], chosen.pop(DEFAULT_ROW)):
-        notes += (f"{raw.name}: {reading.dropped} rows are not the default solution of a planet: not read",)
-    values = {about: reading.merged(columns[about], chosen.pop(about))} if about in chosen else {}
+    place = chosen["ra_deg"][0][1].convention if "ra_deg" in chosen else ""
+    others = [name for group in required[:2] for name in group if columns[name].kind in ("text", "int")]
+    naming = [about] if about in chosen else [name for name in others if name in chosen]
+    values = {name: reading.merged(columns[name], chosen.pop(name)) for name in naming}
+    if default := chosen.pop(DEFAULT_ROW, None):
+        kept = reading.keep_default_rows(columns[DEFAULT_ROW], default, [*zip(*values.values(), strict=True)])
+        values = {name: np.array(cells, object)[kept].tolist() for name, cells in values.items()}
     reading.names = values.get(about, [None] * len(reading.numbers))
     values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
     for item in raw.rejects:
@@ -590,10 +559,9 @@ def read_rows(
         if number not in lost:
             given.numbers.append(number)
             given.rows.append({name: cell for name, cell in zip(values, line, strict=True) if cell is not None})
-    place = next((use.convention for use in uses if use.heading == headings.get("ra_deg")), "")
-    if (epoch := _EPOCHS.get(place)) is not None:
+    if epoch := re.fullmatch(r"j(\d+(?:\.\d+)?)", place):
         for row in given.rows:
-            row.setdefault("epoch_yr", epoch)
+            row.setdefault("epoch_yr", float(epoch[1]))
     return replace(given, notes=notes + tuple(reading.notes))
 
 
@@ -653,17 +621,23 @@ class _Reading:
     def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
         self.raw, self.strict, self.left = raw, strict, left
         self.numbers = raw.numbers
-        self.kept: NDArray[np.bool_] | None = None
+        self.kept: NDArray[np.bool_] | slice = slice(None)
         self.names: list[Any] = [None] * len(raw)
-        self.dropped = 0
         self.notes: list[str] = []
 
-    def keep_default_rows(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> bool:
-        """Leave out the rows that say again, with other numbers, what another row says; tell whether there are any."""
-        self.kept = np.array([cell is not False for cell in self.merged(column, found)], bool)
-        self.numbers = self.numbers[self.kept]
-        self.dropped = int(np.count_nonzero(~self.kept))
-        return bool(self.dropped)
+    def keep_default_rows(
+        self, column: Column, found: list[tuple[RawColumn, Meaning]], names: Sequence[Hashable]
+    ) -> NDArray[np.bool_]:
+        """Leave out the rows that say again, with other numbers, what the default row of the same name says."""
+        default = [cell is not False for cell in self.merged(column, found)]
+        names = names or [()] * len(default)
+        named = {name for name, own in zip(names, default, strict=True) if own}
+        kept = np.array([own or name not in named for name, own in zip(names, default, strict=True)], bool)
+        self.kept, self.numbers = kept, self.numbers[kept]
+        if dropped := int(np.count_nonzero(~kept)):
+            what = f"{dropped} row{'s are' if dropped > 1 else ' is'} not the default solution of a planet"
+            self.notes.append(f"{self.raw.name}: {what}: not read")
+        return kept
 
     def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
         """Return the cells of one column of ours: errors of both sides as their mean, gaps of one from the next."""
@@ -679,8 +653,8 @@ class _Reading:
         for others, (given, _) in read[1:]:
             odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
             if odd:
-                what = f"{column.name} is that of {first.heading}, from which {given.heading} differs in {odd} rows"
-                self.notes.append(f"{self.raw.name}: {what}")
+                other = f"{given.heading} differs in {odd} row{'s' * (odd > 1)}"
+                self.notes.append(f"{self.raw.name}: {column.name} is that of {first.heading}, from which {other}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
             flags, _ = _numbers(np.ma.filled(self._cells(given).astype(object), 0))
@@ -702,7 +676,8 @@ class _Reading:
         else:
             found = [_understood(column.kind, cell) for cell in cells[there].tolist()]
             good = np.array([cell is not NotImplemented for cell in found], bool)
-            if release := _RELEASES.get(meant.convention):
+            if meant.convention.startswith("gaia_dr"):
+                release = f"Gaia DR{meant.convention[-1]}"
                 found = [f"{release} {cell}" if str(cell).isdigit() else cell for cell in found]
         values: list[Any] = [None] * len(cells)
         for place, value in zip(there[good].tolist(), np.array(found, object)[good].tolist(), strict=True):
@@ -712,7 +687,7 @@ class _Reading:
         return values
 
     def _cells(self, given: RawColumn) -> "np.ma.MaskedArray[Any, Any]":
-        return given.cells if self.kept is None else given.cells[self.kept]
+        return given.cells[self.kept]
 
     def _leave_out(self, column: Column, heading_: str, unit: str, at: tuple[int, Any], *, fill: bool) -> None:
         """Put a cell that is not accepted on the list; refuse it where the table is strict."""
@@ -773,9 +748,11 @@ def _by_convention(numbers: NDArray[np.float64], convention: str) -> NDArray[np.
 
 def _differ(one: Any, other: Any) -> bool:
     """Tell whether two cells say different things."""
-    if one is None or other is None or isinstance(one, bool) or isinstance(other, bool):
-        return one is not None and other is not None and one != other
-    return bool(abs(one - other) > _SAME * max(abs(one), abs(other)))
+    if one is None or other is None:
+        return False
+    if isinstance(one, float) and isinstance(other, float):
+        return abs(one - other) > _SAME * max(abs(one), abs(other))
+    return bool(one != other)
 
 
 def _understood(kind: str, cell: Any) -> Any:
@@ -791,8 +768,6 @@ def _numbers(cells: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_
     if cells.dtype.kind in "fiu":
         numbers = cells.astype(np.float64)
         return numbers, np.isfinite(numbers)
-    if cells.dtype.kind == "b":
-        return np.full(len(cells), np.nan), np.zeros(len(cells), bool)
     try:
         numbers = cells.astype(np.float64)
     except (ValueError, TypeError):
@@ -809,7 +784,9 @@ def _number(cell: Any) -> float:
 
 
 def _text(cell: Any) -> str | None:
-    return " ".join(str(cell).split()) or None
+    """Return a text; a number that a program wrote with a point because others are missing is whole (10700.0)."""
+    text = " ".join(str(cell).split())
+    return (text[:-2] if text.endswith(".0") and text[:-2].isdigit() else text) or None
 
 
 def _flag(cell: Any) -> bool:

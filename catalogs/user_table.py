@@ -34,7 +34,10 @@ _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
 REQUIRED = (_NAMES, ("v_mag", "opt_mag", "gaia_g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 """Names of columns; of each group a table of stars, and each of its rows, needs one."""
 _SPLIT = tuple(f"ra_split_{part}" for part in "hms") + tuple(f"dec_split_{part}" for part in ("sign", *"dms"))
-_MOTIONS = (("pm_ra_mas_yr", "pm_dec_mas_yr"),)
+_MOTION = ("pm_ra_mas_yr", "pm_dec_mas_yr")
+_PAIRS = (("ra_deg", "dec_deg"), _MOTION)
+_INSTEAD = {"ra_deg": (_SPLIT[0], "coordinates"), "dec_deg": (_SPLIT[4], "coordinates")}
+"""Columns that say where a star is instead of those that are named."""
 ASSUMED_PC = 10.0
 """Distance of a star of which none is given, pc."""
 _NAN = float("nan")
@@ -72,20 +75,20 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     given = keep(read_rows(raw, QUANTITIES, REQUIRED, about="name", strict=is_strict(strict)))
     _refuse_half(raw.name, given.headings)
 
-    def named(where: str, row: Row) -> None:
-        _write_out(row, where)
+    def named(where: str, row: Row) -> Row:
+        _write_out(row)
         given.refuse_missing(where, row, (("name",), *REQUIRED[1:]))
+        return row
 
     _place(given.rows)
-    given.made(named)
+    given.make(named)
     counts = Counter(designation_key(row["name"]) for row in given.rows)
     for row in given.rows:
         if counts[designation_key(row["name"])] > 1 and "component" in row:
             row["name"] += f" {row['component']}"
     given.refuse_twins(lambda row: designation_key(row["name"]))
-
-    rows = given.made(lambda where, row: _filled(row, where, raw.name))
-    table = _table(rows, raw.name, _own(raw, given))
+    given.make(lambda where, row: _filled(row, where, raw.name))
+    table = _table(given.rows, raw.name, _own(raw, given))
     notes = given.notes + given.told() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
 
@@ -104,15 +107,11 @@ def _own(raw: RawTable, given: Rows) -> OwnColumns:
 
 def _refuse_half(label: str, headings: dict[str, str]) -> None:
     """Refuse a table with half of a pair of coordinates: the other half was not understood."""
-    ra = {"ra_deg", _SPLIT[0], "coordinates"} & set(headings)
-    dec = {"dec_deg", _SPLIT[4], "coordinates"} & set(headings)
-    halves = [(ra, dec, "ra_deg", "dec_deg")]
-    halves += [({one} & set(headings), {two} & set(headings), one, two) for one, two in _MOTIONS]
-    for first, second, one, two in halves:
-        for found, lacking, absent in ((first, second, two), (second, first, one)):
-            if found and not lacking:
-                column, hint = headings[min(found)], f"name the other one {absent}"
-                raise InputError(f"{label} column {column}", f"without {absent}", allowed="both or neither", hint=hint)
+    for one, two in (*_PAIRS, *(pair[::-1] for pair in _PAIRS)):
+        found, other = (headings.keys() & {name, *_INSTEAD.get(name, ())} for name in (one, two))
+        if found and not other:
+            key, hint = f"{label} column {headings[min(found)]}", f"name the other one {two}"
+            raise InputError(key, f"without {two}", allowed="both or neither", hint=hint)
 
 
 def _place(rows: list[Row]) -> None:
@@ -135,19 +134,13 @@ def _place(rows: list[Row]) -> None:
                 row |= {"ra_deg": ra, "dec_deg": dec}
 
 
-def _write_out(row: Row, where: str) -> None:
-    """Give a row, in place, the name, the coordinates and the magnitude that other columns of it imply.
-
-    Raises
-    ------
-    InputError
-        If its parts are none of coordinates.
-    """
+def _write_out(row: Row) -> None:
+    """Give a row, in place, the name and the magnitude that other columns of it imply."""
     host = host_of_planet(row["planet"]) if "planet" in row and "name" not in row else None
     if "name" not in row and (name := host[0] if host else star_name_of(row)):
         row["name"] = name
-    if "name" in row:
-        row["name"] = row["name"].replace("_", " ").strip()
+    if name := row.pop("name", "").replace("_", " ").strip():
+        row["name"] = name
     if "hip" in row:
         row["hip"] = int(re.sub(r"\D", "", str(row["hip"])))
     b_v = row.get("b_mag", _NAN) - row.get("v_mag", _NAN)
@@ -239,57 +232,48 @@ def _filled(given: Row, where: str, source: str) -> Row:
         If there is no temperature and the spectral type gives none.
     """
     listed = f"measured:as listed in {source}"
-    flags: set[str] = set()
-    row: Row = {name: given.get(name, "") for name in ("hd", "gj", "bayer", "flamsteed", "common_name")}
-    row |= {"name": given["name"], "simbad_id": given.get("simbad_id", ""), "hip": given.get("hip", 0)}
-    if not row["hip"] and (found := re.fullmatch(r"hip (\d+)", designation_key(given["name"]))):
+    texts = ("simbad_id", "hd", "gj", "bayer", "flamsteed", "common_name")
+    row: Row = {"name": given["name"], "hip": given.get("hip", 0)} | {name: given.get(name, "") for name in texts}
+    key = designation_key(given["name"])
+    if not row["hip"] and (found := re.fullmatch(r"hip (\d+)", key)):
         row["hip"] = int(found[1])
-    row["hd"], row["gj"] = _numbered("HD", row["hd"]), _numbered("GJ", row["gj"])
-    component = split_component(designation_key(given["name"]))[1].upper()
+    for name in ("hd", "gj"):
+        row[name] = f"{name.upper()} {row[name]}" if row[name][:1].isdigit() else row[name]
+    component = split_component(key)[1].upper()
     row |= {"component": component, "component_src": listed if component else "missing"}
-    flags |= _astrometry_and_light(row, given, listed)
-    flags |= _physics(row, given, listed, where)
+    flags = _astrometry_and_light(row, given, listed) | _physics(row, given, listed, where)
     flags |= _companion(row, given, listed)
     flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
     return row | {"quality_flags": flags}
 
 
-def _numbered(prefix: str, text: str) -> str:
-    return f"{prefix} {text}" if text[:1].isdigit() else text
-
-
 def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
     flags: set[str] = set()
-    if "distance_pc" in given:
-        row["distance_pc"], row["distance_pc_src"] = given["distance_pc"], listed
-        parallax, parallax_src = 1000.0 / given["distance_pc"], "derived:distance"
-        own = given.get("parallax_mas", parallax)
+    distance, own, error = (given.get(name, _NAN) for name in ("distance_pc", "parallax_mas", "parallax_err_mas"))
+    parallax, sources = own, ("derived:parallax", listed)
+    if math.isfinite(distance):
+        parallax, sources = 1000.0 / distance, (listed, "derived:distance")
         if abs(own / parallax - 1.0) > _DISTANCE_TOLERANCE:
             flags.add("distance_conflict")
-    else:
-        parallax, parallax_src = given["parallax_mas"], listed
-        own = parallax
-        row["distance_pc"], row["distance_pc_src"] = 1000.0 / parallax, "derived:parallax"
-    error = given.get("parallax_err_mas", _NAN)
-    if math.isfinite(error):
-        flags |= parallax_flags(own, error)
-    row |= {
-        "parallax_mas": parallax,
-        "parallax_src": parallax_src,
-        "parallax_err_mas": error,
-        "parallax_err_src": listed if math.isfinite(error) else "missing",
-        "parallax_own_mas": own,
-    }
-    ra, dec = given.get("ra_deg", _NAN), given.get("dec_deg", _NAN)
+        own = given.get("parallax_mas", parallax)
+    row |= {"distance_pc": given.get("distance_pc", 1000.0 / parallax), "parallax_mas": parallax}
+    row |= dict(zip(("distance_pc_src", "parallax_src"), sources, strict=True))
+    row |= {"parallax_own_mas": own, "parallax_err_mas": error, "parallax_err_src": _listed(error, listed)}
+    flags |= parallax_flags(own, error) if math.isfinite(error) else set()
+    ra, dec, *motion, rv = (given.get(name, _NAN) for name in ("ra_deg", "dec_deg", *_MOTION, "rv_km_s"))
     if not math.isfinite(ra + dec):
         flags.add("position_unknown")
         ra = dec = _NAN
-    motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
-    row |= stellar_physics.place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
+    row |= stellar_physics.place_columns(ra, dec, (motion[0], motion[1]), rv, listed)
     row["epoch_yr"] = given.get("epoch_yr", 2000.0)
     row |= stellar_physics.light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
     row["v_mag_src"] = given.get("v_mag_src", listed)
     return flags
+
+
+def _listed(value: float, listed: str) -> str:
+    """Return the origin of a number that is as it is listed, or missing."""
+    return listed if math.isfinite(value) else "missing"
 
 
 def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
@@ -306,32 +290,15 @@ def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
             raise InputError(f"{where} column sp_type", sp_type, allowed=allowed, hint=hint) from None
     row["metallicity"] = given.get("metallicity", 0.0)
     row["metallicity_src"] = listed if "metallicity" in given else "assumed:0"
-    luminosity = given.get("luminosity_lsun")
-    if not luminosity and row["teff_k"] < stellar_physics.COOLEST_BC_K:
+    known = {name: (value, listed) for name, value in given.items() if name in ("luminosity_lsun", "log_g")}
+    if "luminosity_lsun" not in known and row["teff_k"] < stellar_physics.COOLEST_BC_K:
         flags.add("luminosity_extrapolated")
-    row["luminosity_lsun_src"] = listed if luminosity else stellar_physics.LUMINOSITY_SOURCE
-    row["luminosity_lsun"] = luminosity or stellar_physics.luminosity_from_v(
-        row["v_mag"],
-        row["distance_pc"],
-        row["teff_k"],
-        row["metallicity"],
-        given.get("log_g", stellar_physics.usual_gravity(sp_type)),
-    )
-    row["radius_rsun"] = stellar_physics.radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
-    row["radius_rsun_src"] = stellar_physics.RADIUS_SOURCE
-    row["mass_msun"], row["mass_msun_src"] = stellar_physics.mass_of(sp_type, row["luminosity_lsun"])
-    implied, typical = (
-        stellar_physics.gravity(row["mass_msun"], row["radius_rsun"]),
-        _typical_gravity(row["luminosity_class"], sp_type),
-    )
-    if "log_g" in given:
-        row["log_g"], row["log_g_src"] = given["log_g"], listed
-    elif typical is not None:
+    row |= stellar_physics.bulk_columns(row, known)
+    implied = stellar_physics.gravity(row["mass_msun"], row["radius_rsun"])
+    typical = _typical_gravity(row["luminosity_class"], sp_type)
+    if "log_g" not in given and typical is not None:
         row["log_g"], row["log_g_src"] = typical, PARAMETERS_SOURCE
-    else:
-        row["log_g"], row["log_g_src"] = implied, stellar_physics.GRAVITY_SOURCE
-    expected = given.get("log_g", typical)
-    if expected is not None and abs(implied - expected) > _GRAVITY_TOLERANCE:
+    if abs(implied - row["log_g"]) > _GRAVITY_TOLERANCE:
         flags.add("luminosity_conflict")
     return flags
 
@@ -350,8 +317,7 @@ def _companion(row: Row, given: Row, listed: str) -> set[str]:
     separation = given.get("companion_sep_arcsec", _NAN)
     apart = math.isfinite(separation)
     angle = given.get("companion_pa_deg", _NAN) % 360.0 if apart else _NAN
-    delta = given.get("companion_delta_v_mag", given.get("companion_v_mag", _NAN) - given["v_mag"])
-    delta = delta if apart else _NAN
+    delta = given.get("companion_delta_v_mag", given.get("companion_v_mag", _NAN) - given["v_mag"]) if apart else _NAN
     close = given.get("close_companion", apart and separation < CLOSE_COMPANION_ARCSEC)
     row |= {
         "close_companion": bool(close),
@@ -360,8 +326,8 @@ def _companion(row: Row, given: Row, listed: str) -> set[str]:
         "companion_pa_deg": angle,
         "companion_epoch_yr": given.get("companion_epoch_yr", _NAN),
         "companion_delta_v_mag": delta,
-        "companion_src": listed if apart else "missing",
-        "companion_pa_src": listed if math.isfinite(angle) else "missing",
-        "companion_delta_v_src": listed if math.isfinite(delta) else "missing",
+        "companion_src": _listed(separation, listed),
+        "companion_pa_src": _listed(angle, listed),
+        "companion_delta_v_src": _listed(delta, listed),
     }
     return set() if apart or "close_companion" in given else {"companions_not_listed"}

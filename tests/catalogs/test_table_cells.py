@@ -1,10 +1,13 @@
-"""Headings of tables: which quantity and unit they mean."""
+"""Tables: which quantity and unit their headings mean, and which of their rows and cells are used."""
 
 import pytest
 
-from catalogs import QUANTITIES
+from catalogs import QUANTITIES, RawTable, load_known_planets, open_catalogue
 from catalogs.known_planet_columns import COLUMNS
+from catalogs.known_planets import own_rows
 from catalogs.table_cells import heading
+from catalogs.table_files import column_of
+from catalogs.user_table import user_table
 
 
 @pytest.mark.parametrize(
@@ -105,3 +108,73 @@ def test_headings_whose_capitals_leave_their_meaning_open_are_refused(refused, t
 def test_numbers_that_stand_for_missing_ones(name, filled, measured):
     assert all(map(QUANTITIES[name].is_fill, filled))
     assert not any(map(QUANTITIES[name].is_fill, measured))
+
+
+STARS, PLANETS = "distance_pc,v_mag,sp_type,default_flag", "period_days,mass_mjup,default_flag"
+REPEATED = [
+    ("stars", f"name,{STARS}", ["a,{},5,G2V,{}", "b,{},5,G2V,{}"]),
+    ("stars", f"hd,hip,{STARS}", ["10700,8102,{},5,G2V,{}", "22049,16537,{},5,G2V,{}"]),
+    ("planets", f"star,planet,{PLANETS}", ["x,x b,{},1,{}", "x,x c,{},1,{}"]),
+    ("planets", f"star,letter,{PLANETS}", ["x,b,{},1,{}", "x,c,{},1,{}"]),
+]
+
+
+@pytest.mark.parametrize(("kind", "head", "things"), REPEATED)
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([(0, 10, 0), (0, 20, 1), (1, 30, 0)], [20, 30]),
+        ([(0, 10, 1), (0, 20, 0), (1, 30, 1)], [10, 30]),
+        ([(0, 10, 0), (1, 20, 0)], [10, 20]),
+        ([(0, 10, ""), (0, 20, 0), (1, 30, 0)], [10, 30]),
+    ],
+)
+def test_what_has_no_default_row_keeps_its_other_one(tmp_path, kind, head, things, rows, expected):
+    file = tmp_path / "own.csv"
+    file.write_text("\n".join([head, *(things[thing].format(number, default) for thing, number, default in rows)]))
+    if kind == "stars":
+        found = open_catalogue(file).table.column("distance_pc")
+    else:
+        found = load_known_planets(f"none+{file}").number("period_days")
+    assert found.tolist() == expected
+
+
+def of_table(**columns):
+    given = {"name": ["a", "b"], "distance_pc": [10.0, 20.0], "v_mag": [5.0, 6.0], "sp_type": ["G2V", "K1V"]} | columns
+    return user_table(RawTable("own", [column_of(name, "", cells) for name, cells in given.items()]))
+
+
+@pytest.mark.parametrize(
+    ("other", "differ"), [(["8102", "16537"], 0), (["HIP 8102 A", "16537"], 1), ([8103, 16537], 1), ([None, 16538], 1)]
+)
+def test_numbers_of_two_columns_are_compared_as_they_are(other, differ):
+    made = of_table(hip_number=[8102, 16537], hip_name=other)
+    assert made.table.column("hip").tolist() == [8102, 16537]
+    assert len([note for note in made.notes if f"differs in {differ} row" in note]) == differ
+
+
+@pytest.mark.parametrize(("written", "expected"), [([10700.0, None], "HD 10700"), (["10700.0", "K"], "HD 10700")])
+def test_a_number_that_has_a_point_because_others_are_missing_is_whole(written, expected):
+    assert of_table(hd=written).table.column("hd")[0] == expected
+    assert of_table(gj=[71.0, None]).table.column("gj").tolist() == ["GJ 71", ""]
+    assert of_table(bayer=["12.05", "v1.0"]).table.column("bayer").tolist() == ["12.05", "v1.0"]
+
+
+def test_a_name_of_blanks_alone_is_none():
+    made = of_table(name=["a", "_"])
+    assert made.table.column("name").tolist() == ["a"]
+    assert [(item.row, item.column, item.value) for item in made.left_out] == [(2, "name", "missing")]
+
+
+def test_a_table_without_rows_is_refused(refused):
+    columns = [column_of(name, "", []) for name in ("name", "distance_pc", "v_mag", "sp_type")]
+    refused("no rows", user_table, RawTable("own", columns))
+
+
+@pytest.mark.parametrize("cells", [[True, False], ["True", "False"], [1, 0], [1.0, 0.0], ["yes", "no"]])
+def test_truth_values_are_understood_as_people_write_them(cells):
+    given = {"star": ["x", "x"], "planet": ["x b", "x c"], "period_days": [9.0, 99.0], "mass_mjup": [1.0, 2.0]}
+    columns = [column_of(name, "", cells) for name, cells in (given | {"pl_controv_flag": cells}).items()]
+    rows, read = own_rows(RawTable("own", columns))
+    assert ["controversial" in row["flags"] for row in rows] == [True, False]
+    assert not read.left_out

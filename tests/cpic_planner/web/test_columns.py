@@ -76,7 +76,7 @@ def test_remarks_on_a_table_that_is_sent_stand_with_the_answer(send):
     fields = [("target", "Bob"), ("bands", "F520"), ("snr", "5")]
     page = words(send("/etc", [("catalog", "mine.csv", STARS)], fields=fields))
     assert page.count("mine.csv: columns not used: mood") == 1
-    assert "mine.csv: 1 row left out: 1 by plx [mas]" in page
+    assert "mine.csv: 1 row left out: 1 because of plx [mas]" in page
     refused = send("/etc", [("catalog", "mine.csv", STARS)], fields=[*fields, ("strict", "on")])
     assert refused.status == 400
     assert "mine.csv row 2 (Eve)" in words(refused)
