@@ -60,6 +60,7 @@ _TAU_JD = 2458849.5
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _SOLUTIONS = "solutions"
+_MISSING = {name: math.nan if name in NUMBERS else "" for name in TABLE_COLUMNS}
 _HOSTS = ("hip", "hd", "tic", "gaia")
 _ASIDE = (*_HOSTS, "star_aliases")
 _NAMED = (("star", "planet", *_HOSTS), ("planet", "letter"))
@@ -429,8 +430,7 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
 
 
 def _table(rows: Sequence[Row], label: str, provenance: str, notes: tuple[str, ...] = ()) -> KnownPlanetTable:
-    missing = dict.fromkeys(NUMBERS, math.nan)
-    columns = {name: np.array([row.get(name, missing.get(name, "")) for row in rows]) for name in TABLE_COLUMNS}
+    columns = {name: np.array([row.get(name, none) for row in rows]) for name, none in _MISSING.items()}
     solutions = {
         row["planet"]: _table([orbit | {"planet": row["planet"]} for orbit in row[_SOLUTIONS]], label, provenance)
         for row in rows

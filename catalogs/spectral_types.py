@@ -91,6 +91,8 @@ def parse_spectral_type(text: str) -> SpectralType:
     InputError
         If the text is not a type of class O, B, A, F, G, K or M.
     """
+    if not isinstance(text, str):
+        raise InputError("spectral_type", text, allowed="text such as K1V")
     return _parsed(_plain(text))
 
 
@@ -168,10 +170,9 @@ def stellar_parameters(text: str) -> StellarParameters:
     return StellarParameters(teff_k, log_g, spectral_type.flags)
 
 
-def _plain(text: object) -> str:
+@functools.lru_cache(maxsize=10_000)
+def _plain(text: str) -> str:
     """Return the text with plain dashes, single blanks and, if it is all lower case, capital classes."""
-    if not isinstance(text, str):
-        raise InputError("spectral_type", text, allowed="text such as K1V")
     if len(text) > _LONGEST:
         raise InputError("spectral_type", f"{len(text)} characters", allowed=f"at most {_LONGEST} characters")
     name = unicodedata.normalize("NFKC", text)

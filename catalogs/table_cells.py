@@ -679,12 +679,11 @@ class _Reading:
             if meant.convention.startswith("gaia_dr"):
                 release = f"Gaia DR{meant.convention[-1]}"
                 found = [f"{release} {cell}" if str(cell).isdigit() else cell for cell in found]
-        values: list[Any] = [None] * len(cells)
-        for place, value in zip(there[good].tolist(), np.array(found, object)[good].tolist(), strict=True):
-            values[place] = value
+        values = np.full(len(cells), None, object)
+        values[there[good]] = np.array(found, object)[good]
         for place, fill in zip(there[~good].tolist(), fills[~good].tolist(), strict=True):
             self._leave_out(column, given.heading, meant.unit, (place, cells[place]), fill=fill)
-        return values
+        return list(values)
 
     def _cells(self, given: RawColumn) -> "np.ma.MaskedArray[Any, Any]":
         return given.cells[self.kept]
