@@ -398,6 +398,8 @@ def _user_row(given: Row, where: str, table: Rows, own: bool, known: Collection[
     if "candidate" in texts.pop("solution_type", "").lower():
         allowed = "the solution of a confirmed planet"
         raise InputError(f"{where} column {table.headings['solution_type']}", given["solution_type"], allowed=allowed)
+    if "calculated" in texts.pop("radius_reference", "").lower():  # from the mass: no measurement
+        numbers = {name: value for name, value in numbers.items() if not name.startswith("radius")}
     texts = {name: text for name, text in texts.items() if name not in _ASIDE}
     if alone:  # what says the status is all that the row is about
         texts.setdefault("status_reference", reference_text(texts.pop("reference", "")))

@@ -404,3 +404,16 @@ def test_updates_agree_with_the_checked_list_of_facts(shipped):
                 within = np.fmax(max([*errors, 0.005 * value]), orbits.number(own))
                 near &= np.abs(orbits.number(ours) - value) <= within
         assert near.any(), (theirs, mine)
+
+
+@pytest.mark.parametrize(
+    ("link", "radius"),
+    [
+        ("<a refstr=CALCULATED_VALUE href=/docs/composite_calc.html target=_blank>Calculated Value</a>", np.nan),
+        ("<a refstr=SMITH_ET_AL_2020 href=/abs/2020ApJ...1S target=ref>Smith et al. 2020</a>", 1.2),
+    ],
+)
+def test_a_radius_that_the_archive_calculates_from_the_mass_is_no_measurement(tmp_path, link, radius):
+    rows = f"pl_name,hostname,pl_orbper,pl_msinij,pl_radj,pl_radj_reflink\nHD 10700 x,HD 10700,100,0.1,1.2,{link}\n"
+    read = load_known_planets(alone(written(tmp_path, rows)))
+    np.testing.assert_equal(read.number("radius_rjup")[0], radius)
