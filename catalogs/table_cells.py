@@ -542,12 +542,15 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
     reading = _Reading(raw, strict, given.left_out)
     place = chosen["ra_deg"][0][1].convention if "ra_deg" in chosen else ""
     others = [name for group in required[:2] for name in group if columns[name].kind in ("text", "int")]
+    numbered = chosen[about][0][0] if about in chosen and columns[about].kind != "text" else None
     naming = [about] if about in chosen else [name for name in others if name in chosen]
     values = {name: reading.merged(columns[name], chosen.pop(name)) for name in naming}
     if default := chosen.pop(DEFAULT_ROW, None):
         kept = reading.keep_default_rows(columns[DEFAULT_ROW], default, [*zip(*values.values(), strict=True)])
         values = {name: np.array(cells, object)[kept].tolist() for name, cells in values.items()}
     reading.names = values.get(about, [None] * len(reading.numbers))
+    if numbered is not None:  # a row is called what the file calls it, whatever its unit
+        reading.names = reading.cells(numbered).tolist()
     values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
     for item in raw.rejects:
         if strict:
@@ -657,13 +660,13 @@ class _Reading:
                 self.notes.append(f"{self.raw.name}: {column.name} is that of {first.heading}, from which {other}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
-            flags, _ = _numbers(np.ma.filled(self._cells(given).astype(object), 0))
+            flags, _ = _numbers(np.ma.filled(self.cells(given).astype(object), 0))
             values = [None if flag else value for value, flag in zip(values, flags.tolist(), strict=True)]
         return values
 
     def read(self, column: Column, given: RawColumn, meant: Meaning) -> list[Any]:
         """Return the cells of one column of the file; None where missing."""
-        whole = self._cells(given)
+        whole = self.cells(given)
         cells, there = np.ma.getdata(whole), np.flatnonzero(~np.ma.getmaskarray(whole))
         fills = np.zeros(len(there), bool)
         if column.kind in ("float", "whole"):
@@ -685,7 +688,8 @@ class _Reading:
             self._leave_out(column, given.heading, meant.unit, (place, cells[place]), fill=fill)
         return list(values)
 
-    def _cells(self, given: RawColumn) -> "np.ma.MaskedArray[Any, Any]":
+    def cells(self, given: RawColumn) -> "np.ma.MaskedArray[Any, Any]":
+        """Return the cells of a column of the file in the rows that are read."""
         return given.cells[self.kept]
 
     def _leave_out(self, column: Column, heading_: str, unit: str, at: tuple[int, Any], *, fill: bool) -> None:
