@@ -519,7 +519,7 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
         What it may have.
     required : sequence of sequence of str
         Of each of these groups the table must have a column; texts of the first two say what a row is about where no
-        column `about` does.
+        column ``about`` does.
     about : str
         Name of the column that says what a row is about.
     strict : bool

@@ -197,7 +197,7 @@ def _row(
 ) -> results.KnownPlanetRow:
     table = choice.table
     years = years if table.counted[row] else None
-    star_msun = star_masses_msun(star.name, star.log_g, star.luminosity_lsun, star.teff_k)[0]
+    star_msun = star_masses_msun(star.name.tolist(), star.log_g, star.luminosity_lsun, star.teff_k)[0]
     uniforms = known_uniforms(table, [row], choice.n_draws, choice.seed)
     drawn = draw_known(table, [row], uniforms, epoch_mjd=choice.mjd, star_mass_msun=star_msun)
     planets = planets_of(drawn, 0, choice.albedo)

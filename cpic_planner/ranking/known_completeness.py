@@ -141,7 +141,7 @@ class KnownChoice:
         n = check_whole("n_draws", self.n_draws, 1, MAX_DRAWS)
         mjd = float(check_finite("mjd", self.mjd, "d"))
         made = []
-        masses = star_masses_msun(targets.name, targets.log_g, targets.luminosity_lsun, targets.teff_k)
+        masses = star_masses_msun(targets.name.tolist(), targets.log_g, targets.luminosity_lsun, targets.teff_k)
         for rows, mass in zip(known_rows(self.table, targets), masses, strict=True):
             uniforms = known_uniforms(self.table, rows, n, self.seed)
             drawn = draw_known(self.table, rows, uniforms, epoch_mjd=mjd, star_mass_msun=mass)
