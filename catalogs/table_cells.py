@@ -238,7 +238,7 @@ DEFAULT_ROW = "default_row"
 _YES, _NO = ("1", "1.0", "true", "t", "yes", "y"), ("0", "0.0", "false", "f", "no", "n")
 _WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
 _SHOWN = 40
-_MANY = 12
+_REASONS = 5
 _ALTERNATIVES = 4
 _SAME = 0.01
 """Two columns of one quantity that are closer than this part of it say the same: they are rounded apart."""
@@ -398,12 +398,9 @@ class Rows:
         for done, thing in ((ROW_OUT, "row"), (CELL_OUT, "cell")):
             items = [item for item in self.left_out if item.done == done]
             number = len({item.row for item in items}) if done == ROW_OUT else len(items)
-            why = [
-                f"{count} because of {item.column} (first {item.value} in row {item.row}"
-                f"{', ' * bool(item.name)}{item.name}; {item.why})"
-                for item, count in reasons(items)
-            ]
-            why[_MANY:] = [f"and {len(why) - _MANY} more reasons"] if why[_MANY:] else []
+            why = [f"{count} because of {item.column} ({_first(item)})" for item, count in reasons(items)]
+            if more := why[_REASONS:]:
+                why[_REASONS:] = [f"and {len(more)} more reasons: the list of rejects has all"]
             what = f"{number} {thing}{'s' * (number != 1)} {done.removeprefix('row ')}"
             found += [f"{self.label}: {what}: {'; '.join(why)}"] if items else []
         return tuple(found)
@@ -489,6 +486,12 @@ class Rows:
         self.make(new)
         pairs = sorted(zip(self.numbers, self.rows, strict=True), key=lambda pair: pair[0])
         self.numbers[:], self.rows[:] = map(list, zip(*pairs, strict=True))
+
+
+def _first(item: LeftOut) -> str:
+    """Say what is wrong in the first row of a reason; what is missing needs no range."""
+    where = f"row {item.row}{', ' * bool(item.name)}{item.name}"
+    return f"first missing in {where}" if item.value == "missing" else f"first {item.value} in {where}; {item.why}"
 
 
 def _of_error(error: InputError, where: str, number: int, name: str) -> LeftOut:

@@ -6,7 +6,7 @@ from catalogs import QUANTITIES, RawTable, load_known_planets, open_catalogue
 from catalogs.known_planet_columns import COLUMNS
 from catalogs.known_planets import own_rows
 from catalogs.table_cells import heading
-from catalogs.table_files import column_of
+from catalogs.table_files import TableBytes, column_of, parse_table
 from catalogs.user_table import user_table
 
 
@@ -178,3 +178,12 @@ def test_truth_values_are_understood_as_people_write_them(cells):
     rows, read = own_rows(RawTable("own", columns))
     assert ["controversial" in row["flags"] for row in rows] == [True, False]
     assert not read.left_out
+
+
+def test_remarks_name_the_most_frequent_reasons_and_the_first_row_of_each():
+    rows = "name,dist,V,SpT\na,10,5,G2V\nb,10,,G2V\nc,10,,G2V\nd,-1,5,G2V\ne,10,5,blob\n"
+    table = parse_table(TableBytes("mine.csv", rows.encode(), ""))
+    (left_out,) = (note for note in user_table(table).notes if "left out: " in note and "row" in note)
+    assert left_out.startswith("mine.csv: 4 rows left out: 2 because of V (first missing in row 2, b); 1 because of ")
+    assert "dist (first -1 pc in row 4, d; allowed: a number, 1 to 100000 pc)" in left_out
+    assert "SpT (first blob in row 5, e; " in left_out or "sp_type (first blob in row 5, e; " in left_out
