@@ -648,11 +648,26 @@ def _refuse_large(name: str, size: int) -> None:
 def _astropy(file: TableBytes, kind: str, notes: _Notes = ()) -> RawTable:
     table, said = astropy_table(file, kind)
     columns = [table[name] for name in table.colnames]
+    if len(table) == 1 and any(getattr(column, "ndim", 1) == 2 for column in columns):
+        columns = _turned(columns)
     plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
     left = _left_out(file.name, [column.info.name for column in columns if getattr(column, "ndim", 1) > 1])
     guarded = kind not in ("fits", "votable", "parquet")
     raw = [raw_column(file.name, column.info.name, column, guarded=guarded) for column in plain]
     return RawTable(file.name, raw, notes + said + left)
+
+
+def _turned(columns: list[Any]) -> list[Any]:
+    """Return the longest vectors of a table of one row as columns: so spectrographs of HST and ESO keep a spectrum."""
+    from astropy.table import MaskedColumn
+
+    vectors = [column for column in columns if getattr(column, "ndim", 1) == 2]
+    longest = max(column.shape[1] for column in vectors)
+    return [
+        MaskedColumn(column[0], column.info.name, unit=column.unit, description=column.info.description)
+        for column in vectors
+        if column.shape[1] == longest
+    ]
 
 
 def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:

@@ -8,8 +8,9 @@ import pytest
 from astropy.io import fits
 from astropy.table import MaskedColumn, QTable, Table
 
-from catalogs import band_from_file, read_curve
+from catalogs import HC_ERG_ANGSTROM, band_from_file, read_curve
 from cpic_core import InputError
+from simulator.target import read_spectrum
 
 NM = np.array([500.0, 510.0, 516.25, 533.5, 540.0, 552.5])
 T = np.array([0.0, 0.25, 0.8, 0.75, 0.125, 0.0])
@@ -276,7 +277,6 @@ def test_refusals_say_what_is_wrong_and_where(data, words):
     ["wavelength_nm;flux [{}]", "# wave (nm), flux ({})", "# wavelength in nm, flux in {}", "# wave;flux\n# nm;{}"],
 )
 def test_flux_densities_in_units_as_people_write_them(tmp_path, stated, right, head):
-    from simulator.target import read_spectrum
 
     photlam = (FLUX * right).to_value(u.photon / (u.s * u.cm**2 * u.AA), u.spectral_density(NM * u.nm))
     (tmp_path / "star.txt").write_text(text(NM, FLUX, head.format(stated) + "\n"), encoding="utf-8")
@@ -290,7 +290,6 @@ def test_flux_densities_in_units_as_people_write_them(tmp_path, stated, right, h
     [("", "not stated"), ("[counts/s]", "unit = counts/s"), ("[parsnips]", "not understood"), ("(m)", "unit = m")],
 )
 def test_flux_units_that_are_none_differ_from_none(tmp_path, refused, unit, words):
-    from simulator.target import read_spectrum
 
     (tmp_path / "star.txt").write_text(text(NM, FLUX, f"wavelength_nm;flux {unit}\n"), encoding="utf-8")
     refused(f"star.txt flux unit.*{words}|star.txt flux {words}", read_spectrum, tmp_path / "star.txt")
@@ -315,3 +314,19 @@ def test_remarks_of_other_languages_are_neither_percent_nor_cells(sign):
 )  # fmt: skip
 def test_the_unit_of_a_flux_is_the_most_particular_word(head, unit):
     assert is_read(text(NM, FLUX, head + "\n", ","), "flux", FLUX) == unit
+
+
+def test_a_spectrum_that_is_one_row_of_vectors_is_read(tmp_path):
+    """As the spectrographs of the Hubble telescope and of ESO write them: SPORDER and NELEM are single numbers."""
+    wave, flux = np.linspace(5000.0, 6000.0, 11), np.linspace(1e-14, 2e-14, 11)
+    columns = [
+        fits.Column("SPORDER", "I", array=np.array([1])),
+        fits.Column("NELEM", "I", array=np.array([11])),
+        fits.Column("WAVELENGTH", "11D", unit="Angstroms", array=wave[None]),
+        fits.Column("FLUX", "11E", unit="erg/s/cm**2/Angstrom", array=flux[None]),
+    ]
+    path = tmp_path / "x1d.fits"
+    fits.BinTableHDU.from_columns(columns).writeto(path)
+    read = read_spectrum(path)
+    np.testing.assert_allclose(read.wavelength_nm, wave / 10.0, rtol=1e-12)
+    np.testing.assert_allclose(read.photlam, flux * wave / HC_ERG_ANGSTROM, rtol=1e-6)
