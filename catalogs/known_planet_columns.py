@@ -46,7 +46,14 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = (), *, exact: bo
         Whether a number without an error is exact, the time of periastron or conjunction too: so it is in a row of a
         user's own. A row of an archive does not state the error, and its phase is unknown without.
     """
-    there = {name for name, value in row.items() if math.isfinite(value)}.union(given, ("exact",) * exact)
+    there = {name for name, value in row.items() if math.isfinite(value)}
+    return _flags_of(frozenset(there.union(given, ("exact",) * exact)))
+
+
+@functools.lru_cache(maxsize=10_000)
+def _flags_of(given: frozenset[str]) -> tuple[str, ...]:
+    """Return the flags of a row that has these numbers and flags; of the many rows of a table most have the same."""
+    there = set(given)
     for flag, needs, lacks in _flag_rules():
         if needs <= there and lacks.isdisjoint(there):
             there.add(flag)
@@ -120,6 +127,7 @@ def settle(numbers: dict[str, float], kind: str, where: str) -> tuple[dict[str, 
     return found, tuple(flags)
 
 
+@functools.lru_cache(maxsize=10_000)
 def reference_text(link: str) -> str:
     """Return ``Benedict et al. 2006 (2006AJ....132.2206B)`` of a link to a bibliography; other text as it is."""
     words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", link)).split())

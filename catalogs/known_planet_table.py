@@ -152,7 +152,7 @@ class KnownPlanetTable(FrozenTable):
         raise InputError("planet", name, allowed=f"a planet of {self.label}", hint=hint)
 
 
-@functools.lru_cache(maxsize=10_000)
+@functools.lru_cache(maxsize=100_000)
 def star_key(name: str) -> str:
     """Return one key for all names of a star: that of its name in the embedded catalogue, where it is in there.
 

@@ -343,9 +343,10 @@ def _rows_of_file(
 
 def _name(row: Row) -> None:
     """Give a row, in place, the names of star and planet that other columns of it imply."""
-    host = host_of_planet(row["planet"]) if "planet" in row else None
-    if "star" not in row and (star := (host and host[0]) or star_name_of(row)):
-        row["star"] = star
+    if "star" not in row:
+        host = host_of_planet(row["planet"]) if "planet" in row else None
+        if star := (host and host[0]) or star_name_of(row):
+            row["star"] = star
     if "star" in row and designation_key(row["star"]) not in snapshot_aliases():
         others = (name.strip() for name in row.get("star_aliases", "").split(","))
         row["star"] = next((name for name in others if designation_key(name) in snapshot_aliases()), row["star"])

@@ -3,6 +3,7 @@
 Words of the column ``quality_flags``: what each means, and those that type, name and parallax call for.
 """
 
+import functools
 import math
 import re
 
@@ -40,15 +41,23 @@ def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
         SIMBAD's main identifier.
     """
     checks = {
-        "giant": is_giant(sp_type),
-        "no_class": not luminosity_class(sp_type),
-        "composite_spectrum": is_composite(sp_type),
-        "peculiar": bool(re.search(r"p|m", sp_type[1:])),
         "variable": object_type in _VARIABLE_TYPES.split() or simbad_id.startswith("V*"),
         "spectroscopic_binary": object_type in _BINARY_TYPES.split(),
         "double_entry": object_type == "**",
     }
-    return {name for name, applies in checks.items() if applies}
+    return {name for name, applies in checks.items() if applies}.union(_type_flags(sp_type))
+
+
+@functools.lru_cache(maxsize=10_000)
+def _type_flags(sp_type: str) -> frozenset[str]:
+    """Return the flags that a spectral type calls for; a table has few types and many stars."""
+    checks = {
+        "giant": is_giant(sp_type),
+        "no_class": not luminosity_class(sp_type),
+        "composite_spectrum": is_composite(sp_type),
+        "peculiar": bool(re.search(r"p|m", sp_type[1:])),
+    }
+    return frozenset(name for name, applies in checks.items() if applies)
 
 
 def parallax_flags(parallax_mas: float, parallax_err_mas: float) -> set[str]:

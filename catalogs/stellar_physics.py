@@ -337,7 +337,12 @@ def _positive(name: str, value: float, unit: str) -> float:
 
 
 def place_columns(
-    ra_deg: float, dec_deg: float, motion_mas_yr: tuple[float, float], rv_km_s: float, src: str
+    ra_deg: float,
+    dec_deg: float,
+    motion_mas_yr: tuple[float, float],
+    rv_km_s: float,
+    src: str,
+    lon_lat_deg: tuple[float, float] | None = None,
 ) -> dict[str, object]:
     """Return the columns of place and motion.
 
@@ -351,9 +356,11 @@ def place_columns(
         Radial velocity, positive when receding; 0 is assumed where it is nan.
     src : str
         Where the numbers come from.
+    lon_lat_deg : (float, float), optional
+        Ecliptic coordinates, where they are known already.
     """
     placed, moves, rv_known = (math.isfinite(value) for value in (ra_deg + dec_deg, sum(motion_mas_yr), rv_km_s))
-    lon, lat = ecliptic(ra_deg, dec_deg) if placed else (math.nan, math.nan)
+    lon, lat = (lon_lat_deg or ecliptic(ra_deg, dec_deg)) if placed else (math.nan, math.nan)
     return {
         "ra_deg": float(ra_deg) % 360.0,
         "dec_deg": float(dec_deg),

@@ -718,7 +718,7 @@ def _read_numbers(
     numbers, good = _numbers(cells)
     fills = np.zeros(len(cells), bool)
     if column.fills:
-        fills = good & np.array([column.is_fill(value) for value in numbers.tolist()], bool)
+        fills[good] = _fills(column, numbers[good])
     unit, convention = meant.unit, meant.convention
     angle, date = column.name in ("ra_deg", "dec_deg"), column.name.endswith("_jd")
     if convention == "rad_or_deg" and (np.abs(numbers[good]) > 2.0 * math.pi).any():
@@ -743,6 +743,15 @@ def _read_numbers(
     else:
         read = written_values.converted(written_values.read_numbers(cells), unit, column.unit)
     return _by_convention(read.values, convention), np.isfinite(read.values), fills
+
+
+def _fills(column: Column, numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which numbers stand for missing ones; those of nothing but nines begin with one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leading = np.abs(numbers) / 10.0 ** np.floor(np.log10(np.abs(numbers)))
+    found = (leading >= 9.0) | (numbers == -1.0)
+    found[found] = [column.is_fill(value) for value in numbers[found].tolist()]
+    return found
 
 
 def _by_convention(numbers: NDArray[np.float64], convention: str) -> NDArray[np.float64]:
@@ -778,8 +787,11 @@ def _numbers(cells: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_
         numbers = cells.astype(np.float64)
     except (ValueError, TypeError):
         numbers = np.array([_number(cell) for cell in cells.tolist()], np.float64)
-    odd = np.array([isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) for cell in cells.tolist()], bool)
-    return numbers, np.isfinite(numbers) & ~odd
+    given = cells.tolist()
+    if set(map(type, given)) == {str} and "_" not in "".join(given):
+        return numbers, np.isfinite(numbers)
+    odd = [isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) for cell in given]
+    return numbers, np.isfinite(numbers) & ~np.array(odd, bool)
 
 
 def _number(cell: Any) -> float:
@@ -791,7 +803,8 @@ def _number(cell: Any) -> float:
 
 def _text(cell: Any) -> str | None:
     """Return a text; a number that a program wrote with a point because others are missing is whole (10700.0)."""
-    text = " ".join(str(cell).split())
+    plain = type(cell) is str and "  " not in cell and cell.isprintable()
+    text = cell if plain else " ".join(str(cell).split())
     return (text[:-2] if text.endswith(".0") and text[:-2].isdigit() else text) or None
 
 

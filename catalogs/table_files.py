@@ -491,8 +491,14 @@ def _texts(column: Any, heading: str, *, point: bool = False, guarded: bool = Tr
     In a column of signs (``DE-`` of declinations in three parts) a dash is none.
     """
     missing = _MISSING - {"-"} if heading.strip().lower().endswith(("-", "sign")) else _MISSING
-    texts = [cell.strip() if type(cell) is str else _said(cell) for cell in _given(column)]
-    gone = [text.lower() in missing for text in texts]
+    if getattr(column, "null_count", 1):
+        texts = [cell.strip() if type(cell) is str else _said(cell) for cell in _given(column)]
+    else:
+        from pyarrow import compute
+
+        texts = compute.utf8_trim_whitespace(column).to_pylist()
+    gone = [not text or (not "0" <= text[0] <= "9" and text.lower() in missing) for text in texts]
+    guarded = guarded and "'" in "".join(texts)
     plain = [unguarded(text) if text[:1] == "'" else text for text in texts] if guarded else texts
     cells = np.array([text.replace(",", ".") for text in plain] if point else plain, object)
     cells[gone] = ""
@@ -648,8 +654,9 @@ def _refuse_large(name: str, size: int) -> None:
 def _astropy(file: TableBytes, kind: str, notes: _Notes = ()) -> RawTable:
     table, said = astropy_table(file, kind)
     columns = [table[name] for name in table.colnames]
-    if len(table) == 1 and any(getattr(column, "ndim", 1) == 2 for column in columns):
-        columns = _turned(columns)
+    vectors = [column for column in columns if getattr(column, "ndim", 1) == 2]
+    if len(table) == 1 and any(re.match("wav|lambda", column.info.name, re.IGNORECASE) for column in vectors):
+        columns = _turned(vectors)
     plain = [column for column in columns if getattr(column, "ndim", 1) == 1]
     left = _left_out(file.name, [column.info.name for column in columns if getattr(column, "ndim", 1) > 1])
     guarded = kind not in ("fits", "votable", "parquet")
@@ -657,11 +664,10 @@ def _astropy(file: TableBytes, kind: str, notes: _Notes = ()) -> RawTable:
     return RawTable(file.name, raw, notes + said + left)
 
 
-def _turned(columns: list[Any]) -> list[Any]:
+def _turned(vectors: list[Any]) -> list[Any]:
     """Return the longest vectors of a table of one row as columns: so spectrographs of HST and ESO keep a spectrum."""
     from astropy.table import MaskedColumn
 
-    vectors = [column for column in columns if getattr(column, "ndim", 1) == 2]
     longest = max(column.shape[1] for column in vectors)
     return [
         MaskedColumn(column[0], column.info.name, unit=column.unit, description=column.info.description)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import stellar_physics
+from catalogs.coordinates import ecliptic
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, split_component, star_name_of
 from catalogs.own_tables import is_strict, keep
@@ -87,6 +88,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
         if counts[designation_key(row["name"])] > 1 and "component" in row:
             row["name"] += f" {row['component']}"
     given.refuse_twins(lambda row: designation_key(row["name"]))
+    _place_on_the_ecliptic(given.rows)
     given.make(lambda where, row: _filled(row, where, raw.name))
     table = _table(given.rows, raw.name, _own(raw, given))
     notes = given.notes + given.told() + _companions_left_out(table)
@@ -132,6 +134,14 @@ def _place(rows: list[Row]) -> None:
         for row, ra, dec in zip(lacking, *(item.values.tolist() for item in pair), strict=True):
             if math.isfinite(ra + dec):
                 row |= {"ra_deg": ra, "dec_deg": dec}
+
+
+def _place_on_the_ecliptic(rows: list[Row]) -> None:
+    """Give rows, in place, their ecliptic coordinates, all at once."""
+    placed = [row for row in rows if {"ra_deg", "dec_deg"} <= set(row)]
+    lon, lat = ecliptic([row["ra_deg"] for row in placed], [row["dec_deg"] for row in placed])
+    for row, *place in zip(placed, lon.tolist(), lat.tolist(), strict=True):
+        row["lon_lat_deg"] = tuple(place)
 
 
 def _write_out(row: Row) -> None:
@@ -264,7 +274,7 @@ def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
     if not math.isfinite(ra + dec):
         flags.add("position_unknown")
         ra = dec = _NAN
-    row |= stellar_physics.place_columns(ra, dec, (motion[0], motion[1]), rv, listed)
+    row |= stellar_physics.place_columns(ra, dec, (motion[0], motion[1]), rv, listed, given.get("lon_lat_deg"))
     row["epoch_yr"] = given.get("epoch_yr", 2000.0)
     row |= stellar_physics.light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
     row["v_mag_src"] = given.get("v_mag_src", listed)
