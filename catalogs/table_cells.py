@@ -653,8 +653,7 @@ class _Reading:
             return [None] * len(self.numbers)
         sides = [values for values, (_, meant) in read if meant.convention.startswith("error_")]
         if len(sides) > 1 and len(sides) == len(read):
-            pairs = [[abs(value) for value in pair if value] for pair in zip(*sides, strict=True)]
-            return [sum(pair) / len(pair) if pair else None for pair in pairs]
+            return _mean_of_sides(sides)
         values, (first, _) = read[0]
         for others, (given, _) in read[1:]:
             odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
@@ -663,7 +662,10 @@ class _Reading:
                 self.notes.append(f"{self.raw.name}: {column.name} is that of {first.heading}, from which {other}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
-            flags, _ = _numbers(np.ma.filled(self.cells(given).astype(object), 0))
+            said = self.cells(given)
+            if set(said.compressed().tolist()) <= {"0", "0.0", 0}:
+                continue
+            flags, _ = _numbers(np.ma.filled(said.astype(object), 0))
             values = [None if flag else value for value, flag in zip(values, flags.tolist(), strict=True)]
         return values
 
@@ -743,6 +745,17 @@ def _read_numbers(
     else:
         read = written_values.converted(written_values.read_numbers(cells), unit, column.unit)
     return _by_convention(read.values, convention), np.isfinite(read.values), fills
+
+
+def _mean_of_sides(sides: Sequence[Sequence[Any]]) -> list[Any]:
+    """Return the mean of the errors of both sides, of those that are given; archives write 0 where nobody gave one."""
+    errors = np.abs(np.array(sides, np.float64))
+    there = np.isfinite(errors) & (errors > 0.0)
+    count = there.sum(axis=0)
+    mean = np.where(there, errors, 0.0).sum(axis=0) / np.maximum(count, 1)
+    found = mean.astype(object)
+    found[count == 0] = None
+    return list(found)
 
 
 def _fills(column: Column, numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
