@@ -762,7 +762,7 @@ def _fills(column: Column, numbers: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which numbers stand for missing ones; those of nothing but nines begin with one."""
     with np.errstate(divide="ignore", invalid="ignore"):
         leading = np.abs(numbers) / 10.0 ** np.floor(np.log10(np.abs(numbers)))
-    found = (leading >= 9.0) | (numbers == -1.0)
+    found = np.asarray((leading >= 9.0) | (numbers == -1.0), bool)
     found[found] = [column.is_fill(value) for value in numbers[found].tolist()]
     return found
 
