@@ -156,7 +156,7 @@ class Catalogue:
 
     @property
     def orbits(self) -> bool:
-        """Whether companions follow the orbits of `catalogs.binaries`."""
+        """Tell whether companions follow the orbits of `catalogs.binaries`."""
         return self.kind in ("snapshot", "refreshed")
 
 

@@ -68,7 +68,7 @@ def _flag_rules() -> tuple[tuple[str, frozenset[str], frozenset[str]], ...]:
 
 
 _KINDS = shipped_words("mass_kinds")
-"""What the archive's best mass is by its provenance: a true or a minimum mass, or one from a radius."""
+"""Kinds of the archive's best mass by its provenance: a true or a minimum mass, or one from a radius."""
 
 
 def settle(numbers: dict[str, float], kind: str, where: str) -> tuple[dict[str, float], tuple[str, ...]]:

@@ -36,7 +36,7 @@ class Synonym(NamedTuple):
 
 
 CONVENTIONS = shipped_words("conventions")
-"""What a source means by a number, beyond its unit."""
+"""Conventions of sources on what a number means, beyond its unit."""
 _SPEED_OF_LIGHT_KM_S = 299792.458
 
 
@@ -142,7 +142,7 @@ class Columns(dict[str, Column]):
 
     @functools.cached_property
     def by_heading(self) -> Mapping[str, Sequence[Meaning]]:
-        """What each heading may mean, as it is reduced; what another heading must confirm comes first."""
+        """Return what each heading may mean, as it is reduced; what another heading must confirm comes first."""
         found: dict[str, list[Meaning]] = {heading(name): [Meaning(column)] for name, column in self.items()}
         for column in self.values():
             for rank, form in enumerate(self.synonyms_of(column.name), start=1):
@@ -244,7 +244,7 @@ _SAME = 0.01
 """Two columns of one quantity that are closer than this part of it say the same: they are rounded apart."""
 _FILL = "it stands for a missing number"
 ROW_OUT, CELL_OUT = "row left out", "taken as missing"
-"""What becomes of what cannot be used."""
+"""Words for what is done with rows and with cells that cannot be used."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ _Notes = tuple[str, ...]
 _Parted = tuple[Sequence[Any], tuple["Reject", ...]]
 """Columns of cells, and the rows that have another number of them than the heading."""
 _Mark = str | tuple[tuple[int, int | None], ...]
-"""What stands between cells; or, of tables of fixed width, where each begins and ends."""
+"""Separator of cells; or, of tables of fixed width, the first and last place of each."""
 
 
 class _Cells:
