@@ -1,7 +1,8 @@
 """Regenerate this report: ``python reports/speed_accuracy/make.py`` (about a quarter of an hour on two quiet cores).
 
 ``--only`` and ``--scene`` measure some rows again and keep the others, as ``cpic tradeoff`` does; ``--write`` measures
-nothing and writes the report. The section on decisions is measured by ``decisions.py``.
+nothing and writes the report. The sections on decisions and on the light of visits are measured by
+``decisions.py`` and ``light.py``.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decisions
+import light
 
 from cpic_core import dump_json, write_bytes, write_text
 from cpic_planner.jobs import run
@@ -88,6 +90,7 @@ is written by it, and [results.csv](results.csv) holds every row.
 {table}
 
 "Met" allows two standard errors of the measurement.
+{light.section()}
 {decisions.text()}"""
 
 

@@ -1,6 +1,6 @@
 """Light of the star on a grid of pixels under random wavefronts, without a transform each.
 
-The errors of a visit are some 1e-4 rad: the field behind the mask is ``E0 + dE``, dE linear in the screen, and its light
+The errors of a visit are some 1e-4 rad: the field behind the mask is ``E0 + dE``, dE linear in the screen, its light
 ``|E0|^2 + 2 Re(E0* dE) + |dE|^2``. Of the 16 384 waves of a screen only as many combinations move the field over the
 hole as it has degrees of freedom. They are drawn, standard normal numbers ``c``, and nothing else is:
 
@@ -11,8 +11,8 @@ stretched in proportion to the wavelength, with ``|dE|^2`` as its fourth inverse
 numbers. A Gaussian of their covariance would lose the tails, and so would a quadratic term of its own numbers.
 
 The combinations are those in the range of the operator from waves to the field, found by one step of subspace iteration
-from fixed random screens (Halko, Martinsson & Tropp 2011, SIAM Rev. 53, 217). They depend smoothly on the optics, so that
-a seed gives the same images but for rounding whatever library solves the linear algebra.
+from fixed random screens (Halko, Martinsson & Tropp 2011, SIAM Rev. 53, 217). They depend smoothly on the optics: a
+seed gives the same images but for rounding, whatever library solves the linear algebra.
 
 The field is band-limited: a Gauss-Legendre rule over each open side of an axis holds it, and its light.
 """
@@ -274,23 +274,30 @@ def visit_light(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) ->
     return _kept(_Wanted(key, imager, y, x, psd_slope))
 
 
+def waves_of(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> Single:
+    """Return the combinations of waves behind the numbers of `visit_light`, orthonormal, shape (r, 128, 128).
+
+    Parameters
+    ----------
+    imager, y, x, psd_slope
+        As of `visit_light`.
+    """
+    return _Builder.of(imager, y, x, psd_slope).waves()
+
+
 @functools.lru_cache(maxsize=4)
 def _kept(wanted: _Wanted) -> VisitLight:
-    imager = wanted.imager
-    middle_m = float((imager.weights * imager.wavelengths_m).sum())
-    y, x = (_Axis.of(axis, imager, middle_m) for axis in (wanted.y, wanted.x))
+    builder = _Builder.of(wanted.imager, wanted.y, wanted.x, wanted.psd_slope)
 
     def made() -> dict[str, Any]:
-        announce(f"finding the waves that move the light in {imager.band}, once: some seconds")
-        builder = _Builder(imager, y, x, middle_m, screen_model(len(imager.transmission), wanted.psd_slope))
+        announce(f"finding the waves that move the light in {wanted.imager.band}, once: some seconds")
         return builder.arrays(builder.waves())
 
     def read(found: Mapping[str, NDArray[Any]]) -> VisitLight:
-        linear, values = found["linear"], found["field"]
-        low_order = np.zeros(len(linear))
+        low_order = np.zeros(len(found["linear"]))
         low_order[-1] = 1.0
-        static = imager.focal_grid(wanted.y, wanted.x).image()
-        return VisitLight(static, linear, values, low_order, y, x)
+        static = wanted.imager.focal_grid(wanted.y, wanted.x).image()
+        return VisitLight(static, found["linear"], found["field"], low_order, builder.y, builder.x)
 
     return compute_once(f"light-{wanted.key}", made, read)
 
@@ -304,6 +311,13 @@ class _Builder:
     x: _Axis
     middle_m: float
     screens: ScreenModel
+
+    @classmethod
+    def of(cls, imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> "_Builder":
+        """Return those of a grid of pixels."""
+        middle_m = float((imager.weights * imager.wavelengths_m).sum())
+        axes = [_Axis.of(axis, imager, middle_m) for axis in (y, x)]
+        return cls(imager, axes[0], axes[1], middle_m, screen_model(len(imager.transmission), psd_slope))
 
     def arrays(self, waves: Single) -> dict[str, Single]:
         """Return what 1 nm of each combination of waves changes, and of the low-order map."""

@@ -6,7 +6,7 @@ no charge of other pixels enters the hole (bloomed columns, register tails, defe
 light has the law of one draw of its mean: a visit of many is drawn once, whatever the epochs of its wavefront, and so
 are all visits where only their sum counts.
 
-The star's light comes from an expansion (`simulator.imaging.light_expansion`), which draws other numbers for a wavefront
+The star's light comes from an expansion (`simulator.imaging.visit_light`), which draws other numbers for a wavefront
 than frames do; from a transform a wavefront, with the numbers of the frames, where the errors are too large for it and
 by the settings of the reference.
 """

@@ -18,6 +18,9 @@ from astropy.table import MaskedColumn, Table
 import cpic_planner as api
 from catalogs import TableBytes, parse_table
 from cpic_planner.targets import rank_sample
+from simulator import load_instrument, single_band_psf
+from simulator.imaging import centred_axis, visit_light
+from simulator.imaging.drift import screen_model
 
 STARS = rank_sample().name.tolist()
 MANY = 300
@@ -30,6 +33,7 @@ QUESTIONS = {
 }
 HELD = {"SNR": 6.0, "time": 12.5, "detection": 11.0, "contrast limit": 10.5}
 ASKED = {"one of 300": 5.0, "cold etc": 2.5, "explain": 1.3, "figure_s": 0.3, "table": 1.2}
+ASKED |= {"a transform": 0.1, "hcipy": 1 / 60}
 COMMAND = [sys.executable, "-m", "cpic_planner.cli.main"]
 LARGE = (8000, 100)
 """Rows and columns of the tables of the next test; the archive's whole table has 40 000 and 300."""
@@ -64,6 +68,35 @@ def test_one_star_over_its_share_of_many(clock, question):
     found = ratio(clock, lambda: [about("tau Cet") for _ in range(20)], lambda: about(STARS[:MANY]), 3) / 20 * MANY
     print(f"{question}: {found:.1f} times its share, asked {ASKED['one of 300']:g}")
     assert found < HELD[question]
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_light_of_visits_over_transforms(clock, band):
+    """1000 visits at 0.05 nm on the pixels of the hole, over transforms of screens by the program and by HCIPy."""
+    instrument = load_instrument()
+    psf = single_band_psf(band, instrument=instrument)
+    imager, hole, slope = psf.imager, psf.geometry.hole, instrument.drift.psd_slope
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    y, x = (imager.axis(offset[hole.any(axis=axis)], masked=True) for axis in (1, 0))
+    light, grid, screens = visit_light(imager, y, x, slope), imager.focal_grid(y, x), screen_model(128, slope)
+    rng = np.random.default_rng(1)
+    screen = screens.draw(rng, 0.05)
+
+    def visits():
+        light.images(np.array([light.draw(rng, 0.05) for _ in range(1000)])[:, None])
+
+    def transforms():
+        for _ in range(50):
+            grid.image(screens.draw(rng, 0.05))
+
+    def peer():
+        for _ in range(10):
+            imager.image(y, x, opd_nm=screen, engine="hcipy")
+
+    for name, beside, share in (("a transform", transforms, 50), ("hcipy", peer, 10)):
+        found = ratio(clock, visits, beside, 5) * share / 1000
+        print(f"{band}: {found:.4f} of {name} a visit, asked {ASKED[name]:.4f}")
+        assert found < ASKED[name]
 
 
 def test_a_cold_command_over_its_imports(clock):

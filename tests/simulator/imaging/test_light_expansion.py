@@ -7,11 +7,17 @@ import pytest
 
 from simulator import load_instrument, single_band_psf
 from simulator.config import Drift
-from simulator.imaging import aperture_sums, centred_axis, expands, overlap_weights, visit_light
-from simulator.imaging import light_expansion as expansion
+from simulator.imaging import (
+    aperture_sums,
+    centred_axis,
+    expands,
+    light_expansion as expansion,
+    overlap_weights,
+    visit_light,
+)
 from simulator.imaging.drift import low_order_map, screen_model, wavefronts
 from simulator.imaging.error_light import ErrorLight
-from simulator.imaging.light_expansion import _Axis, _Builder
+from simulator.imaging.light_expansion import waves_of
 
 BANDS = ("F520", "F662", "F720", "F850")
 
@@ -31,12 +37,9 @@ class Hole:
         self.axes = [imager.axis(offset[part], masked=True) for part in place]
         self.grid = imager.focal_grid(*self.axes)
         self.screens = screen_model(len(imager.transmission), self.instrument.drift.psd_slope)
-        middle = float((imager.weights * imager.wavelengths_m).sum())
-        y, x = (_Axis.of(axis, imager, middle) for axis in self.axes)
-        builder = _Builder(imager, y, x, middle, self.screens)
-        waves = builder.waves()
-        self.waves = waves.reshape(len(waves), -1)
-        self.light = visit_light(imager, *self.axes, self.instrument.drift.psd_slope)
+        slope = self.instrument.drift.psd_slope
+        self.waves = waves_of(imager, *self.axes, slope).reshape(-1, 128 * 128)
+        self.light = visit_light(imager, *self.axes, slope)
 
     def pairs(self, count, rms_nm, seed=3):
         """Return exact and fast images of the same screens."""
@@ -122,8 +125,10 @@ def test_the_low_order_map_and_the_walk_of_a_visit():
     for given, mean in ((None, every.mean(axis=0)), (shares, np.tensordot(shares, every, 1))):
         assert np.sqrt(((light.images(numbers[None], given)[0] - mean) ** 2).mean()) < 0.005 * change.std()
     # Steps of the walk are independent, the offset frozen: variances by hand.
-    walk = [np.diff(np.array(list(wavefronts(light, drift, 3, 900.0, *map(np.random.default_rng, (k, 99 - k))))), axis=0)
-            for k in range(8)]  # fmt: skip
+    walk = []
+    for k in range(8):
+        rngs = [np.random.default_rng(seed) for seed in (k, 99 - k)]
+        walk.append(np.diff(np.array(list(wavefronts(light, drift, 3, 900.0, *rngs))), axis=0))
     assert np.std(np.array(walk)[..., :-1]) == pytest.approx(0.05 * np.sqrt(0.25), rel=0.03)
 
 
