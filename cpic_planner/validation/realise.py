@@ -1,6 +1,7 @@
 """Realisations of a programme: its science and reference visits, drawn as sums of frames or frame by frame."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -147,14 +148,16 @@ class VisitPair:
         images = science.draw(realisation, visits=self.plan.visits)
         # The search learns from how science visits scatter; of references without modes only the mean counts. Rolls are
         # each other's references.
-        which = {"visits": self.plan.reference_visits, "summed": self.strategy.n_modes == 0 and not self.plan.shows_planet}
-        frames = reference.counts(**which)
+        visits = self.plan.reference_visits
+        summed = self.strategy.n_modes == 0 and not self.plan.shows_planet
+        frames = reference.counts(visits, summed=summed)
         if self.plan.noise_free:
             dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
-            library = (reference.mean_rates(realisation, **which) * self.task.exposure_s + dark_e) * frames[:, None, None]
+            rates = reference.mean_rates(realisation, visits=visits, summed=summed)
+            library = (rates * self.task.exposure_s + dark_e) * frames[:, None, None]
             library[:, ~reference.region] = 0.0
         else:
-            library = reference.draw(realisation, **which)
+            library = reference.draw(realisation, visits=visits, summed=summed)
         return self.reduced(images, library, science.counts(self.plan.visits), frames, science.region)
 
     def sums(self, realisation: int) -> Iterator[tuple[FloatArray, FloatArray, NDArray[np.int64]]]:
@@ -269,7 +272,8 @@ def visit_pair(
         answer = hole_stackable(reference)
     if sums and answer.status is Status.OK:
         epochs = _epochs(task, how, chosen.drift)
-        stacks = hole_stacks(science, epochs=epochs), hole_stacks(reference, epochs=epochs)
+        drawn = functools.partial(hole_stacks, epochs=epochs, exact=how.exact)
+        stacks = drawn(science), drawn(reference)
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
     return VisitPair(
         task=task,

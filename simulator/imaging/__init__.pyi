@@ -36,7 +36,13 @@ from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics, shipped_file as shipped_file
 from simulator.imaging.table_metrics import TableMetrics as TableMetrics
-from simulator.imaging.light_expansion import VisitLight as VisitLight, expands as expands, visit_light as visit_light
+from simulator.imaging.light_expansion import (
+    LARGEST_NM as LARGEST_NM,
+    RMS_ERROR as RMS_ERROR,
+    VisitLight as VisitLight,
+    expands as expands,
+    visit_light as visit_light,
+)
 from simulator.imaging.zones import (
     HoleMode as HoleMode,
     HoleSide as HoleSide,

@@ -74,9 +74,7 @@ class HoleStacks:
         """Return the same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
         return dataclasses.replace(self, static_e_s=self.static_e_s + extra_e_s)
 
-    def mean_rates(
-        self, realisation: int = 0, visit: int = 0, visits: int = 1, *, summed: bool = False
-    ) -> FloatArray:
+    def mean_rates(self, realisation: int = 0, visit: int = 0, visits: int = 1, *, summed: bool = False) -> FloatArray:
         """Return mean electrons per second and pixel of every draw of `draw`, (k, n, n); 0 beyond the hole."""
         stars = self._stars(self._visits(realisation, visit, visits), summed)
         return self._whole(self.observation.truth.sources[0].rate_e_s * stars + self.static_e_s[self._place])
@@ -108,7 +106,9 @@ class HoleStacks:
             part = ("all", visits) if summed else (number,) if visits == 1 else ()
             path = (*one.path, "stack", *part)
             exposure = self._lit(star)
-            drawn[number] = stack_electrons(sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path)
+            drawn[number] = stack_electrons(
+                sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path
+            )
         drawn -= counts[:, None, None] * sequence.smear_e[self._place]
         return self._whole(drawn)
 
@@ -207,14 +207,14 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bo
             hint=answer.message,
         )
     region = observation.psf.geometry.hole
-    place = np.ix_(region.any(axis=1), region.any(axis=0))
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     return HoleStacks(
         observation=observation,
         static_e_s=observation.light.static_e_s,
         region=region,
         epochs=min(epochs, observation.n_frames),
-        star=_star_of(observation, *(part.ravel() for part in place), exact),
-        _place=place,
+        star=_star_of(observation, rows, columns, exact),
+        _place=(rows[:, None], columns[None]),
     )
 
 

@@ -2,7 +2,7 @@
 
 import functools
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -64,14 +64,14 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
 def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
 
-    def measured() -> dict[str, FloatArray]:
+    def measured() -> dict[str, Any]:
         announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
         psf = single_band_psf(wanted.band, instrument=wanted.instrument)
         hole, imager = psf.geometry.hole, psf.imager
         rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
         offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-        axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
-        light = visit_light(imager, *axes, wanted.instrument.drift.psd_slope)
+        y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
+        light = visit_light(imager, y, x, wanted.instrument.drift.psd_slope)
         rng = stream(SEED, "visits")
         linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(N_VISITS)]))
         inside = hole[np.ix_(rows, columns)]
