@@ -30,9 +30,13 @@ _CHOSEN_FOR = column(
 
 
 class AuditRecord(Row):
-    """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
+    """One realisation with every effect of the camera, calibrated, particles taken out.
+
+    A part of its frames is run one by one; what the effects do to them is carried to all of them.
+    """
 
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
+    frames_run: int = column("science and reference frames that were run one by one", label="frames run", format="d")
     predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
     recovered_snr: float = column(label="measured SNR")
     recovered_significance: float

@@ -224,8 +224,8 @@ _LEAST_COVERED = 0.4
 class _Noiseless(Observation):
     """An observation whose one frame is the expectation."""
 
-    def iter_full_frames(self) -> Iterator[Frame]:
-        yield Frame(adu=cast(Any, self.expected), mask=np.zeros(self.shape, dtype=np.uint8))
+    def frame(self, index: int) -> Frame:
+        return Frame(adu=cast(Any, self.expected), mask=np.zeros(self.shape, dtype=np.uint8))
 
 
 def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s: FloatArray) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry, fit_position
+from cpic_planner.validation.audit import audited
 from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.measure import Measurement, measure_planets
 from cpic_planner.validation.modelling import Modelling, modelling_of
@@ -20,9 +21,6 @@ from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import PlanetTemplate, planet_templates
 from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
 from simulator.target import detector_to_sky
-
-AUDIT_REALISATION = 1_000_000
-"""Number of the realisation that runs frame by frame: far from those of the sums."""
 
 
 def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
@@ -71,7 +69,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
                 positions[index] = positions_of(at, realisation, blind, planet)
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets:
-        audits = _audits(task, modelling, planets, star)
+        audits = _audits(task, modelling, visits, planets, star)
     statistics = FrameStatistics.of(parts) if parts else None
     seen = Evidence(task, modelling, None if known else star, false, statistics)
     confirmations = []
@@ -162,11 +160,10 @@ def _drawn(
 
 
 def _audits(
-    task: ConfirmTask, modelling: Modelling, planets: tuple[PlanetTemplate, ...], star: StarFlux
+    task: ConfirmTask, modelling: Modelling, visits: VisitPair, planets: tuple[PlanetTemplate, ...], star: StarFlux
 ) -> list[AuditRecord | None]:
-    """Return one realisation with every effect on, measured as the others are."""
-    visits = visit_pair(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
-    realisation, statistics = realise_frames(visits)
+    """Return the records of a realisation with every effect on, measured as the others are."""
+    realisation, statistics = audited(task, modelling, visits)
     measured, blind = measure_planets(visits, realisation, planets, star)
     false = 0 if blind is None else _false(blind, visits)
     return [

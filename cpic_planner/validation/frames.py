@@ -10,6 +10,7 @@ a template of a source is compared after `transferred`.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,9 +49,13 @@ class CalibratedFrames:
         Flat that was divided out; 1 where a pixel is bad.
     n_lost : ndarray of int, shape (y, x)
         Frames in which a limit cut the pixel off.
+    struck : ndarray of bool, shape (n_frames, y, x)
+        Pixel-frames in which a particle left charge: the truth, which no reduction knows.
     lost_in, lost_outside : int
         Sums of ``n_lost`` inside the dark hole and outside it.
-    n_frames, exposure_s, em_gain
+    n_frames : int
+        Those that were drawn.
+    exposure_s, em_gain
         Of the sequence.
     detector : Detector
         The camera.
@@ -61,6 +66,7 @@ class CalibratedFrames:
     pedestal_e: FloatArray
     response: FloatArray
     n_lost: IntArray
+    struck: BoolArray
     lost_in: int
     lost_outside: int
     n_frames: int
@@ -81,9 +87,14 @@ class CalibratedFrames:
 
 @numeric_context()
 def calibrated_frames(
-    observation: Observation, *, level_pixels: ArrayLike | None = None, keep_hot: bool = False, cropped: bool = False
+    observation: Observation,
+    *,
+    level_pixels: ArrayLike | None = None,
+    keep_hot: bool = False,
+    cropped: bool = False,
+    numbers: Sequence[int] | None = None,
 ) -> CalibratedFrames:
-    """Draw the frames of an observation and calibrate them.
+    """Draw frames of an observation and calibrate them.
 
     Parameters
     ----------
@@ -97,6 +108,8 @@ def calibrated_frames(
     cropped : bool
         Keep the stamp around the mask alone, of the size of the PSF's. Whole frames are then drawn and calibrated one
         at a time, and only ``lost_outside`` tells of the rest.
+    numbers : sequence of int, optional
+        Numbers of the frames; all of them by default.
 
     Returns
     -------
@@ -119,20 +132,23 @@ def calibrated_frames(
         raise InputError("band", observation.band, allowed="a band of the visible camera")
     place = _stamp(observation) if cropped else (slice(None), slice(None))
     rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
-    if 8 * observation.n_frames * rows * columns > MAX_STACK_BYTES:
+    chosen = range(observation.n_frames) if numbers is None else numbers
+    if 8 * len(chosen) * rows * columns > MAX_STACK_BYTES:
         raise InputError("n_frames", observation.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")
     steps = _Steps(observation, level_pixels)
     good = (steps.flaws & np.uint8(MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT)) == 0
     hole = observation.psf.geometry.zone.covers(observation.area.rows, observation.area.columns)
-    electrons = np.empty((observation.n_frames, rows, columns))
-    usable = np.empty(electrons.shape, dtype=np.bool_)
+    electrons = np.empty((len(chosen), rows, columns))
+    usable, struck = np.empty(electrons.shape, dtype=np.bool_), np.empty(electrons.shape, dtype=np.bool_)
     n_lost = np.zeros(observation.shape, dtype=np.int64)
-    for index, frame in enumerate(observation.iter_full_frames()):
+    for index, number in enumerate(chosen):
+        frame = observation.frame(number)
         lost = frame.lost
         kept = good & ~lost
         n_lost += lost
         electrons[index] = steps.light_e(frame.adu, kept)[place]
         usable[index] = kept[place]
+        struck[index] = (frame.mask[place] & MaskBit.COSMIC_RAY) != 0
     pedestal = (steps.dark_e + steps.cic_e + observation.smear_e)[place]
     if n_lost.any():
         usable &= ~_at_limit(electrons, usable, pedestal, observation)
@@ -142,9 +158,10 @@ def calibrated_frames(
         pedestal_e=pedestal,
         response=steps.response[place],
         n_lost=n_lost[place],
+        struck=struck,
         lost_in=int(n_lost[hole].sum()),
         lost_outside=int(n_lost[~hole].sum()),
-        n_frames=observation.n_frames,
+        n_frames=len(chosen),
         exposure_s=observation.exposure_s,
         em_gain=observation.em_gain,
         detector=observation.instrument.detector,

@@ -99,7 +99,7 @@ _GIVEN = (
 )
 # Whether they are reached the images themselves decide, pixel by pixel
 # (`simulator.observing.hole_stack.hole_stackable`); where they are, every frame is drawn.
-_LIMITS = ("blooming", "register_full_well")
+LIMITS = ("blooming", "register_full_well")
 _SEARCHED, _SEARCHED_MAG = "what is searched for", 20.0
 MAX_RUNS_OF_FRAMES = 2
 """Realisations where every frame has to be run, but for the reference."""
@@ -181,7 +181,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     if not measured:
         shown, measured = _with_planet(shown, instrument, task.band)
     whole = all(value == 0 for value in dial.tolerance.values())
-    limits = [name for name in _LIMITS if getattr(instrument.detector.switches, name)]
+    limits = [name for name in LIMITS if getattr(instrument.detector.switches, name)]
     sizes = forecast(
         shown,
         instrument,

@@ -3,13 +3,13 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, Outcome, Status
+from cpic_core import BoolArray, FloatArray, NDArray, Outcome, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
@@ -61,12 +61,15 @@ class FrameStatistics:
         Share of the pixel-frames of the hole that were taken for hits of particles.
     hits : int
         Pixel-frames above the limit of rejection.
+    frames_run : int
+        Frames that were run.
     """
 
     lost_in: int
     lost_outside: int
     rejected_fraction: float
     hits: int
+    frames_run: int
 
     @classmethod
     def of(cls, parts: "Sequence[FrameStatistics]") -> "FrameStatistics":
@@ -76,6 +79,7 @@ class FrameStatistics:
             lost_outside=sum(part.lost_outside for part in parts),
             rejected_fraction=float(np.mean([part.rejected_fraction for part in parts])),
             hits=sum(part.hits for part in parts),
+            frames_run=sum(part.frames_run for part in parts),
         )
 
 
@@ -156,6 +160,25 @@ class VisitPair:
             library = reference.draw(realisation, visits=visits, summed=summed)
         return self.reduced(images, library, science.counts(self.plan.visits), frames, science.region)
 
+    def sums(self, realisation: int) -> Iterator[tuple[FloatArray, FloatArray, NDArray[np.int64]]]:
+        """Yield sums of frames of the science and of the reference visits, their means, and their numbers of frames.
+
+        Parameters
+        ----------
+        realisation : int
+            As of `draw`.
+        """
+        assert self._stacks is not None  # as stackable says
+        dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
+        summed = self.strategy.n_modes == 0 and not self.plan.shows_planet
+        numbers = self.plan.visits, self.plan.reference_visits
+        for stacks, visits, one in zip(self._stacks, numbers, (False, summed), strict=True):
+            counts = stacks.counts(visits, summed=one)
+            rates = stacks.mean_rates(realisation, visits=visits, summed=one)
+            mean = np.where(stacks.region, (rates * self.task.exposure_s + dark_e) * counts[:, None, None], 0.0)
+            fixed = self.plan.noise_free and stacks is self._stacks[1]
+            yield mean if fixed else stacks.draw(realisation, visits=visits, summed=one), mean, counts
+
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
     ) -> Realisation:
@@ -183,12 +206,13 @@ class VisitPair:
             reference_frames=reference_n,
             reference_scale=self.scale,
             noise_free_reference=self.plan.noise_free,
-            smear_e=(self._smear_e(self.science), self._smear_e(self.reference)),
+            smear_e=(self.smear_e("science"), self.smear_e("reference")),
         )
         return Realisation(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 
-    @staticmethod
-    def _smear_e(seen: Observation) -> FloatArray:
+    def smear_e(self, role: Role) -> FloatArray:
+        """Return the mean electrons that smear into each pixel of a frame."""
+        seen = self.science if role == "science" else self.reference
         rows, columns, _ = seen.area.stamp(len(seen.psf.on_axis))
         return seen.smear_e[rows, columns]
 
@@ -296,28 +320,54 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
     thinning: list[FloatArray] = []
     roles: tuple[tuple[Role, int], ...] = ("science", visits.plan.visits), ("reference", visits.plan.reference_visits)
     for role, number in roles:
-        images, thinned = [], []
+        images, lost = [], []
         for visit in range(number):
             observation = visits.visit(role, visit)
-            frames = calibrated_frames(observation, cropped=observation.window == "full")
-            electrons, usable, hits = cleaned(frames)
-            whole, covered = filled(electrons, usable)
-            region &= covered
-            rejected = float(1.0 - usable[:, hole].mean())
-            parts.append(FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits))
-            # Variance per pixel of a sum whose pixels were measured in fewer frames.
-            thinned.append(1.0 / (np.maximum(usable.sum(axis=0), 1) / len(usable)))
+            _, whole, usable, story = frames_of(observation, hole)
+            region &= usable.any(axis=0)
+            parts.append(story)
+            lost.append(len(usable) / np.maximum(usable.sum(axis=0), 1))
             # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
             whole = whole + pedestal_e(observation.instrument.detector, observation.exposure_s)
             images.append(whole if number == 1 else whole.sum(axis=0, keepdims=True))
-        thinning.append(np.mean(thinned, axis=0))
+        thinning.append(np.mean(lost, axis=0))
         kept.append(np.concatenate(images))
         counts.append(1 if number == 1 else observation.n_frames)
-    realisation = visits.reduced(kept[0], kept[1], counts[0], counts[1], region)
+    return thinned(visits.reduced(*kept, *counts, region), *thinning), FrameStatistics.of(parts)
+
+
+def frames_of(
+    observation: Observation, hole: BoolArray, numbers: Sequence[int] | None = None
+) -> tuple[CalibratedFrames, FloatArray, BoolArray, FrameStatistics]:
+    """Draw frames of a visit, calibrate them and take out particles.
+
+    Parameters
+    ----------
+    observation : Observation
+    hole : ndarray of bool, shape (n, n)
+    numbers : sequence of int, optional
+        Numbers of the frames; all of them by default.
+
+    Returns
+    -------
+    frames : CalibratedFrames
+    whole : ndarray, shape (n_frames, n, n)
+        Frames without holes (`cpic_planner.validation.rejection.filled`).
+    usable : ndarray of bool, same shape
+    statistics : FrameStatistics
+    """
+    frames = calibrated_frames(observation, cropped=observation.window == "full", numbers=numbers)
+    electrons, usable, hits = cleaned(frames)
+    rejected = float(1.0 - usable[:, hole].mean())
+    story = FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits, frames.n_frames)
+    return frames, filled(electrons, usable)[0], usable, story
+
+
+def thinned(realisation: Realisation, science: FloatArray, reference: FloatArray) -> Realisation:
+    """Return a realisation whose pixels were measured in fewer frames: their white variance grows by these factors."""
     stack = realisation.reduced
-    variance = np.where(stack.region, stack.white_variance_e2 * (0.5 * (thinning[0] + thinning[1])), 0.0)
-    less = dataclasses.replace(stack, white_variance_e2=variance)
-    return dataclasses.replace(realisation, reduced=less), FrameStatistics.of(parts)
+    variance = np.where(stack.region, stack.white_variance_e2 * (0.5 * (science + reference)), 0.0)
+    return dataclasses.replace(realisation, reduced=dataclasses.replace(stack, white_variance_e2=variance))
 
 
 def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:

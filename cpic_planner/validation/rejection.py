@@ -185,7 +185,7 @@ def reject_cosmic_rays(
         active = active[changed]
         active = active[count[active] >= 2]
     n_hit = int(np.count_nonzero(hit))
-    return Rejection(_grown(hit) if grow and n_hit else hit, n_hit, True, "")
+    return Rejection(grown(hit) if grow and n_hit else hit, n_hit, True, "")
 
 
 def rejected_in(frames: CalibratedFrames, read_noise_e: float) -> Rejection:
@@ -260,15 +260,17 @@ def _means(data: FloatArray, good: BoolArray) -> tuple[FloatArray, IntArray]:
     return total / np.maximum(count, 1), np.asarray(count, dtype=np.int64)
 
 
-def _grown(hit: BoolArray) -> BoolArray:
-    """Mark each hit with its eight neighbours in the same frame."""
-    across = hit.copy()
-    across[:, :, 1:] |= hit[:, :, :-1]
-    across[:, :, :-1] |= hit[:, :, 1:]
-    grown = across.copy()
-    grown[:, 1:] |= across[:, :-1]
-    grown[:, :-1] |= across[:, 1:]
-    return grown
+def grown(hit: BoolArray, pixels: int = 1) -> BoolArray:
+    """Mark each hit with its neighbours in the same frame, up to so many pixels away either way."""
+    wide = hit.copy()
+    for _ in range(pixels):
+        across = wide.copy()
+        across[:, :, 1:] |= wide[:, :, :-1]
+        across[:, :, :-1] |= wide[:, :, 1:]
+        wide = across.copy()
+        wide[:, 1:] |= across[:, :-1]
+        wide[:, :-1] |= across[:, 1:]
+    return wide
 
 
 def _checked(frames: ArrayLike, usable: ArrayLike) -> tuple[FloatArray, BoolArray]:

@@ -114,7 +114,7 @@ def confirmation_of(
         core_throughput=core,
         n_background_apertures=n_apertures,
         saturated_in_hole=lost,
-        saturated_outside=statistics and statistics.lost_outside / (task.n_all_frames * n),
+        saturated_outside=statistics and statistics.lost_outside / statistics.frames_run,
         n_detected=found,
         search_snr=_mean([item.search_snr for item in measured]),
         search_threshold=_mean([item.search_threshold for item in measured]),
@@ -266,7 +266,7 @@ def audit_of(
         detected=bool(measured.found and not statistics.lost_in),
         false_detections=false_detections,
         saturated_in_hole=statistics.lost_in,
-        saturated_outside=statistics.lost_outside / task.n_all_frames,
+        saturated_outside=statistics.lost_outside / statistics.frames_run,
     )
 
 
