@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/first_plan/make.py`` (about a minute).
+"""Regenerate this report: ``python -m tools.reports first_plan`` (about a minute).
 
 Runs the main job on the embedded catalogue with the default settings and writes the figures that the README shows
 and the numbers that it quotes.
@@ -7,7 +7,6 @@ and the numbers that it quotes.
 from __future__ import annotations
 
 import argparse
-import base64
 import platform
 import statistics
 import subprocess
@@ -23,7 +22,6 @@ from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.report.contrast_figure import contrast_diagram
-from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panel_figure import panel_picture
@@ -31,18 +29,12 @@ from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
 from cpic_planner.results import PlanResult, RankResult, SensitivityResult
 from simulator.config import load_instrument
+from tools.report_parts import write_picture
 
 HERE = Path(__file__).resolve().parent
 TOP = 5
 LISTED = 12
 SHOWN = ("eps Eri", "F520")
-
-
-def save(picture: Picture, name: str) -> None:
-    """Write a picture beside this file."""
-    head, data = picture.uri.split(",", 1)
-    suffix = ".svg" if "svg" in head else ".png"
-    write_bytes(HERE / f"{name}{suffix}", base64.b64decode(data))
 
 
 def picture_file(name: str) -> str:
@@ -159,12 +151,10 @@ def main() -> None:
             body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
     assert body is not None
     confirmed = tuple(target.name for target in plan.targets)
-    save(
-        contrast_diagram(rank, limits=limit_curves(plan, model), holes=hole_edges(model), confirmed=confirmed),
-        "contrast",
-    )
-    save(snr_figure(plan), "snr")
-    save(panel_picture(panels_of(model, SHOWN[1], body), SHOWN[0]), "panels")
+    diagram = contrast_diagram(rank, limits=limit_curves(plan, model), holes=hole_edges(model), confirmed=confirmed)
+    write_picture(HERE, "contrast", diagram)
+    write_picture(HERE, "snr", snr_figure(plan))
+    write_picture(HERE, "panels", panel_picture(panels_of(model, SHOWN[1], body), SHOWN[0]))
     cold = {
         "cpic etc 'tau Cet' --snr 5": cold_seconds(["etc", "tau Cet", "--snr", "5"]),
         "cpic rank": cold_seconds(["rank"]),
@@ -173,7 +163,7 @@ def main() -> None:
     lines = [
         "# The first plan",
         "",
-        "Regenerate with `python reports/first_plan/make.py`; everything below is written by it.",
+        "Regenerate with `python -m tools.reports first_plan`; everything below is written by it.",
         "",
         f"`cpic plan --top {TOP}` on the embedded catalogue: {plan.n_ranked} stars ranked, "
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
