@@ -72,7 +72,7 @@ def not_tried(rows: list[dict[str, Any]], found: Iterable[tuple[int, ...]]) -> s
     tried_ones = {(tuple(int(part) for part in str(row["python"]).split(".")[:2]), row["kind"]) for row in rows}
     seen = {version for version, _ in tried_ones}
     stated = {LEAST, *((3, int(minor)) for minor in STATED.findall((ROOT / "pyproject.toml").read_text()))}
-    parts = {
+    parts: dict[str, list[tuple[int, ...]]] = {
         "older than 3.11": sorted(version for version in versions if version < LEAST),
         "not asked for": sorted(version for version in versions - seen if version >= LEAST),
         "not on this machine": sorted(stated - versions - seen),
