@@ -167,14 +167,16 @@ def make(name: str, more: Sequence[str] = ()) -> tuple[float, str]:
             _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         seconds = round(usage.ru_utime + usage.ru_stime, 1)
-        if process.returncode != 0:
-            return seconds, f"exit status {process.returncode}\n{told.read_text(errors='replace')[-2000:]}"
-        if not any(word.startswith("--only") for word in more):
-            files = {path: digest(ROOT / path) for path in files_read(record.read_text().splitlines())}
+        lines = record.read_text().splitlines()
+        complaint = f"exit status {process.returncode}" if process.returncode else ""
+        if f"w reports/{name}/{REPORT}" not in lines:
+            complaint = complaint or f"wrote no {REPORT}"
+        elif not any(word.startswith("--only") for word in more):
+            files = {path: digest(ROOT / path) for path in files_read(lines)}
             made = Made(seconds, digest(REPORTS / name / REPORT), files)
             text = json.dumps(asdict(made), indent=0, sort_keys=True)
             (REPORTS / name / MADE).write_text(f"{text}\n", encoding="utf-8")
-    return seconds, ""
+        return seconds, f"{complaint}\n{told.read_text(errors='replace')[-2000:]}" if complaint else ""
 
 
 def make_all(chosen: Sequence[str], more: Sequence[str] = ()) -> list[str]:

@@ -242,7 +242,8 @@ def main() -> int:
     parser.add_argument("--text", action="store_true", help="write the text again from results.json")
     chosen = parser.parse_args()
     place = HERE / "results.json"
-    found: dict[str, Any] = json.loads(place.read_text()) if place.exists() else {}
+    kept = (chosen.only or chosen.text) and place.exists()
+    found: dict[str, Any] = json.loads(place.read_text()) if kept else {}
     wanted = [] if chosen.text else chosen.only or ["default_run", *PARTS]
     if "default_run" in wanted:
         with tempfile.TemporaryDirectory() as scratch:

@@ -125,6 +125,20 @@ def test_a_report_that_fails_stops_no_other_and_is_named(made, capsys):
     assert (made / "reports/two/made.json").read_text() == before
 
 
+@pytest.mark.parametrize(
+    ("script", "says", "recorded"),
+    [
+        (SCRIPT + "raise SystemExit(1)  # a figure is not what was asked", "exit status 1", True),
+        ("print('nothing to do')", "wrote no report.md", False),
+    ],
+)
+def test_a_report_is_recorded_where_it_was_written(project, capsys, script, says, recorded):
+    (project / "reports/one/make.py").write_text(script)
+    assert reports.main(["one"]) == 1
+    assert says in capsys.readouterr().err
+    assert (project / "reports/one" / reports.MADE).exists() is recorded
+
+
 def test_older_ones_alone_are_made(made, capsys):
     shutil.copytree(made / "reports/one", made / "reports/two")
     assert reports.main(["--older"]) == 0
