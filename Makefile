@@ -47,13 +47,14 @@ browser: $(VENV)/installed  ## do what a visitor of the pages does, in Chromium 
 		echo "Playwright could not be installed: what needs it is skipped" >&2
 	$(BIN)/python -m pytest -q -m browser tests/browser $(PYTEST)
 
-lint: $(VENV)/installed  ## check style, types, who imports whom, words, and the figures of the README
+lint: $(VENV)/installed  ## check style, types, who imports whom, words, figures of the README; name reports that are older than the code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m tools.words
 	$(BIN)/python -m tools.readme --check
+	$(BIN)/python -m tools.reports --check
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
@@ -79,22 +80,20 @@ load: $(VENV)/installed  ## ask cpic serve 20 000 times, 20 users at once; fails
 
 bench: $(VENV)/installed  ## run the timed comparisons; fails where one is slower than its baseline
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
-	$(BIN)/python reports/benchmarks/make.py --check
+	$(BIN)/python tests/benchmarks/run.py --check
 
-bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the baseline and in reports/benchmarks
+bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the baseline
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
-	$(BIN)/python reports/benchmarks/make.py
+	$(BIN)/python tests/benchmarks/run.py
 
 external: $(VENV)/installed  ## ask other people's packages anew, each in an environment of its own, and compare (needs a network)
-	$(BIN)/python reports/external/make.py --install
+	$(BIN)/python -m tools.reports external -- --install
 
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
 	$(BIN)/python -m tools.build_catalogue.build --check
 
-# Not made here: what installs other packages or wants a quiet machine (camera_speed, benchmarks, installs).
-reports: $(VENV)/installed  ## regenerate every committed report but comparisons of speed and installs
-	@for make in $(filter-out reports/camera_speed/make.py reports/benchmarks/make.py reports/installs/make.py,$(wildcard reports/*/make.py)); do \
-		echo "$$make"; $(BIN)/python $$make || exit 1; done
+reports: $(VENV)/installed  ## make every committed report anew but comparisons of speed, two at a time (ONLY="reach spectra" or --older: some)
+	$(BIN)/python -m tools.reports $(ONLY)
 
 readme: $(VENV)/installed  ## fill README.md with the figures of the reports
 	$(BIN)/python -m tools.readme
@@ -108,7 +107,7 @@ pages: $(VENV)/installed  ## run every command and block of Python of the README
 	$(BIN)/python -m pytest -q -m pages --numprocesses 2 --dist worksteal tests/docs
 
 installs: $(VENV)/installed  ## install the built package with every Python that is found, and ask it questions there
-	$(BIN)/python reports/installs/make.py
+	$(BIN)/python -m tools.installs
 
 lock: $(VENV)/installed  ## write the lock with hashes, requirements-lock.txt, from constraints.txt
 	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[release]'

@@ -106,7 +106,7 @@ def plan() -> Figures:
         "detected": counts[2],
         **{name: count for count, name in re.findall(r"(\d+) limited by (\w+)", text)},
         **{name: f"{value:.1f}" for name, value in seconds.items()},
-        "plan_s": search(r"plan of 5 targets x 4 bands, 2 workers, 1 run \| (\d+) \|", text)[1],
+        "plan_s": search(r"plan of 5 targets x 4 bands, .*?1 run \| (\d+) \|", text)[1],
     }
 
 

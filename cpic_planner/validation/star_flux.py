@@ -23,8 +23,8 @@ from simulator.observing import Observation, observe
 from simulator.signal import pixel_saturated
 from simulator.target import scene_sources
 
-# Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any band (reports/star_shift); along
-# an axis the star stays behind an arm of the cross.
+# Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any band; along an axis the star
+# stays behind an arm of the cross.
 OFF_MASK_ARCSEC = (0.353553, 0.353553)
 N_FRAMES = 50
 _FILL = 0.7

@@ -10,8 +10,8 @@ from cases import FIVE_STARS, in_blocks, nominal, task_for
 from cpic_planner.validation import mean_snr, planet_templates, realise_frames, visit_pair
 from cpic_planner.validation.measure import forced_photometry
 
-SEEDS, BLOCK = 400, 50
-FULL_RUNS, FULL_CASES = 20, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen A", "F520"))
+SEEDS, BLOCK = 150, 50
+FULL_RUNS, FULL_CASES = 8, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen A", "F520"))
 
 
 def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, Any]]:

@@ -74,10 +74,6 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
         "error": mean.etc_ratio_error,
         "deviation": (1.0 - expected_ratio * mean.etc_ratio) * mean.etc_ratio / mean.etc_ratio_error,
         "text": mean.text,
-        "each": [
-            {"star": star, "band": band, "known": 1.0 / ratio, "found": seen.etc_ratio, "error": seen.etc_ratio_error}
-            for (star, band), ratio, seen in zip(pairs, known, bands, strict=True)
-        ],
     }
 
 

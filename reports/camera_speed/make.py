@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/camera_speed/make.py --install`` (about twenty minutes, two packages).
+"""Regenerate this report: ``python -m tools.reports camera_speed -- --install`` (about twenty minutes, two packages).
 
 How long frames take on one thread, beside emccd-detect and getframes, and how exact the gain of each is. Without
 ``--install`` the other packages run in environments of your own: ``--peer emccd-detect=PATH/bin/python``.
@@ -280,7 +280,7 @@ def report(tables: dict[str, str], compiled: tuple[float, float, int, int], roun
     first, again, made, wanted = compiled
     return f"""# Speed of the camera
 
-Regenerate with `python reports/camera_speed/make.py --install`; everything below is written by it.
+Regenerate with `python -m tools.reports camera_speed -- --install`; everything below is written by it.
 
 {machine()}.
 

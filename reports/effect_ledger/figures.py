@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -10,7 +9,7 @@ from matplotlib.figure import Figure
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE
 
-__all__ = ["png", "size_figure"]
+__all__ = ["size_figure"]
 
 GROUPS = {
     "flaws of pixels": ("flat", "dark", "dark_structure", "bad_pixels", "bad_columns"),
@@ -48,10 +47,3 @@ def size_figure(rows: list[dict[str, Any]]) -> Figure:
     panel.grid(which="major")
     panel.legend(loc="lower right", title="left out or lowered")
     return figure
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as a file."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=110, metadata={"Software": None})
-    return image.getvalue()

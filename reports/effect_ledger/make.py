@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/effect_ledger/make.py`` (about fifteen minutes).
+"""Regenerate this report: ``python -m tools.reports effect_ledger`` (about fifteen minutes).
 
 Whether what the effect ledger leaves out stays within the tolerance: random scenes, each with and without one, compared
 by noiseless images and closed-form variances that know nothing of the ledger. ``--scenes N`` takes the first N.
@@ -7,16 +7,13 @@ by noiseless images and closed-form variances that know nothing of the ledger. `
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import coronagraph_tables
 import numpy as np
-from figures import png, size_figure
+from figures import size_figure
 from scenes import RandomCase, random_case
 from settings import settings_rows, wing_rows
 from threadpoolctl import threadpool_limits
@@ -27,6 +24,7 @@ from cpic_planner.report import style
 from simulator import observe
 from simulator.ledger import NOT_IN_SUMS, forecast
 from simulator.observing import Observation, hole_stacks
+from tools.report_parts import csv_text, png, table
 
 HERE = Path(__file__).resolve().parent
 SCENES, EFFECT_SCENES, SUM_SCENES = 520, 40, 60
@@ -122,22 +120,6 @@ def upper_bound(violations: int, scenes: int, level: float = 0.95) -> float:
     from scipy.stats import beta
 
     return float(beta.ppf(level, violations + 1, scenes - violations)) if violations < scenes else 1.0
-
-
-def csv_text(rows: list[Row]) -> str:
-    """Rows as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows
-    )
-    return text.getvalue()
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """Rows as a table."""
-    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
 
 
 def quartiles(values: list[float]) -> str:
@@ -258,7 +240,7 @@ def report(
     lines = [f"scene {row['scene']}: {row['quantity']} asked to {row['tolerance']:.3g}" for row in violations]
     return f"""# The effect ledger against the whole
 
-Regenerate with `python reports/effect_ledger/make.py`; it took {seconds / 60:.0f} minutes of processor time.
+Regenerate with `python -m tools.reports effect_ledger`; it took {seconds / 60:.0f} minutes of processor time.
 
 {len(rows)} random scenes: a star of V -1.5 to 12 and type F0 to M0, up to three planets of contrast 1e-10 to 1e-5 in
 and around the dark hole, up to five companions and field stars, uniform or zodiacal sky, visit offset and random walk
@@ -310,7 +292,7 @@ and to the rms of what two visits of a drifting wavefront leave there. Against s
 Light of a source off the axis, from 0.6 to 4 arcsec, over the map of its wings that the ledger reads:
 
 {wings_text(wings)}
-{coronagraph_tables.text()}"""
+"""
 
 
 def main() -> None:

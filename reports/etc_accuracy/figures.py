@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from regimes import GAINS, REGIMES
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE
 
-__all__ = ["limit_figure", "monte_carlo_figure", "png"]
+__all__ = ["limit_figure", "monte_carlo_figure"]
 
 
 def monte_carlo_figure(rows: list[dict[str, Any]], tolerance: float) -> Figure:
@@ -60,10 +59,3 @@ def limit_figure(curves: list[Curve]) -> Figure:
         title="visit offset, rms; dashed: what the images leave, ± 2 standard errors", ncols=3, loc="lower left"
     )
     return figure
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as a file."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=110, metadata={"Software": None})
-    return image.getvalue()

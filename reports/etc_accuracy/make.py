@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/etc_accuracy/make.py`` (about four minutes).
+"""Regenerate this report: ``python -m tools.reports etc_accuracy`` (about four minutes).
 
 How far the exposure-time calculator can be trusted: its noise against Monte Carlo, its choice of frames against trying
 everything, its contrast limit against the imaging model, and how long it takes. ``--speed`` measures the times alone.
@@ -7,8 +7,6 @@ everything, its contrast limit against the imaging model, and how long it takes.
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import time
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ from typing import Any
 import numpy as np
 from brute_force import least_time as try_everything
 from counting import EXPOSURE_S, FRAMES, counted_cases, predicted_counting, recover_counts
-from figures import limit_figure, monte_carlo_figure, png
+from figures import limit_figure, monte_carlo_figure
 from limits import LIMIT_BAND, WALK_FRAMES, Curve, FloorRow, floor_rows, limit_curves
 from monte_carlo import recover
 from random_problems import random_problem
@@ -30,6 +28,7 @@ from cpic_planner.etc import EtcModel, FixedFrames, FrameProblem, band_cases, bu
 from cpic_planner.report import style
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
+from tools.report_parts import csv_text, png, table
 
 HERE = Path(__file__).resolve().parent
 TRIALS = 20_000
@@ -151,11 +150,6 @@ def _both(name: str, question: str, parts: list[tuple[FrameProblem, float]]) -> 
         "solver_s": middle - began,
         "brute_force_s": ended - middle,
     }
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """Rows as a table."""
-    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
 
 
 def regime_table(rows: list[Row]) -> str:
@@ -359,17 +353,6 @@ def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], flo
     )
 
 
-def csv_text(rows: list[Row]) -> str:
-    """Rows as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows
-    )
-    return text.getvalue()
-
-
 def report(
     trials: list[Row],
     counted: list[Row],
@@ -382,7 +365,7 @@ def report(
     """Text of the report."""
     return f"""# Accuracy and speed of the exposure-time calculator
 
-Regenerate with `python reports/etc_accuracy/make.py`; everything below is written by it.
+Regenerate with `python -m tools.reports etc_accuracy`; everything below is written by it.
 
 {verdict_table(trials, frames, curves, floors)}
 

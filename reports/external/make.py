@@ -1,6 +1,6 @@
 """Compare our numbers with those of other people, and write ``report.md``.
 
-``python reports/external/make.py`` works our numbers out anew beside the recorded ones of the others;
+``python -m tools.reports external`` works our numbers out anew beside the recorded ones of the others;
 ``--install`` first makes an environment for each package of the others, runs it there and records what it answers
 (``--only NAME`` for one of them; needs a network).
 """
@@ -28,9 +28,9 @@ from reports.external import comparison  # noqa: E402 (found by the line before)
 HEADER = """# Other people's numbers
 
 Every number of "theirs" was made outside this project; every number of "ours" is worked out anew by
-`python reports/external/make.py`, which writes this page. `python reports/external/make.py --install` runs the other
-codes too, each in an environment of its own. A tolerance is what the two may differ by for the reason given; a row that
-is known to disagree says why.
+`python -m tools.reports external`, which writes this page; with `-- --install` it runs the other codes too, each in an
+environment of its own. A tolerance is what the two may differ by for the reason given; a row that is known to disagree
+says why.
 """
 
 

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/imaging_speed/make.py`` (about three minutes).
+"""Regenerate this report: ``python -m tools.reports imaging_speed`` (about three minutes).
 
 How long images take on one thread, beside the grid of 4 x 4 cells of the paper (Zhu et al. 2025) and HCIPy's
 propagation, and how exact they are.
@@ -353,7 +353,7 @@ def report(clock: Clock, groups: list[list[str]], errors: dict[str, float], tabl
     """Text of the report."""
     return f"""# Speed and exactness of images
 
-Regenerate with `python reports/imaging_speed/make.py`; everything below is written by it.
+Regenerate with `python -m tools.reports imaging_speed`; everything below is written by it.
 
 {machine()}, one thread. Medians of {ROUNDS} warm runs of our own code (three of the largest images), single runs of
 searches and of other methods. The verdict is by processor time: on one thread it is the wall clock of an idle machine.

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/numerics/make.py`` (half a minute).
+"""Regenerate this report: ``python -m tools.reports numerics`` (half a minute).
 
 Relative errors of the public closed forms from end to end of their domains, against mpmath with 50 digits at the very
 doubles passed, beside the condition number; the questions that undo each other; and every refusal in its own words.
@@ -121,7 +121,7 @@ def report(measured: Measured, trips: dict[str, round_trips.Trips], refused: lis
     lines = [
         "# Numbers at their extremes",
         "",
-        "Regenerate: `python reports/numerics/make.py`. The same cases are tests: `tests/numerics`.",
+        "Regenerate: `python -m tools.reports numerics`. The same cases are tests: `tests/numerics`.",
         "",
         f"{len(FORMS)} closed forms in {len(cases)} cases against mpmath ({DIGITS} digits), at the doubles passed.",
         "The condition number is the sum over the arguments of abs(x f'(x) / f(x)), by mpmath: the factor by which a",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from astropy.wcs import WCS
 from matplotlib import colormaps
@@ -22,7 +20,7 @@ from reports.paper_table1.measure import Case, Measured, Predicted, instrument, 
 from reports.paper_table1.search import AGREES, BANDS, Found
 from simulator import planet_albedo, planet_contrast
 
-__all__ = ["PAPER", "level0_figure", "panels_figure", "png", "search_figure", "spectrum_figure"]
+__all__ = ["PAPER", "level0_figure", "panels_figure", "search_figure", "spectrum_figure"]
 
 # Zhu et al. 2025, Table 1: contrast and signal-to-noise ratio.
 PAPER = {band: (row["contrast"], row["snr"]) for band, row in recorded("paper")["table1"].items()}
@@ -31,13 +29,6 @@ RESIDUAL_SIGMA, TICKS_E = 4.0, (0, 100, 300, 1000, 3000)
 LINEAR_ADU, TICKS_ADU = 10.0, (0, 10, 30, 100, 300, 1000, 3000)
 MARKS = {"planet": "white", "calibration star": "#F0E442"}
 FloatArray = NDArray[np.float64]
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as a file without a date."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=100, metadata={"Software": None})
-    return image.getvalue()
 
 
 def _cross(axes: Axes, name: str, place: tuple[float, float], unit: float) -> None:

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/paper_table1/make.py`` (about a minute).
+"""Regenerate this report: ``python -m tools.reports paper_table1`` (about a minute).
 
 Table 1 of the paper (Zhu et al. 2025): its planet at alpha Cen B in four bands, simulated, reduced and measured under
 the instrument preset ``paper_table1``; its signal-to-noise ratios beside ours, and a search for what explains them.
@@ -24,6 +24,7 @@ from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
 from cpic_planner.simulation import simulate, simulation_from
 from simulator.products import check_level0
+from tools.report_parts import png
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
@@ -33,7 +34,6 @@ from reports.paper_table1.figures import (  # noqa: E402
     PAPER,
     level0_figure,
     panels_figure,
-    png,
     search_figure,
     spectrum_figure,
 )
@@ -61,7 +61,7 @@ FIGURES = [  # of the paper, where their content is made anew, and what is seen
     ["5, albedo against metallicity and f_sed", "[spectra](../spectra/report.md)", "our model: its grid is not public"],
     [
         "6, cosmic rays, gain 1 and 300",
-        "[cosmic rays](../cosmic_rays/report.md)",
+        "not here: tests hold number, length and charge",
         "agrees: tails at gain 300, short ones",
     ],
     [
@@ -72,7 +72,7 @@ FIGURES = [  # of the paper, where their content is made anew, and what is seen
     ["8, before and after the subtraction", "above", "agrees: planet and calibration star stand out"],
     [
         "9, star moved off the mask",
-        "[shifted star](../star_shift/report.md)",
+        "not here: tests hold the flux off the mask",
         "agrees along a diagonal; it states no direction",
     ],
     ["10, contrasts on the input spectrum", "above", "agrees in three bands within the errors, not in F850"],
@@ -255,7 +255,7 @@ def report(
         write_text(HERE / f"{key}.csv", text.getvalue())
     return f"""# Table 1 of the paper
 
-Regenerate with `python reports/paper_table1/make.py`; everything below is written by it.
+Regenerate with `python -m tools.reports paper_table1`; everything below is written by it.
 
 The example of Zhu et al. 2025: a planet of 1 R_J at 0.65 arcsec, position angle 315 deg, from alpha Cen B, with a K1V
 star of V = 17 (assumed: the paper does not say) at 0.95 arcsec, 225 deg, for the calibration of its flux. Level-0 data
@@ -380,10 +380,10 @@ def main() -> None:
         more = [measured(dataclasses.replace(case, em_gain=gain)) for case, (gain, _) in zip(cases, gains, strict=True)]
         more += [measured(dataclasses.replace(case, companions="on")) for case in cases]
         product, tried = level0(), searched.searched()
-        write_bytes(HERE / "search.png", png(search_figure(searched.lines(tried))))
-        write_bytes(HERE / "level0.png", png(product.figure))
-        write_bytes(HERE / "panels.png", png(panels_figure(found)))
-        write_bytes(HERE / "spectrum.png", png(spectrum_figure(found, {case: predicted(case) for case in cases})))
+        write_bytes(HERE / "search.png", png(search_figure(searched.lines(tried)), 100))
+        write_bytes(HERE / "level0.png", png(product.figure, 100))
+        write_bytes(HERE / "panels.png", png(panels_figure(found), 100))
+        write_bytes(HERE / "spectrum.png", png(spectrum_figure(found, {case: predicted(case) for case in cases}), 100))
     remarks = [
         f"{case.band}, as the optimiser sees it: {remark}. The gain below is what it chooses for "
         f"{0.99 * case.exposure_s:g} s."

@@ -1,15 +1,12 @@
-"""Regenerate this report: ``python reports/programmes/make.py`` (half an hour on a quiet core).
+"""Programmes of visits: ``python -m tools.reports programmes`` makes this report anew.
 
-The calculator against images of programmes of visits: 42 and more cases that pair every two values of what makes a
-programme, each drawn 40 times, reduced as one and measured. ``--only TEXT`` runs the cases whose name holds a text,
-``--write`` writes the report of what is there.
+The calculator against images: 42 and more cases that pair every two values of what makes a programme, each drawn 40
+times, reduced as one and measured.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +26,6 @@ from simulator.knobs import FIDELITIES
 from simulator.ledger import SUM_EPOCHS
 
 HERE = Path(__file__).resolve().parent
-CASES, REPORT = HERE / "results.json", HERE / "report.md"
 REALISATIONS = 40
 ASKED_MEAN, ASKED_CASE = 0.03, 0.05
 # The last two are named in no other report.
@@ -224,7 +220,7 @@ def text_of(rows: list[Case]) -> str:
     lines = [
         "# The calculator against images of programmes of visits",
         "",
-        "`python reports/programmes/make.py` writes this report. Every case is a programme of visits of half an hour, "
+        "`python -m tools.reports programmes` writes this report. Every case is a programme of visits of half an hour, "
         f"drawn {REALISATIONS} times with drift, orbital term and camera noise, reduced as one, and measured at the "
         "planet's place. Ratio: predicted over recovered SNR; above 1 the calculator is optimistic. R: reference "
         "visits; f: common fraction of the offset; K: modes of the annulus around the planet. Each case is reduced "
@@ -262,26 +258,14 @@ def text_of(rows: list[Case]) -> str:
 
 
 def main() -> None:
-    """Run what is asked for and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="")
-    parser.add_argument("--write", action="store_true")
-    asked = parser.parse_args()
-    cases = covering_cases()
-    rows: dict[str, dict[str, Any]] = json.loads(CASES.read_text()) if CASES.exists() else {}
-    for number, case in sorted(enumerate(cases), key=lambda one: one[1]["visits"]):
-        name = name_of(case)
-        if asked.write or asked.only not in name or (not asked.only and name in rows):
-            continue
+    """Draw, measure, write."""
+    rows = []
+    for number, case in enumerate(covering_cases()):
         try:
-            rows[name] = measured(case, number)
+            rows.append(measured(case, number))
         except RuntimeError as error:
-            print(error, flush=True)
-            continue
-        write_text(CASES, json.dumps(rows, indent=1, sort_keys=True) + "\n")
-        row = rows[name]
-        print(f"{name}: {row['ratio_mean']:.3f} +- {row['error_mean']:.3f} in {row['time_s']:.0f} s", flush=True)
-    write_text(REPORT, text_of([rows[name_of(case)] for case in cases if name_of(case) in rows]))
+            print(name_of(case), error, flush=True)
+    write_text(HERE / "report.md", text_of(rows))
 
 
 if __name__ == "__main__":

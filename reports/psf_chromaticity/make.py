@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/psf_chromaticity/make.py`` (less than a minute).
+"""Regenerate this report: ``python -m tools.reports psf_chromaticity`` (less than a minute).
 
 The masked star in every band, as in the paper (Zhu et al. 2025, section "PSF chromaticity"): maps and profiles along
 the diagonals with the dark hole, with the mirror at rest, and with a flat wavefront; what the holes hold; and what the
@@ -270,7 +270,7 @@ def report(four: Mapping[str, list[Star]], two: list[Star], single: list[Star], 
     tick = "\n".join
     return f"""# PSF chromaticity
 
-Regenerate with `python reports/psf_chromaticity/make.py`; everything below is written by it.
+Regenerate with `python -m tools.reports psf_chromaticity`; everything below is written by it.
 
 The star behind apodizer, mirror and cross mask (Zhu et al. 2025, section "PSF chromaticity"), pixel by pixel over the
 peak pixel of the unmasked star: 20 nm rms of wavefront error and 0.3 % of amplitude error (seed 1), 5 mas of jitter

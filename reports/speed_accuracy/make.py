@@ -1,34 +1,27 @@
-"""Regenerate this report: ``python reports/speed_accuracy/make.py`` (about a quarter of an hour on two quiet cores).
-
-``--only`` and ``--scene`` measure some rows again and keep the others, as ``cpic tradeoff`` does; ``--write`` measures
-nothing and writes the report. The sections on decisions and on the light of visits are measured by
-``decisions.py`` and ``light.py``.
-"""
+"""Speed against accuracy of images: ``python -m tools.reports speed_accuracy`` makes this report anew."""
 
 from __future__ import annotations
 
-import argparse
+import shutil
 import sys
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-import decisions
 import light
 
 from cpic_core import dump_json, write_bytes, write_text
 from cpic_planner.jobs import run
 from cpic_planner.results import TradeoffResult, TradeoffRow
-from cpic_planner.tradeoff import RESULT, chosen, n_rows, read_result, tradeoff_job
+from cpic_planner.tradeoff import RESULT, tradeoff_job
+from cpic_planner.tradeoff.points import points_of
+from cpic_planner.tradeoff.setup import SCENES
 from cpic_planner.tradeoff.write import products_of
 
 HERE = Path(__file__).resolve().parent
 ORDERS = 1000.0
 ASKED = {"standard": (0.01, 0.03), "quick": (0.05, 0.05)}
-WORKERS = 2
 SCRATCH = HERE.parents[1] / "out" / "speed_accuracy"
-"""A run that is stopped goes on here."""
 
 
 def rows_of(result: TradeoffResult, point: str) -> list[TradeoffRow]:
@@ -84,36 +77,22 @@ def head(result: TradeoffResult) -> str:
     ]
     table = "\n".join(["| | asked | found | met |", "|---|---|---|---|", *lines])
     return f"""
-Regenerate with `python reports/speed_accuracy/make.py`, or on your own machine with `cpic tradeoff`; everything below
+Regenerate with `python -m tools.reports speed_accuracy`, or on your own machine with `cpic tradeoff`; everything below
 is written by it, and [results.csv](results.csv) holds every row.
 
 {table}
 
-"Met" allows two standard errors of the measurement.
-{light.section()}
-{decisions.text()}"""
+"Met" allows two standard errors of the measurement. Single knobs and effects are left out here; `cpic tradeoff` has
+them.
+{light.section()}"""
 
 
 def main() -> int:
     """Measure, check, write."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--scene", action="append", default=[])
-    options.add_argument("--only", action="append", default=[])
-    options.add_argument("--write", action="store_true")
-    given = options.parse_args()
-    earlier = read_result(HERE) if given.write or given.scene or given.only else None
-    if given.write and earlier is not None:
-        return write(earlier)
-    work = chosen(given.scene, given.only)
-    began, done, total = time.monotonic(), 0, n_rows(work)
-
-    def advance(text: str, steps: int = 1, /) -> None:
-        nonlocal done
-        done += steps
-        print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
-
-    result = run(tradeoff_job(work, earlier=earlier, at_once=WORKERS), SCRATCH, advance=advance).result
-    return write(result)
+    light.measure()
+    work = [(case, points_of(case, main_only=True)) for case in SCENES.values()]
+    shutil.rmtree(SCRATCH, ignore_errors=True)
+    return write(run(tradeoff_job(work), SCRATCH).result)
 
 
 def write(result: TradeoffResult) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.results import StrategyOutcome, WhatIfResult
 from cpic_planner.survey import StrategiesConfig, load_strategies, run_whatif, varied
+from tools.report_parts import table
 
 BASE = "few_and_deep"
 SWEEPS = {
@@ -19,9 +19,7 @@ SWEEPS = {
     "time": ("time_s=1800,3600,10800,36000,72000", "wall time of a visit at most (s)"),
     "contrast": ("contrast=1e-8,3e-9,1e-9,3e-10", "median raw contrast of the dark hole"),
     "drift": ("drift=x0.25,x0.5,x1,x2,x4", "wavefront drift, times the nominal one"),
-    "detection": ("rule=blind,known_place", "what counts as a detection"),
 }
-IMAGED, IMAGES = ("contrast", "drift"), 24
 
 
 def _alone(name: str) -> StrategiesConfig:
@@ -37,7 +35,6 @@ def _row(item: StrategyOutcome) -> dict[str, Any]:
         "hours": item.hours.mean,
         "visits": item.schedule.visits,
         "stars": len(item.targets),
-        "images": None if item.images is None else item.images.model_dump(),
     }
 
 
@@ -46,9 +43,7 @@ def run(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, (sweep, _) in SWEEPS.items():
         with tempfile.TemporaryDirectory() as scratch:
-            result = run_whatif(
-                varied(_alone(BASE), [sweep]), scratch, workers=2, n_images=IMAGES if key in IMAGED else 0
-            ).result
+            result = run_whatif(varied(_alone(BASE), [sweep]), scratch, n_images=0).result
         found[key] = [_row(item) | {"against_last": _against_last(result, item.name)} for item in result.strategies]
     return found
 
@@ -94,11 +89,6 @@ def _seen(images: dict[str, Any] | None) -> str:
     )
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    lines = [list(head), ["---"] * len(head), *[[str(cell) for cell in row] for row in rows]]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def text(found: dict[str, Any]) -> str:
     """The decision in words and tables."""
     result = default_result(Path(__file__).resolve().parent)
@@ -129,7 +119,7 @@ def _strategies(result: WhatIfResult) -> str:
         f"in the shipped table, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
         "probability that images show; of known planets the place on the sky is not known either.\n\n"
-        + _table(
+        + table(
             [
                 "strategy",
                 "stars",
@@ -146,7 +136,7 @@ def _strategies(result: WhatIfResult) -> str:
         )
         + "\n\n![Planets of each strategy](yields.svg)\n\n![Planets against telescope time](curves.svg)\n\n"
         "![Where the time goes](time.svg)\n\n![When which star is visited](calendar.svg)\n\n"
-        + _table(
+        + table(
             ["paired difference", "planets", "90 % interval", "correlation"],
             [
                 (
@@ -166,15 +156,8 @@ def _sweeps(found: dict[str, Any]) -> str:
     parts = [f"## What the settings of {BASE} change"]
     for key, (_, label) in SWEEPS.items():
         parts.append(
-            _table(
-                [
-                    label,
-                    "planets",
-                    "new planets",
-                    "hours used",
-                    "visits planned",
-                    *(["confirmed by images"] if key in IMAGED else []),
-                ],
+            table(
+                [label, "planets", "new planets", "hours used", "visits planned"],
                 [
                     (
                         _value(row["name"]),
@@ -182,7 +165,6 @@ def _sweeps(found: dict[str, Any]) -> str:
                         _estimate(row["new"]),
                         f"{row['hours']:.0f}",
                         row["visits"],
-                        *([_seen(row["images"])] if key in IMAGED else []),
                     )
                     for row in found[key]
                 ],

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from cpic_planner.etc import build_model
-from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
@@ -83,8 +82,7 @@ def images(band: str, contrast: float) -> dict[str, Any]:
 
 def run() -> list[dict[str, Any]]:
     """All cases."""
-    done = dict(run_tasks(images, list(CASES), workers=2))
-    return [done[k] for k in range(len(CASES))]
+    return [images(*case) for case in CASES]
 
 
 def rows(found: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:

@@ -48,18 +48,17 @@ def peak_memory_mb(pid: int) -> Iterator[list[float]]:
 
 
 def default_run(out: Path) -> dict[str, Any]:
-    """The command as a user types it, cold, with images: wall time and memory."""
-    began = time.perf_counter()
+    """The command as a user types it, with images: processor time of all its processes and memory."""
     command = [*COMMAND, "--universes", str(UNIVERSES), "--workers", str(WORKERS), "--out", str(out), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     with peak_memory_mb(process.pid) as peak:
-        status = process.wait()
+        _, ended, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(ended)
     return {
-        "status": status,
-        "wall_s": time.perf_counter() - began,
+        "status": process.returncode,
+        "processor_s": usage.ru_utime + usage.ru_stime,
         "peak_mb": peak[0],
         "universes": UNIVERSES,
-        "workers": WORKERS,
     }
 
 
@@ -73,7 +72,7 @@ def kills(seed: int = 3) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         base = Path(name)
         quiet, disturbed, resumed = (base / part for part in ("quiet", "disturbed", "resumed"))
-        more = ["--images", "0", "--universes", str(10 * UNIVERSES), "--workers", str(WORKERS), "--json"]
+        more = ["--images", "0", "--universes", str(5 * UNIVERSES), "--workers", str(WORKERS), "--json"]
 
         def start(out: Path) -> subprocess.Popen[bytes]:
             return subprocess.Popen(
@@ -84,7 +83,7 @@ def kills(seed: int = 3) -> dict[str, Any]:
         start(quiet).wait()
         wall = time.perf_counter() - began
         process = start(disturbed)
-        with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=5.0) as done:
+        with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=3.0) as done:
             status = process.wait()
         process = start(resumed)
         while len(list(resumed.glob("parts/*.blob"))) < 100 and process.poll() is None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import brute_force
@@ -20,10 +18,8 @@ from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
-from cpic_planner.targets import rank_sample
 
-REPORTS = Path(__file__).resolve().parents[1]
-WORKERS = 2
+WORKERS = 1
 REPEATS, PER_REPEAT = 1000, 100
 BRUTE = 1_000_000
 STARS = ("alf Cen A", "eps Eri", "tau Cet")
@@ -32,75 +28,6 @@ STARS = ("alf Cen A", "eps Eri", "tau Cet")
 def changed(config: StrategiesConfig, **universe: Any) -> StrategiesConfig:
     """The same strategies over another calendar, catalogue or number of universes."""
     return config.model_copy(update={"universe": config.universe.model_copy(update=universe)})
-
-
-def cost(
-    universes: Sequence[int] = (100, 200, 400, 800, 1600), stars: Sequence[int] = (10, 20, 40, 80, 160)
-) -> dict[str, Any]:
-    """Time to play against universes, and to prepare and play against stars that are visited."""
-    surveys = prepare(load_strategies()).surveys
-    for survey in surveys:
-        simulate_survey(survey, block=0, n=10, seed=1)
-    by_universes = []
-    for n in universes:
-        began = time.process_time()
-        for survey in surveys:
-            for block in range(n // 100):
-                simulate_survey(survey, block=block, n=100, seed=1)
-        by_universes.append(time.process_time() - began)
-    # A hardly possible instrument sees planets around more stars than any default strategy visits.
-    deep = load_strategies(
-        {
-            "strategies": [
-                {
-                    "name": "deep",
-                    "targets": {"max_targets": max(stars)},
-                    "visit": {"bands": ["F520"]},
-                    "time_budget_h": 1e5,
-                    "slot_share": 1.0,
-                    "revisits": {"max_visits": 4},
-                    "assumptions": {"contrast": 1e-12, "drift": 0.003, "throughput": 2.0},
-                    "scheduler": {"min_gain": 0.0},
-                }
-            ]
-        }
-    )
-    deep = changed(deep, known_planets="off", slot_days=90.0)
-    names = [str(name) for name in prepare(deep).surveys[0].targets.name]
-    by_stars = []
-    for n in [n for n in stars if n <= len(names)]:
-        base = deep.strategies[0]
-        own = base.model_copy(update={"targets": base.targets.model_copy(update={"names": tuple(names[:n])})})
-        began = time.process_time()
-        survey = prepare(deep.model_copy(update={"strategies": (own,)})).surveys[0]
-        prepared = time.process_time() - began
-        began = time.process_time()
-        for block in range(5):
-            simulate_survey(survey, block=block, n=100, seed=1)
-        by_stars.append(
-            {
-                "stars": n,
-                "visits": len(survey.schedule.visits),
-                "prepare_s": prepared,
-                "play_s": time.process_time() - began,
-            }
-        )
-    return {"universes": list(universes), "play_s": by_universes, "stars": by_stars, "catalogue": _by_catalogue()}
-
-
-def _by_catalogue(sizes: Sequence[int] = (135, 269, 538, 1077)) -> list[dict[str, Any]]:
-    """Time to prepare four bands for a part of the catalogue, every n-th star of it by magnitude."""
-    every = rank_sample()
-    order = np.argsort(every.v_mag, kind="stable")
-    rows = []
-    for n in (sizes[0], *sizes):  # the first one warms up
-        names = [str(every.name[order[int(k)]]) for k in np.linspace(0, len(every) - 1, n).round()]
-        tree = {"name": "part", "targets": {"names": names}, "population": "giants"}
-        config = changed(load_strategies({"strategies": [tree]}), known_planets="off")
-        began = time.process_time()
-        prepare(config)
-        rows.append({"stars": n, "prepare_s": time.process_time() - began})
-    return rows[1:]
 
 
 def played_block(surveys: tuple[Survey, ...], block: int) -> list[dict[str, Any]]:
@@ -314,7 +241,6 @@ def schedules() -> list[dict[str, Any]]:
         ("greedy", "scheduler.method=greedy"),
         ("plans of stars", "scheduler.method=auto"),
     ):
-        began = time.process_time()
         surveys = prepare(varied(config, [sweep])).surveys
         for survey in surveys:
             schedule = survey.schedule
@@ -326,7 +252,6 @@ def schedules() -> list[dict[str, Any]]:
                     "value": schedule.value,
                     "bound": schedule.bound,
                     "distance": schedule.distance,
-                    "all_five_s": time.process_time() - began,
                 }
             )
     return rows

@@ -1,14 +1,11 @@
-"""Regenerate this report: ``python reports/whitened/make.py`` (some minutes on a quiet core, most to fill the cache).
+"""The filter ``whitened``: ``python -m tools.reports whitened`` makes this report anew.
 
-What the filter ``whitened`` gains over aperture sums: on visits of the optical model that it has not seen, with the
-covariance of another instrument, and on images of the camera. ``--write`` writes the report of the results that exist.
+What it gains over aperture sums: on visits of the optical model that it has not seen, with the covariance of another
+instrument, and on images of the camera.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +29,6 @@ from simulator.signal import REGION_LAMBDA_D, Whitening, speckle_covariance, wit
 from simulator.signal.speckle_visits import Stamps, stamps_around
 
 HERE = Path(__file__).resolve().parent
-RESULTS, REPORT = HERE / "results.json", HERE / "report.md"
 OFFSET_NM, HELD_OUT, SEED = 0.05, 1000, 7
 PLACES = {"F520": (0.4, 0.6, 0.85), "F850": (0.52, 0.6, 0.8)}
 NOISES, MIDDLE = (0.3, 1.0), 0.6
@@ -243,7 +239,7 @@ def text_of(results: dict[str, Any]) -> str:
     lines = [
         "# The filter whitened by the optical model",
         "",
-        "`python reports/whitened/make.py` writes this report. `filter: whitened` weighs pixels by the inverse "
+        "`python -m tools.reports whitened` writes this report. `filter: whitened` weighs pixels by the inverse "
         "covariance of speckles and noise that the optical model foresees. It takes for granted that the model is that "
         "of this very instrument. Gains are ratios of SNR over aperture sums with the mean of the annulus taken off, "
         f"at a drift of {OFFSET_NM} nm.",
@@ -321,26 +317,13 @@ def text_of(results: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Work out what is missing and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--new", action="store_true", help="work everything out anew")
-    asked = parser.parse_args()
-    results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() and not asked.new else {}
-    work: dict[str, list[tuple[Callable[..., Any], tuple[Any, ...]]]] = {
-        "visits": [(visits_rows, (band,)) for band in PLACES],
-        "shares": [(share_rows, (band,)) for band in PLACES],
-        "images": [(image_row, case) for case in IMAGES],
+    """Work everything out and write the report."""
+    results = {
+        "visits": [row for band in PLACES for row in visits_rows(band)],
+        "shares": [row for band in PLACES for row in share_rows(band)],
+        "images": [image_row(*case) for case in IMAGES],
     }
-    for name, parts in work.items():
-        for number, (function, arguments) in enumerate(parts):
-            key = f"{name} {number}"
-            if not asked.write and key not in results:
-                made = function(*arguments)
-                results[key] = made if isinstance(made, list) else [made]
-                write_text(RESULTS, json.dumps(results, indent=1, sort_keys=True) + "\n")
-        results[name] = [row for n in range(len(parts)) for row in results.get(f"{name} {n}", [])]
-    write_text(REPORT, text_of(results))
+    write_text(HERE / "report.md", text_of(results))
 
 
 if __name__ == "__main__":

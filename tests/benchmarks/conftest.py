@@ -1,7 +1,6 @@
 """What the benchmarks share: each is timed in turns with a workload of its kind and compared with the baseline.
 
-``make bench`` runs them all and fails where one has become slower; ``make bench-baseline`` writes the baseline and
-``reports/benchmarks`` anew.
+``make bench`` runs them all and fails where one has become slower; ``make bench-baseline`` writes the baseline anew.
 """
 
 from __future__ import annotations

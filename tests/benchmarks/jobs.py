@@ -18,11 +18,10 @@ FACTOR = 1.6
 LOOSE = 2.2
 
 Kind = Literal["copy", "draws", "fft", "dgemm", "python"]
-CAMERA, IMAGES, ETC, HOLES, README = (
+CAMERA, IMAGES, ETC, README = (
     "reports/camera_speed/report.md",
     "reports/imaging_speed/report.md",
     "reports/etc_accuracy/report.md",
-    "reports/dark_hole/report.md",
     "README.md",
 )
 

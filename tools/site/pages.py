@@ -138,14 +138,11 @@ def gallery() -> str:
         title = re.search(r"^# (.+)$", text, re.MULTILINE)
         figures = re.findall(r"!\[([^\]]*)\]\(([^)\s]+)\)", text)
         if figures and title:
-            parts.append(f"## {title[1]}\n\n`{_command(path)}` makes it; [the report](reports/{name}.md).\n")
+            parts.append(
+                f"## {title[1]}\n\n`python -m tools.reports {name}` makes it; [the report](reports/{name}.md).\n"
+            )
             parts += [f"![{words_}](reports/{name}/{file})\n\n*{words_}*\n" for words_, file in figures]
     return "\n".join(parts)
-
-
-def _command(report: Path) -> str:
-    made = report.parent / "make.py"
-    return f"python reports/{report.parent.name}/make.py" if made.exists() else f"python -m tools.{report.parent.name}"
 
 
 def with_figures(text: str) -> str:

@@ -41,7 +41,6 @@ def peer() -> dict[str, Any]:
     from astropy.coordinates import SkyCoord
     from pyEDITH import parse_input
     from pyEDITH.astrophysical_scene import calc_flux_zero_point, calc_zodi_flux
-
     from reports.benchmarks.calculators import TOY
 
     edith.set_verbosity("error")
