@@ -6,7 +6,7 @@ How the images of a task are made: sums or frames, hole or whole frames, which k
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from cpic_core import Outcome
 from cpic_planner.queries import Strategy
@@ -14,9 +14,9 @@ from cpic_planner.results import EffectRecord, ModellingRecord
 from cpic_planner.validation.libraries import library_plan
 from cpic_planner.validation.task import ConfirmTask, images_of
 from simulator.config import Instrument, Planet, Scene, validate
-from simulator.imaging import psf_metrics
+from simulator.imaging import LARGEST_NM, RMS_ERROR, expands, psf_metrics
 from simulator.knobs import Dial, Knobs
-from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, choose, forecast
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.target import detector_to_sky
 
 # Processor times on the core of `cpic_planner.jobs.record`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
@@ -113,9 +113,12 @@ class Modelling(Choice):
     ----------
     dial : Dial
         With the tolerances of what is measured.
+    exact : bool
+        Whether sums have a transform of each wavefront, and not the expansion of `simulator.imaging.visit_light`.
     """
 
     dial: Dial
+    exact: bool
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """Return the camera with what is modelled of it."""
@@ -204,7 +207,18 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
     draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
     epochs = min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs
-    changed = {"draw": draw, "epochs": epochs, "rows": tuple(rows.values()), "dial": dial}
+    visit_s = task.n_frames * (task.exposure_s + instrument.detector_of(task.band).readout_s)
+    small, accepted = expands(instrument.drift, visit_s), dial.tolerance["snr"]
+    exact = draw == "frames" or not small or accepted < RMS_ERROR
+    if draw == "sums":
+        why = f"an expansion in the error has the rms of aperture sums within {RMS_ERROR:.1%}"
+        if exact:
+            limit = f"the tolerance of {accepted:g}" if small else f"errors of {LARGEST_NM:g} nm rms"
+            why = f"an expansion in the error does not hold beyond {limit}"
+        size = 0.0 if exact else RMS_ERROR
+        kept: Literal["kept", "skipped"] = "kept" if exact else "skipped"
+        rows["transforms"] = EffectRow("transform of every wavefront", kept, why, "transforms", size)
+    changed = {"draw": draw, "epochs": epochs, "rows": tuple(rows.values()), "dial": dial, "exact": exact}
     return Modelling(**vars(choice) | changed)
 
 

@@ -141,23 +141,20 @@ class VisitPair:
         """Return one realisation from sums of frames; only where ``stackable`` is ok."""
         assert self._stacks is not None  # as stackable says
         science, reference = self._stacks
+        images = science.draw(realisation, visits=self.plan.visits)
         # The search learns from how science visits scatter; of references without modes only the mean counts. Rolls are
         # each other's references.
-        images, counts = _visits(science.draw, science, realisation, self.plan.visits)
-        draw = self._expected if self.plan.noise_free else reference.draw
-        mean = self.strategy.n_modes == 0 and not self.plan.shows_planet
-        library, frames = _visits(draw, reference, realisation, self.plan.reference_visits, summed=mean)
-        return self.reduced(images, library, counts, frames, science.region)
-
-    def _expected(self, realisation: int, visit: int) -> FloatArray:
-        """Return the expected sums of frames of a reference visit, (epochs, n, n)."""
-        assert self._stacks is not None
-        reference = self._stacks[1]
-        dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
-        rates = reference.mean_rates(realisation, visit)
-        images = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
-        images[:, ~reference.region] = 0.0
-        return np.asarray(images)
+        visits = self.plan.reference_visits
+        summed = self.strategy.n_modes == 0 and not self.plan.shows_planet
+        frames = reference.counts(visits, summed=summed)
+        if self.plan.noise_free:
+            dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
+            rates = reference.mean_rates(realisation, visits=visits, summed=summed)
+            library = (rates * self.task.exposure_s + dark_e) * frames[:, None, None]
+            library[:, ~reference.region] = 0.0
+        else:
+            library = reference.draw(realisation, visits=visits, summed=summed)
+        return self.reduced(images, library, science.counts(self.plan.visits), frames, science.region)
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
@@ -251,7 +248,8 @@ def visit_pair(
         answer = hole_stackable(reference)
     if sums and answer.status is Status.OK:
         epochs = _epochs(task, how, chosen.drift)
-        stacks = hole_stacks(science, epochs=epochs), hole_stacks(reference, epochs=epochs)
+        drawn = functools.partial(hole_stacks, epochs=epochs, exact=how.exact)
+        stacks = drawn(science), drawn(reference)
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
     return VisitPair(
         task=task,
@@ -266,19 +264,6 @@ def visit_pair(
         _stacks=stacks,
         _seen=later,
     )
-
-
-def _visits(
-    draw: Callable[[int, int], FloatArray], stacks: HoleStacks, realisation: int, visits: int, *, summed: bool = False
-) -> tuple[FloatArray, Any]:
-    """Return the sums of frames and their numbers: a single visit's epochs; of many one a visit, or one in all."""
-    if visits == 1:
-        return draw(realisation, 0), stacks.frames
-    sums = (draw(realisation, visit).sum(axis=0) for visit in range(visits))
-    each = stacks.observation.n_frames
-    if summed:
-        return np.asarray(functools.reduce(np.add, sums))[None], visits * each
-    return np.stack(list(sums)), each
 
 
 def _epochs(task: ConfirmTask, how: Modelling, drift: Drift) -> int:

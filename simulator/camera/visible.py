@@ -200,6 +200,11 @@ class VisibleCamera(Camera):
             tracks=self._tracks(detector, time),
         )
 
+    def response(self, shape: tuple[int, int], first_pixel: tuple[int, int] | None) -> FloatArray | float:
+        """Return the sensitivity of the pixels of a window, 1 on average; see `prepare` for the arguments."""
+        flaws = flaws_of(self.detector, shape, corner_of(self.detector, shape, first_pixel))
+        return 1.0 if flaws is None else flaws.response_of(self.detector.switches)
+
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
         """Return the rates as the pixels respond to them; borders see no light."""
         if flaws is not None:

@@ -223,6 +223,11 @@ class Drift(FrozenModel):
         """Rms of the screen by which science visits differ from references, the same in every visit."""
         return self.common_fraction * self.visit_nm
 
+    def rms_nm(self, visit_s: float) -> float:
+        """Return the rms of all terms together at the end of a visit of so many seconds, nm."""
+        walk_nm = self.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0)
+        return math.hypot(self.visit_nm, self.common_nm, self.orbital_nm, walk_nm)
+
     def correlation(self, gap_s: float) -> float:
         """Return the correlation of the offsets of two visits whose starts are so many seconds apart, 0 to 1."""
         hours = self.correlation_time_h

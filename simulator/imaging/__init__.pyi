@@ -8,7 +8,7 @@ from simulator.config.map_files import (
 from simulator.imaging.aperture import aperture_sums as aperture_sums
 from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
-from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames
+from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames, wavefronts as wavefronts
 from simulator.imaging.external import ExternalPsf as ExternalPsf, psf_of_table as psf_of_table
 from simulator.imaging.frame import (
     AnyPsf as AnyPsf,
@@ -36,6 +36,13 @@ from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics, shipped_file as shipped_file
 from simulator.imaging.table_metrics import TableMetrics as TableMetrics
+from simulator.imaging.light_expansion import (
+    LARGEST_NM as LARGEST_NM,
+    RMS_ERROR as RMS_ERROR,
+    VisitLight as VisitLight,
+    expands as expands,
+    visit_light as visit_light,
+)
 from simulator.imaging.zones import (
     HoleMode as HoleMode,
     HoleSide as HoleSide,

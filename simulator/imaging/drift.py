@@ -20,7 +20,7 @@ import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -67,6 +67,17 @@ def low_order_map(samples: int) -> FloatArray:
     return total
 
 
+class Screens(Protocol):
+    """Random wavefronts of one spectrum, as maps of the pupil or as other numbers that tell them."""
+
+    def draw(self, rng: np.random.Generator, rms_nm: float) -> FloatArray:
+        """Return one wavefront of an expected rms over the disc, nm."""
+
+    @property
+    def low_order(self) -> FloatArray:
+        """The `low_order_map`, nm."""
+
+
 @dataclass(frozen=True, eq=False)
 class ScreenModel:
     """Generator of phase screens on an ``n x n`` pupil grid.
@@ -106,6 +117,11 @@ class ScreenModel:
         content = self.removed.reshape(3, -1) @ screen.ravel()
         screen -= (content @ self.planes.reshape(3, -1)).reshape(screen.shape)
         return screen
+
+    @property
+    def low_order(self) -> FloatArray:
+        """The `low_order_map` on this grid."""
+        return low_order_map(self.planes.shape[-1])
 
     def variance(self, readings: FloatArray) -> FloatArray:
         """Return the variance of linear readings of a screen of 1 nm, exact, shape (...).
@@ -248,7 +264,7 @@ class SharedTerms:
     reference: bool = False
     visit: int = 0
 
-    def frozen(self, screens: ScreenModel, drift: Drift, own: FloatArray) -> FloatArray:
+    def frozen(self, screens: Screens, drift: Drift, own: FloatArray) -> FloatArray:
         """Return what does not change within the visit, nm; ``own`` is the screen drawn for this visit alone."""
         opd_nm = own
         if self.earlier:
@@ -264,13 +280,13 @@ class SharedTerms:
         return opd_nm
 
     def swing(
-        self, screens: ScreenModel, drift: Drift, n_frames: int, cadence_s: float
+        self, screens: Screens, drift: Drift, n_frames: int, cadence_s: float
     ) -> tuple[FloatArray, FloatArray] | None:
         """Return the map that swings with the orbit, and its mean nm in each frame; None without one.
 
         Parameters
         ----------
-        screens : ScreenModel
+        screens : Screens
         drift : Drift
         n_frames : int
         cadence_s : float
@@ -281,7 +297,7 @@ class SharedTerms:
         drawn = float(self.orbit.uniform())
         start = drawn if self.timing.start_turns is None else self.timing.start_turns
         low = drift.orbital_orders == "low"
-        shape = low_order_map(screens.planes.shape[-1]) if low else screens.draw(self.orbit, 1.0)
+        shape = screens.low_order if low else screens.draw(self.orbit, 1.0)
         turns = np.arange(n_frames + 1) * (cadence_s / drift.orbital_period_s)
         means = self.timing.phasors(turns, reference=self.reference, visit=self.visit)
         return shape, drift.orbital_nm * math.sqrt(2.0) * (np.exp(2j * math.pi * start) * means).imag
@@ -345,19 +361,41 @@ def iter_visit_frames(
             axis = imager.stamp_axis(masked=True)
             grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
         screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
-        step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
-        opd_nm = shared.frozen(screens, drift, screens.draw(rng_visit, drift.visit_nm))
-        swing = shared.swing(screens, drift, n_frames, cadence_s)
-        stamp: FloatArray | None = None
-        for frame in range(n_frames):
-            if step_nm > 0:
-                # The first stamp stands for the middle of its interval: half a step after the start of the visit.
-                opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
-            if stamp is None or step_nm > 0 or swing is not None:
-                stamp = grid.image(opd_nm if swing is None else opd_nm + swing[1][frame] * swing[0])
+        last, stamp = None, None
+        for opd_nm in wavefronts(screens, drift, n_frames, cadence_s, rng_visit, rng_walk, shared):
+            if stamp is None or opd_nm is not last:
+                last, stamp = opd_nm, grid.image(opd_nm)
             yield stamp
 
     return frames()
+
+
+def wavefronts(
+    screens: Screens,
+    drift: Drift,
+    n_frames: int,
+    cadence_s: float,
+    rng_visit: np.random.Generator,
+    rng_walk: np.random.Generator,
+    shared: SharedTerms = ALONE,
+) -> Iterator[FloatArray]:
+    """Yield the wavefront of every frame of one visit, nm, as ``screens`` tell it; the same array while it stays.
+
+    Parameters
+    ----------
+    screens : Screens
+        Maps of the pupil (`ScreenModel`), or the numbers of an expansion (`simulator.imaging.light_expansion`).
+    drift, n_frames, cadence_s, rng_visit, rng_walk, shared
+        As of `iter_visit_frames`.
+    """
+    step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
+    still = shared.frozen(screens, drift, screens.draw(rng_visit, drift.visit_nm))
+    swing = shared.swing(screens, drift, n_frames, cadence_s)
+    for frame in range(n_frames):
+        if step_nm > 0:
+            # The first stamp stands for the middle of its interval: half a step after the start of the visit.
+            still = still + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
+        yield still if swing is None else still + swing[1][frame] * swing[0]
 
 
 def visit_frames(

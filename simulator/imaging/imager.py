@@ -182,12 +182,15 @@ class Imager:
         opd_nm : ndarray, shape (n, n), optional
             Optical path difference of the screen.
         """
-        wavelength = float(self.wavelengths_m[index])
+        return self.pupil_at(float(self.wavelengths_m[index]), opd_nm)
+
+    def pupil_at(self, wavelength_m: float, opd_nm: FloatArray | None = None) -> NDArray[Any]:
+        """Return the same at any wavelength."""
         if self.static is not None:
-            return self.static.pupil(self.transmission, wavelength, opd_nm=0.0 if opd_nm is None else opd_nm)
+            return self.static.pupil(self.transmission, wavelength_m, opd_nm=0.0 if opd_nm is None else opd_nm)
         if opd_nm is None:
             return self.transmission
-        phased: ComplexArray = self.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
+        phased: ComplexArray = self.transmission * np.exp(2j * np.pi / (wavelength_m * 1e9) * opd_nm)
         return phased
 
     def quadrants(self, index: int) -> tuple[FloatArray, FloatArray]:

@@ -1,14 +1,18 @@
-"""Sums of many frames over the dark hole, one draw per epoch of the drift: a fraction of the cost of frames.
+"""Sums of many frames over the dark hole: a fraction of the cost of frames.
 
-Only the pixels of the hole are propagated and drawn; light elsewhere smears into their columns. That is exact where no
-charge of other pixels enters the hole (bloomed columns, register tails, deferred charge) and where frames add up
-(`simulator.camera.visible`);
-`hole_stackable` says whether, and by which limit not. The drift of a visit is drawn from the streams of the frames: a
-visit has the same frozen offset whether it is drawn as frames or as sums, while the random walk is sampled at fewer
-epochs.
+Only the pixels of the hole see the star and are drawn; light elsewhere smears into their columns. That is exact where
+no charge of other pixels enters the hole (bloomed columns, register tails, deferred charge) and where frames add up
+(`simulator.camera.visible`); `hole_stackable` says whether, and by which limit not. A sum over frames of different
+light has the law of one draw of its mean: a visit of many is drawn once, whatever the epochs of its wavefront, and so
+are all visits where only their sum counts.
+
+The star's light comes from an expansion (`simulator.imaging.light_expansion`), which draws other numbers for a wavefront
+than frames do; from a transform a wavefront, with the numbers of the frames, where the errors are too large for it and
+by the settings of the reference.
 """
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +20,11 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Status, check_whole
 from simulator.camera import stack_electrons, stackable
-from simulator.detectors import Blooming, Exposure, excess_noise_factor2
-from simulator.imaging import ExternalPsf, FocalGrid, centred_axis
+from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
+from simulator.imaging import ExternalPsf, FocalGrid, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, visit_stamps
+from simulator.observing.scene_light import MAX_VISIT, Visit, visit_stamps, visit_waves
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
@@ -40,43 +44,42 @@ class HoleStacks:
     region : ndarray of bool, shape (n, n)
         Pixels that are drawn: the dark hole.
     epochs : int
-        Draws of a sequence.
+        Wavefronts of a visit.
+    star : VisitLight, FocalGrid or ndarray
+        What gives the star's light on rows and columns of the hole: an expansion, a transform of each wavefront, or
+        an image that does not change.
     """
 
     observation: Observation
     static_e_s: FloatArray
     region: NDArray[np.bool_]
     epochs: int
-    _grid: FocalGrid | None
-    _rows: NDArray[np.intp]
-    _columns: NDArray[np.intp]
+    star: VisitLight | FocalGrid | FloatArray
+    _place: tuple[NDArray[np.intp], NDArray[np.intp]]
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """Number of frames in each draw, shape (epochs,)."""
+        """Number of frames in each epoch of a visit, shape (epochs,)."""
         edges = [-(-epoch * self.observation.n_frames // self.epochs) for epoch in range(self.epochs + 1)]
         return np.diff(edges)
+
+    def counts(self, visits: int = 1, *, summed: bool = False) -> NDArray[np.int64]:
+        """Return the number of frames in each draw of `draw`, shape (k,)."""
+        each = self.observation.n_frames
+        if summed:
+            return np.array([visits * each])
+        return self.frames if visits == 1 else np.full(visits, each)
 
     def with_light(self, extra_e_s: FloatArray) -> "HoleStacks":
         """Return the same with more light (a planet elsewhere), electrons per second and pixel, shape (n, n)."""
         return dataclasses.replace(self, static_e_s=self.static_e_s + extra_e_s)
 
-    def mean_rates(self, realisation: int = 0, visit: int = 0) -> FloatArray:
-        """Return mean electrons per second and pixel in every epoch of one visit, (epochs, n, n); 0 beyond the hole.
+    def mean_rates(self, realisation: int = 0, visit: int = 0, visits: int = 1, *, summed: bool = False) -> FloatArray:
+        """Return mean electrons per second and pixel of every draw of `draw`, (k, n, n); 0 beyond the hole."""
+        stars = self._stars(self._visits(realisation, visit, visits), summed)
+        return self._whole(self.observation.truth.sources[0].rate_e_s * stars + self.static_e_s[self._place])
 
-        Parameters
-        ----------
-        realisation, visit
-            As of `draw`.
-        """
-        star = self.observation.truth.sources[0].rate_e_s * self._stamps(self._visit(realisation, visit))
-        rates = np.zeros((self.epochs, *self.region.shape))
-        place = np.ix_(self._rows, self._columns)
-        for epoch, stamp in enumerate(star):
-            rates[epoch][place] = stamp + self.static_e_s[place]
-        return rates
-
-    def draw(self, realisation: int = 0, visit: int = 0) -> FloatArray:
+    def draw(self, realisation: int = 0, visit: int = 0, visits: int = 1, *, summed: bool = False) -> FloatArray:
         """Return the sums of frames in electrons at the register input; bias and the mean of the smear are taken off.
 
         Parameters
@@ -84,55 +87,96 @@ class HoleStacks:
         realisation : int
             Number of drift and noise, 0 to 2**31 - 1; see `simulator.observing.observation.observe`.
         visit : int
-            Number of the visit in a programme, from 0, at the observation's timing.
+            Number of the first visit in a programme, from 0, at the observation's timing.
+        visits : int
+            How many visits: of one every epoch is a draw, of many every visit.
+        summed : bool
+            One draw of all frames of all of them.
 
         Returns
         -------
-        ndarray, shape (epochs, n, n)
+        ndarray, shape (k, n, n)
             0 beyond the hole. Dark current, clock-induced charge and the noise of the smear are part of it.
         """
-        one, sequence = self._visit(realisation, visit), self.observation
-        stamps = sequence.truth.sources[0].rate_e_s * self._stamps(one)
-        sums = np.zeros((self.epochs, *self.region.shape))
-        camera = sequence.visible_camera
-        place = np.ix_(self._rows, self._columns)
-        for epoch, count in enumerate(self.frames):
-            whole = sequence.mean_rate_map.copy()
-            whole[place] = stamps[epoch] + self.static_e_s[place]
-            exposure = self._cropped(sequence.prepared(whole))
-            drawn = stack_electrons(camera, exposure, int(count), seed=sequence.seed, path=(*one.path, "stack", epoch))
-            sums[epoch][place] = drawn - count * sequence.smear_e[place]
-        sums[:, ~self.region] = 0.0
-        return sums
+        every, sequence = self._visits(realisation, visit, visits), self.observation
+        stars = sequence.truth.sources[0].rate_e_s * self._stars(every, summed)
+        counts, drawn = self.counts(visits, summed=summed), np.empty_like(stars)
+        for number, (star, count) in enumerate(zip(stars, counts, strict=True)):
+            one = every[number] if visits > 1 and not summed else every[0]
+            part = ("all", visits) if summed else (number,) if visits == 1 else ()
+            path = (*one.path, "stack", *part)
+            exposure = self._lit(star)
+            drawn[number] = stack_electrons(
+                sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path
+            )
+        drawn -= counts[:, None, None] * sequence.smear_e[self._place]
+        return self._whole(drawn)
 
-    def _visit(self, realisation: int, visit: int) -> Visit:
-        number, turn = (
-            check_whole("realisation", realisation, 0, MAX_REALISATION),
-            check_whole("visit", visit, 0, MAX_VISIT),
-        )
-        return dataclasses.replace(self.observation.visit, realisation=number, number=turn)
+    def _visits(self, realisation: int, visit: int, visits: int) -> list[Visit]:
+        number = check_whole("realisation", realisation, 0, MAX_REALISATION)
+        first = check_whole("visit", visit, 0, MAX_VISIT)
+        last = first + check_whole("visits", visits, 1, MAX_VISIT + 1 - first)
+        one = self.observation.visit
+        return [dataclasses.replace(one, realisation=number, number=turn) for turn in range(first, last)]
 
-    def _stamps(self, one: Visit) -> FloatArray:
-        """Return the unit star on rows and columns of the hole at every epoch."""
-        sequence = self.observation
-        if self._grid is None:
-            fixed = sequence.psf.on_axis[np.ix_(self._rows, self._columns)]
-            return np.broadcast_to(fixed, (self.epochs, *fixed.shape))
+    def _stars(self, visits: list[Visit], summed: bool) -> FloatArray:
+        """Return the mean of the unit star on rows and columns of the hole in every draw."""
+        sequence, star = self.observation, self.star
+        shares = self.frames / sequence.n_frames
+        if isinstance(star, np.ndarray):
+            return np.broadcast_to(star, (self.counts(len(visits), summed=summed).size, *star.shape))
         visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
-        return visit_stamps(self._grid, sequence.instrument.drift, self.epochs, visit_s, sequence.seed, one)
+        given = sequence.instrument.drift, self.epochs, visit_s, sequence.seed
+        if isinstance(star, FocalGrid):
+            images = (visit_stamps(star, *given, one) for one in visits)
+            if len(visits) == 1 and not summed:
+                return next(images)
+            means = (np.tensordot(shares, image, 1) for image in images)
+            return np.asarray(sum(means) / len(visits))[None] if summed else np.stack(list(means))
+        waves = visit_waves(star, *given, visits)
+        if summed:
+            return star.images(waves.reshape(1, -1, waves.shape[-1]), np.tile(shares, len(visits)) / len(visits))
+        return star.images(waves[0][:, None]) if len(visits) == 1 else star.images(waves, shares)
 
-    def _cropped(self, exposure: Exposure) -> Exposure:
-        place = np.ix_(self._rows, self._columns)
+    def _whole(self, images: FloatArray) -> FloatArray:
+        """Return images of the rows and columns of the hole on the stamp, 0 beyond the hole."""
+        whole = np.zeros((len(images), *self.region.shape))
+        whole[:, *self._place] = images
+        whole[:, ~self.region] = 0.0
+        return whole
+
+    def _lit(self, star_e_s: FloatArray) -> Exposure:
+        """Return the exposure of the hole under light of the star, whose light adds to that of all else."""
+        still, exposure_s, line_s = self._still, self.observation.exposure_s, self._still.detector.line_shift_s
+        light = star_e_s * self._response
+        mean = still.mean_e + exposure_s * light
+        if line_s:
+            mean += Smear.smear_e(light, slice(None), line_s, 0.0)
+        return dataclasses.replace(still, mean_e=mean)
+
+    @functools.cached_property
+    def _still(self) -> Exposure:
+        """The exposure of the hole without the star on its rows and columns."""
+        whole = self.observation.mean_rate_map.copy()
+        whole[self._place] = self.static_e_s[self._place]
+        exposure = self.observation.prepared(whole)
         cut: dict[str, Any] = {
-            name: np.ascontiguousarray(array[place])
+            name: np.ascontiguousarray(array[self._place])
             for name in ("mean_e", "cic_e", "bias_adu", "flaws", "smear_e")
             if (array := getattr(exposure, name)) is not None
         }
-        stripes = None if exposure.stripe_adu is None else exposure.stripe_adu[self._columns]
+        stripes = None if exposure.stripe_adu is None else exposure.stripe_adu[self._place[1][0]]
         return dataclasses.replace(exposure, stripe_adu=stripes, **cut)
 
+    @functools.cached_property
+    def _response(self) -> FloatArray | float:
+        """Sensitivity of the pixels of the hole."""
+        camera, shape = self.observation.visible_camera, self.observation.shape
+        response = camera.response(shape, self.observation.first_pixel)
+        return response[self._place] if isinstance(response, np.ndarray) else response
 
-def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleStacks:
+
+def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bool | None = None) -> HoleStacks:
     """Prepare sums of frames of an observation over its dark hole.
 
     Parameters
@@ -140,7 +184,10 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
     observation : Observation
         Of the visible camera with ``window="hole"`` and the star behind the mask.
     epochs : int
-        Draws of a sequence, at least 1; a sequence of fewer frames has one draw a frame.
+        Wavefronts of a visit, at least 1; a visit of fewer frames has one a frame.
+    exact : bool, optional
+        Whether each wavefront is propagated, with the random numbers of frames. By default only where the expansion
+        does not hold (`simulator.imaging.expands`), and by the settings of the reference.
 
     Raises
     ------
@@ -161,20 +208,31 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         )
     region = observation.psf.geometry.hole
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
-    grid = None
-    if not isinstance(observation.psf, ExternalPsf):
-        imager = observation.psf.imager
-        offset = centred_axis(len(region), imager.pixel_scale_arcsec)
-        grid = imager.focal_grid(imager.axis(offset[rows], masked=True), imager.axis(offset[columns], masked=True))
     return HoleStacks(
         observation=observation,
         static_e_s=observation.light.static_e_s,
         region=region,
         epochs=min(epochs, observation.n_frames),
-        _grid=grid,
-        _rows=rows,
-        _columns=columns,
+        star=_star_of(observation, rows, columns, exact),
+        _place=(rows[:, None], columns[None]),
     )
+
+
+def _star_of(
+    observation: Observation, rows: NDArray[np.intp], columns: NDArray[np.intp], exact: bool | None
+) -> VisitLight | FocalGrid | FloatArray:
+    """Return what gives the light of the star on rows and columns of the stamp."""
+    psf, drift = observation.psf, observation.instrument.drift
+    visit_s = (observation.exposure_s + observation.readout_s) * observation.n_frames
+    if isinstance(psf, ExternalPsf):
+        return np.asarray(psf.on_axis[np.ix_(rows, columns)])
+    offset = centred_axis(len(psf.on_axis), psf.imager.pixel_scale_arcsec)
+    y, x = (psf.imager.axis(offset[part], masked=True) for part in (rows, columns))
+    if drift.rms_nm(visit_s) == 0.0:
+        return psf.imager.focal_grid(y, x).image()
+    if exact is None:
+        exact = psf.imager.knobs.tier == "reference" or not expands(drift, visit_s)
+    return psf.imager.focal_grid(y, x) if exact else visit_light(psf.imager, y, x, drift.psd_slope)
 
 
 def hole_stackable(observation: Observation) -> Outcome[float]:

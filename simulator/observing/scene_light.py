@@ -4,7 +4,7 @@ Images of the star at the epochs of a visit, and which visit of a programme that
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +18,7 @@ from simulator.imaging import (
     Imager,
     SceneModel,
     SharedTerms,
+    VisitLight,
     Window,
     apodizer_energy,
     centred_axis,
@@ -26,6 +27,7 @@ from simulator.imaging import (
     sky_transmission,
     star_column_light,
     visit_frames,
+    wavefronts,
 )
 from simulator.target import ExtendedRate, Source
 
@@ -58,6 +60,12 @@ class Visit:
         """Names of the random streams of the visit."""
         first = (self.scene, self.kind, self.role, self.band, self.realisation)
         return (*first, "visit", self.number) if self.number else first
+
+    def streams(
+        self, drift: Drift, visit_s: float, seed: int
+    ) -> tuple[np.random.Generator, np.random.Generator, SharedTerms]:
+        """Return the streams of the offset and of the walk, and what the visit shares; arguments as of `shared`."""
+        return stream(seed, *self.path, "visit"), stream(seed, *self.path, "walk"), self.shared(drift, visit_s, seed)
 
     def shared(self, drift: Drift, visit_s: float, seed: int) -> SharedTerms:
         """Return what the wavefront shares with the other visits of the programme.
@@ -111,9 +119,25 @@ def visit_stamps(
     star_arcsec : tuple of float
         As of `simulator.imaging.visit_frames`.
     """
-    offset, walk = (stream(seed, *visit.path, part) for part in ("visit", "walk"))
-    shared = visit.shared(drift, visit_s, seed)
+    offset, walk, shared = visit.streams(drift, visit_s, seed)
     return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared)
+
+
+def visit_waves(
+    light: VisitLight, drift: Drift, epochs: int, visit_s: float, seed: int, visits: Iterable[Visit]
+) -> FloatArray:
+    """Return the wavefronts of visits in the numbers of an expansion of their light, nm, shape (visits, epochs, r + 1).
+
+    Parameters
+    ----------
+    light : VisitLight
+    drift, epochs, visit_s, seed
+        As of `visit_stamps`.
+    visits : iterable of Visit
+    """
+    each_s = visit_s / epochs
+    every = [list(wavefronts(light, drift, epochs, each_s, *one.streams(drift, visit_s, seed))) for one in visits]
+    return np.array(every)
 
 
 @dataclass(frozen=True, eq=False)

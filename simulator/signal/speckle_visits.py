@@ -2,13 +2,13 @@
 
 import functools
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once, stream
 from simulator.config import Instrument, content_hash
-from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_responses
+from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_light
 
 REGION_LAMBDA_D = 2.4
 """Half width of the annulus around a place whose speckles count: those of the whole hole are its inner corner's."""
@@ -33,7 +33,7 @@ class OpticalBand:
             "slope": slope,
             "visits": N_VISITS,
             "seed": SEED,
-            "schema": 1,
+            "schema": 2,
         }
         return cls(instrument, band, content_hash(parts))
 
@@ -50,7 +50,7 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     linear, square : ndarray, shape (n, p)
         ``2 Re(E0* dE)`` and ``|dE|^2`` of n visits in the p pixels of the hole, in the order of the stamp, single
         precision, as part of the star's light on the clear disc: an offset of ``o`` nm changes the image by
-        ``o linear + o^2 square``. Measured once, some ten seconds for a band, and kept in the cache.
+        ``o linear + o^2 square``. Drawn once (`simulator.imaging.visit_light`) and kept in the cache.
 
     Raises
     ------
@@ -64,17 +64,18 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
 def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
 
-    def measured() -> dict[str, FloatArray]:
-        announce(f"measuring how {N_VISITS} visits move the speckles in {wanted.band}, once: some ten seconds")
+    def measured() -> dict[str, Any]:
+        announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
         psf = single_band_psf(wanted.band, instrument=wanted.instrument)
         hole, imager = psf.geometry.hole, psf.imager
         rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
         offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-        axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
-        slope = wanted.instrument.drift.psd_slope
-        _, linear, square = visit_responses(imager, axes[0], axes[1], slope, N_VISITS, SEED)
+        y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
+        light = visit_light(imager, y, x, wanted.instrument.drift.psd_slope)
+        rng = stream(SEED, "visits")
+        linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(N_VISITS)]))
         inside = hole[np.ix_(rows, columns)]
-        return {"linear": linear[:, inside].astype(np.float32), "square": square[:, inside].astype(np.float32)}
+        return {"linear": linear[:, inside], "square": square[:, inside]}
 
     return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
 
