@@ -16,8 +16,8 @@ from cpic_planner.results import EtcAnswer, SearchedProgramme
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 
-IMAGES_A_TASK = 10
-"""Images of one piece of work: its set-up takes as long as a few of them."""
+IMAGES_A_TASK = 50
+"""Images of one piece of work: its set-up takes as long as so many of them."""
 _SEARCH_S = 0.05
 """Processor time of one blind search."""
 

@@ -1,5 +1,6 @@
 """Exact circular apertures, the scatter of their sums over a region, and images as rows of pixels."""
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -146,10 +147,15 @@ def outside_discs(region: BoolArray, places: Iterable[Sequence[float]], radius_p
     radius_pixel : float
         Radius of the discs.
     """
-    rows, columns = np.ogrid[: region.shape[0], : region.shape[1]]
+    kept = region.copy()
     for x, y in places:
-        region = region & (np.hypot(columns - x, rows - y) > radius_pixel)
-    return region
+        rows, columns = (
+            np.arange(max(math.floor(at - radius_pixel), 0), min(math.ceil(at + radius_pixel) + 1, size))
+            for at, size in zip((y, x), region.shape, strict=True)
+        )
+        if rows.size and columns.size:
+            kept[np.ix_(rows, columns)] &= np.hypot(columns - x, rows[:, None] - y) > radius_pixel
+    return kept
 
 
 def edge_crossed(zone: Zone, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> Reason:
@@ -192,11 +198,20 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     InputError
         If the circle leaves the image or an argument is not finite.
     """
-    CircularAperture = load_quietly("photutils.aperture").CircularAperture
-
     _check_inside(shape, np.asarray(x_pixel, dtype=float), np.asarray(y_pixel, dtype=float), radius_pixel)
-    mask = CircularAperture((float(x_pixel), float(y_pixel)), float(radius_pixel)).to_mask(method="exact")
-    return np.asarray(mask.to_image(shape), dtype=np.float64)
+    overlap, row, column = _overlap(float(x_pixel), float(y_pixel), float(radius_pixel))
+    inside = overlap[: shape[0] - row, : shape[1] - column]  # a circle that touches the edge has a row of zeros beyond
+    weights = np.zeros(shape)
+    weights[row : row + inside.shape[0], column : column + inside.shape[1]] = inside
+    return weights
+
+
+@functools.lru_cache(maxsize=512)
+def _overlap(x_pixel: float, y_pixel: float, radius_pixel: float) -> tuple[FloatArray, int, int]:
+    """Return the overlap of a circle with the pixels around it, and the row and column of the first of them."""
+    CircularAperture = load_quietly("photutils.aperture").CircularAperture
+    mask = CircularAperture((x_pixel, y_pixel), radius_pixel).to_mask(method="exact")
+    return np.asarray(mask.data, dtype=np.float64), int(mask.bbox.iymin), int(mask.bbox.ixmin)
 
 
 def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:
@@ -260,7 +275,7 @@ def sample_scatter(
         Sub-pixel offset (x, y) of the centres, -0.5 to 0.5: that of the aperture the scatter is meant for,
         since the weights of the edge pixels, and with them the noise, depend on it.
     kernel : ndarray, optional
-        Weights of the sums instead of those of a circle, odd sides; grids keep the pitch of the circles.
+        Weights of the sums instead of those of a circle, at least 0, odd sides; grids keep the pitch of the circles.
 
     Returns
     -------
@@ -274,18 +289,21 @@ def sample_scatter(
     InputError
         If no grid holds 3 apertures.
     """
-    from scipy.ndimage import correlate
-
     data = checked_image(image)
     allowed = check_mask("background_region", region, data.shape)
     require("radius_pixel", radius_pixel, math.isfinite(radius_pixel) and radius_pixel > 0, "px", "above 0")
-    box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(allowed))
+    sides = (np.flatnonzero(allowed.any(axis=axis)) for axis in (1, 0))
+    box = tuple(slice(int(side[0]), int(side[-1]) + 1) for side in sides)
     half = math.ceil(radius_pixel + 0.5)
     if kernel is None and 2.0 * radius_pixel <= min(data.shape):
         side = 2 * half + 1
         kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
     y, x, grid, n_apertures = sample_places(allowed[box], radius_pixel, kernel)
-    sums = correlate(data[box] - data[allowed].mean(), kernel, mode="constant")[y, x]
+    assert kernel is not None  # without one there are no places
+    cut = data[box] - data[allowed].mean()
+    down, right = np.nonzero(kernel)
+    around = (down - len(kernel) // 2) * cut.shape[1] + right - len(kernel) // 2
+    sums = cut.ravel().take((y * cut.shape[1] + x)[:, None] + around) @ kernel[down, right]
     held = np.maximum(np.bincount(grid, minlength=1), 1)
     deviation = sums - (np.bincount(grid, weights=sums) / held)[grid]
     return math.sqrt(float(deviation @ deviation) / int(np.sum(held - 1))), n_apertures
@@ -316,10 +334,20 @@ def sample_places(
     InputError
         If no grid holds 3 places.
     """
+    weighed = np.zeros((0, 0), np.bool_) if kernel is None else kernel > 0
+    return _sample_places(region.tobytes(), region.shape, radius_pixel, weighed.tobytes(), weighed.shape)
+
+
+@functools.lru_cache(maxsize=256)
+def _sample_places(
+    pixels: bytes, shape: tuple[int, ...], radius_pixel: float, weighed: bytes, sides: tuple[int, ...]
+) -> tuple[IntArray, IntArray, IntArray, int]:
+    """Return the same for masks given as bytes: every realisation of a programme asks for the same places."""
     from scipy.ndimage import binary_erosion, label
 
+    region, structure = np.frombuffer(pixels, np.bool_).reshape(shape), np.frombuffer(weighed, np.bool_).reshape(sides)
     pitch = math.ceil(2.0 * radius_pixel)
-    inside = np.zeros_like(region) if kernel is None else binary_erosion(region, structure=kernel > 0)
+    inside = binary_erosion(region, structure=structure) if structure.size else np.zeros_like(region)
     y, x = np.nonzero(inside)
     grid = (y % pitch) * pitch + x % pitch
     if np.bincount(grid, minlength=1).max() < MIN_BACKGROUND_APERTURES:
@@ -334,6 +362,8 @@ def sample_places(
         small = f"too small for apertures of radius {radius_pixel:g} px"
         allowed = f"room for at least {MIN_BACKGROUND_APERTURES} of them"
         raise InputError("background_region", small, allowed=allowed)
+    for shared in (y, x, grid):
+        shared.flags.writeable = False
     return y, x, grid, n_apertures
 
 

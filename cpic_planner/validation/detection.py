@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -140,7 +141,88 @@ class BlindSearch:
         return max(near, key=lambda item: item.snr_mf, default=None)
 
 
-def search(
+@dataclass(frozen=True, eq=False)
+class Searcher:
+    """A search that is made ready for the noise of a stack, to look at one or more images; made by `searcher`.
+
+    Attributes
+    ----------
+    field : SearchField
+    sigma : float
+        Gaussian significance of a detection.
+    per_search : bool
+        Whether it holds for the whole search.
+    visit_nm : float
+        Wavefront offset of a visit where its fitted number is 1; 0 where the optics know no drift.
+    """
+
+    field: SearchField
+    sigma: float
+    per_search: bool
+    visit_nm: float
+
+    def search(self, image_e: FloatArray) -> BlindSearch:
+        """Look for sources in an image.
+
+        Parameters
+        ----------
+        image_e : ndarray, shape (n, n)
+            Residual of the stack, or the same with planets that were put in: its noise is the stack's.
+        """
+        field, image = self.field.anew(), checked_image(image_e)
+        if field.samples < _LEAST_SAMPLES:
+            text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
+            threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
+            zero = np.zeros(image.shape)
+            return BlindSearch(
+                candidates=(),
+                threshold=threshold,
+                sigma=self.sigma,
+                per_search=self.per_search,
+                region=field.size,
+                roughness=0.0,
+                white_level=1.0,
+                drift_nm=0.0,
+                dof=0.0,
+                sigma_e=zero,
+                snr_map=zero,
+            )
+        peaks: list[Peak] = []
+        while True:
+            state = field.measure(image)
+            level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
+            found = field.peaks(state)
+            clean = max(_CLEANED_SIGMA, level.unwrap())
+            if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
+                break
+            peaks.append(found[0])
+            image = image - field.source(found[0])
+            field.exclude(found[0].x_pixel, found[0].y_pixel)
+        peaks = field.with_final_noise(peaks, state)
+        peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
+        laplace, dof = [peak.laplace for peak in peaks], [peak.dof for peak in peaks]
+        needed = snr_at(level.unwrap(), laplace, dof, field.pairs) if peaks else ()
+        candidates = [
+            _candidate(peak, field.offset_arcsec(peak), level.unwrap(), float(snr), field.size, state.roughness)
+            for peak, snr in zip(peaks, needed, strict=True)
+        ]
+        found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
+        return BlindSearch(
+            candidates=found_here,
+            threshold=level,
+            sigma=self.sigma,
+            per_search=self.per_search,
+            region=field.size,
+            roughness=state.roughness,
+            white_level=math.exp(state.fit.logs[0]),
+            drift_nm=self.visit_nm * math.exp(0.5 * state.fit.logs[1]),
+            dof=float(np.median(field.dof(state.fit))),
+            sigma_e=field.unfold(state.sigma_e),
+            snr_map=field.unfold(state.snr),
+        )
+
+
+def searcher(
     stack: ReducedStack,
     psf: AnyPsf,
     maps: SpeckleMaps,
@@ -152,8 +234,8 @@ def search(
     visits: int = 1,
     reference_visits: int = 1,
     common_fraction: float = 0.0,
-) -> BlindSearch:
-    """Look for sources everywhere in the dark hole.
+) -> Searcher:
+    """Return a search for sources everywhere in the dark hole, for an image of a stack or several.
 
     Parameters
     ----------
@@ -177,10 +259,6 @@ def search(
     common_fraction : float
         Believed rms, over that of a visit's offset, of the wavefront by which science and reference differ in every
         visit (`Drift.common_fraction`): it is fitted, from a prior around this number; 0 for none. 0 to 1.
-
-    Returns
-    -------
-    BlindSearch
 
     Raises
     ------
@@ -210,56 +288,18 @@ def search(
         raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
     programme = SearchedProgramme(visits, reference_visits, common_fraction)
     field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known, programme)
-    if field.samples < _LEAST_SAMPLES:
-        text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
-        threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
-        zero = np.zeros(image.shape)
-        return BlindSearch(
-            candidates=(),
-            threshold=threshold,
-            sigma=sigma,
-            per_search=per_search,
-            region=field.size,
-            roughness=0.0,
-            white_level=1.0,
-            drift_nm=0.0,
-            dof=0.0,
-            sigma_e=zero,
-            snr_map=zero,
-        )
-    peaks: list[Peak] = []
-    while True:
-        state = field.measure(image)
-        level = search_threshold(field.size, state.roughness, sigma=sigma, per_search=per_search)
-        found = field.peaks(state)
-        clean = max(_CLEANED_SIGMA, level.unwrap())
-        if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
-            break
-        peaks.append(found[0])
-        image = image - field.source(found[0])
-        field.exclude(found[0].x_pixel, found[0].y_pixel)
-    peaks = [field.with_final_noise(peak, state) for peak in peaks]
-    peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-    laplace, dof = [peak.laplace for peak in peaks], [peak.dof for peak in peaks]
-    needed = snr_at(level.unwrap(), laplace, dof, programme.pairs) if peaks else ()
-    candidates = [
-        _candidate(peak, field.offset_arcsec(peak), level.unwrap(), float(snr), field.size, state.roughness)
-        for peak, snr in zip(peaks, needed, strict=True)
-    ]
-    found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
-    return BlindSearch(
-        candidates=found_here,
-        threshold=level,
-        sigma=sigma,
-        per_search=per_search,
-        region=field.size,
-        roughness=state.roughness,
-        white_level=math.exp(state.fit.logs[0]),
-        drift_nm=maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0,
-        dof=float(np.median(field.dof(state.fit))),
-        sigma_e=field.unfold(state.sigma_e),
-        snr_map=field.unfold(state.snr),
-    )
+    return Searcher(field, sigma, per_search, maps.visit_nm if maps.n_visits else 0.0)
+
+
+def search(stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, **how: Any) -> BlindSearch:
+    """Look for sources everywhere in the dark hole of a stack; arguments as of `searcher`.
+
+    Parameters
+    ----------
+    stack, psf, maps, how
+        As of `searcher`.
+    """
+    return searcher(stack, psf, maps, **how).search(stack.image_e)
 
 
 def _candidate(

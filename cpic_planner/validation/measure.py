@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from cpic_planner.queries import FluxFilter
-from cpic_planner.validation.detection import BlindSearch, search
+from cpic_planner.validation.detection import BlindSearch, Searcher, searcher
 from cpic_planner.validation.photometry import Photometry, aperture_photometry, sum_weights, without_source
 from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
@@ -62,10 +62,10 @@ def maps_of(visits: VisitPair) -> SpeckleMaps:
     return speckle_maps(visits.optics, visits.instrument.drift)
 
 
-def search_stack(
+def searcher_of(
     visits: VisitPair, stack: ReducedStack, star_rate_e_s: float, maps: SpeckleMaps | None = None
-) -> BlindSearch:
-    """Search a residual of a programme blind, at the level of its strategy.
+) -> Searcher:
+    """Return a blind search of the residual of a programme, at the level of its strategy.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def search_stack(
     maps : SpeckleMaps, optional
         `maps_of` the visits, where they are at hand.
     """
-    return search(
+    return searcher(
         stack,
         visits.optics,
         maps or maps_of(visits),
@@ -120,7 +120,7 @@ def measure_planets(
     stack, geometry = realisation.reduced, visits.geometry
     blind: BlindSearch | None = None
     if searched and realisation.roll is None:
-        blind = search_stack(visits, stack, star.rate_e_s)
+        blind = searcher_of(visits, stack, star.rate_e_s).search(stack.image_e)
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):
@@ -209,8 +209,7 @@ def forced_photometry(
     stack, roll = realisation.reduced, realisation.roll
     first, *second = (pixels_of(geometry, place) for place in planet.places_arcsec)
     around = planet.around(stack.region, geometry, filter_name)
-    kernels = planet.kernels(geometry, filter_name)
-    matched = kernels if filter_name == "matched" else None
+    matched = planet.kernels(geometry, filter_name) if filter_name == "matched" else None
     kernel = matched[0] if matched else None
     if roll is not None:
         one, two = planet.templates
@@ -245,7 +244,7 @@ def forced_photometry(
         if stack.rdi.modes_used:
             # What modes spread of the planet is not alike at opposite places, and no speckle.
             empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
-        share = mirror_share(empty, kernels[0], around)
+        share = mirror_share(empty, planet.kernels(geometry, filter_name)[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     weights = sum_weights(image.shape, *first, radius, kernel)
     return aperture_photometry(

@@ -1,5 +1,6 @@
 """Matched-filtered residual of a search, its noise, and its peaks; sources that were found are taken out one by one."""
 
+import copy
 import functools
 import math
 from collections.abc import Sequence
@@ -122,6 +123,8 @@ class SearchField:
         Independent samples of white noise in it.
     free : ndarray of bool, shape (p,)
         Positions that tell the noise: without known sources.
+    pairs : float
+        Laplace variates in the noise, as of `SearchedProgramme`.
     """
 
     def __init__(
@@ -134,6 +137,7 @@ class SearchField:
         programme: "SearchedProgramme",
     ) -> None:
         self._stack, self._psf, self._maps, self._programme = stack, psf, maps, programme
+        self.pairs = programme.pairs
         self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
         self._pixel = psf.geometry.pixel_scale_arcsec
@@ -170,6 +174,12 @@ class SearchField:
         self._scatter, self._scatter_before = self._visit_scatter()
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
+
+    def anew(self) -> "SearchField":
+        """Return the same, to be searched again: sources that are taken out of one are not out of the other."""
+        other = copy.copy(self)
+        other.free, other._hidden = self.free.copy(), self._hidden.copy()
+        return other
 
     @property
     def _centre(self) -> tuple[int, int]:
@@ -218,7 +228,7 @@ class SearchField:
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
         normal = snr / factor
-        gauss = np.where(self.free, _sigma_map(normal, self.laplace(fit), self._programme.pairs), 0.0)
+        gauss = np.where(self.free, _sigma_map(normal, self.laplace(fit), self.pairs), 0.0)
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
 
@@ -265,22 +275,30 @@ class SearchField:
     def _speckled(self, logs: FloatArray, variance: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         return np.asarray(1.0 - math.exp(logs[0]) * (terms or self.terms).white / variance)
 
-    def laplace(self, fit: NoiseFit) -> FloatArray:
-        """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
-        return self._heavy(self.terms, fit.logs, fit.variance)
+    def laplace(self, fit: NoiseFit, at: Any = slice(None)) -> FloatArray:
+        """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles.
+
+        Parameters
+        ----------
+        fit : NoiseFit
+        at : index, optional
+            Positions that are meant; all by default.
+        """
+        return self._heavy(self.terms.at(at), fit.logs, fit.variance[at])
 
     def _heavy(self, terms: NoiseTerms, logs: FloatArray, variance: FloatArray) -> FloatArray:
         drift = math.exp(logs[1])
         square, linear = drift**2 * terms.square / variance, drift * terms.linear / variance
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
-    def dof(self, fit: NoiseFit) -> FloatArray:
-        """Return the degrees of freedom of the variance at every position, from its relative error."""
-        slopes = self.terms.slopes(fit.logs, fit.variance)
+    def dof(self, fit: NoiseFit, at: Any = slice(None)) -> FloatArray:
+        """Return the degrees of freedom of the variance, from its relative error; arguments as of `laplace`."""
+        terms, variance = self.terms.at(at), fit.variance[at]
+        slopes = terms.slopes(fit.logs, variance)
         relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
         if self._maps.n_visits:
-            heavy = 1.0 + 1.5 * self.laplace(fit) ** 2
-            relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, fit.variance) ** 2 * heavy
+            heavy = 1.0 + 1.5 * self.laplace(fit, at) ** 2
+            relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, variance, terms) ** 2 * heavy
         return np.asarray(2.0 / relative)
 
     def _roughness(self, gauss: FloatArray) -> float:
@@ -303,53 +321,66 @@ class SearchField:
         single = {"filter_kernel": None, "minarea": 1, "deblend_nthresh": 64, "deblend_cont": 1e-6, "clean": False}
         pixels, mask = np.ascontiguousarray(image), ~self.region[self._box]
         found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
+        fit = state.fit
+        weight = self.weight(state.assumed, fit.logs) * self.free
+        speckled = self._speckled(fit.logs, fit.variance)
+        measured = state.snr**2 * fit.variance / state.assumed
         peaks = []
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
-            if place >= 0 and not self._hidden[place]:
-                peaks.append(self._measured_peak(state, int(place), image, int(row), int(column)))
-        return sorted(peaks, key=lambda peak: -peak.significance)
+            if place < 0 or self._hidden[place]:
+                continue
+            y_pixel, x_pixel, height = self._summit(image, int(row), int(column))
+            others = np.where(self.near(x_pixel, y_pixel), 0.0, weight)
+            mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
+            others[mirror] *= 1.0 - speckled[place] ** 2
+            alone = self._fit(measured, state.assumed, others, fit.logs)
+            ratio = math.sqrt(fit.variance[place] / alone.variance[place])
+            flux_e = height * float(state.sigma_e[place])
+            peaks.append(self._peak(x_pixel, y_pixel, height * ratio, flux_e, int(place), alone))
+        return sorted(self._judged(peaks), key=lambda peak: -peak.significance)
 
-    def _measured_peak(self, state: FilteredState, place: int, image: FloatArray, row: int, column: int) -> Peak:
-        box_region, height = self.region[self._box], float(image[row, column])
+    def _summit(self, image: FloatArray, row: int, column: int) -> tuple[float, float, float]:
+        """Return the row and column of a maximum between pixels, and its height, by parabolas."""
+        inside, height = self.region[self._box], float(image[row, column])
         shift = [0.0, 0.0]
         for axis, (down, right) in enumerate(((1, 0), (0, 1))):
             sides = [(row - down, column - right), (row + down, column + right)]
-            if all(0 <= y < image.shape[0] and 0 <= x < image.shape[1] and box_region[y, x] for y, x in sides):
+            if all(0 <= y < image.shape[0] and 0 <= x < image.shape[1] and inside[y, x] for y, x in sides):
                 low, high = (float(image[side]) for side in sides)
                 bend = 2.0 * float(image[row, column]) - low - high
                 if bend > 0:
                     shift[axis] = float(np.clip(0.5 * (high - low) / bend, -0.5, 0.5))
                     height += 0.25 * (high - low) * shift[axis]
-        y_pixel, x_pixel = row + self._box[0].start + shift[0], column + self._box[1].start + shift[1]
-        fit = state.fit
-        weight = self.weight(state.assumed, fit.logs) * self.free
-        weight[self.near(x_pixel, y_pixel)] = 0.0
-        speckled = self._speckled(fit.logs, fit.variance)[place]
-        mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
-        weight[mirror] *= 1.0 - speckled**2
-        measured = state.snr**2 * fit.variance / state.assumed
-        alone = self._fit(measured, state.assumed, weight, fit.logs)
-        ratio = math.sqrt(fit.variance[place] / alone.variance[place])
-        return self._peak(x_pixel, y_pixel, height * ratio, height * float(state.sigma_e[place]), place, alone)
+        return row + self._box[0].start + shift[0], column + self._box[1].start + shift[1], height
 
     def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
-        """Return a maximum in the noise of a fit."""
-        laplace, dof = (float(part[place]) for part in (self.laplace(fit), self.dof(fit)))
-        sigma = float(equivalent_sigma(snr, laplace, dof, self._programme.pairs)[0])
-        return Peak(x_pixel, y_pixel, snr, sigma, laplace, dof, flux_e)
+        """Return a maximum in the noise of a fit, its significance not known yet."""
+        laplace, dof = (float(part(fit, [place])[0]) for part in (self.laplace, self.dof))
+        return Peak(x_pixel, y_pixel, snr, math.nan, laplace, dof, flux_e)
 
-    def with_final_noise(self, peak: Peak, state: FilteredState) -> Peak:
-        """Return the same source in the noise that is known once all sources are out.
+    def _judged(self, peaks: Sequence[Peak]) -> list[Peak]:
+        """Return maxima with their significance, all worked out at once."""
+        if not peaks:
+            return []
+        law = np.array([(peak.snr, peak.laplace, peak.dof) for peak in peaks]).T
+        sigma = equivalent_sigma(*law, self.pairs).tolist()
+        return [replace(peak, significance=value) for peak, value in zip(peaks, sigma, strict=True)]
+
+    def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
+        """Return the same sources in the noise that is known once all of them are out.
 
         Parameters
         ----------
-        peak : Peak
+        peaks : sequence of Peak
         state : FilteredState
         """
-        place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
-        snr = peak.flux_e / float(state.sigma_e[place])
-        return self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit)
+        found = []
+        for peak in peaks:
+            place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
+            snr = peak.flux_e / float(state.sigma_e[place])
+            found.append(self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit))
+        return self._judged(found)
 
     def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
         """Return the place from the star on the detector, x and y."""

@@ -4,14 +4,13 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cpic_core import FloatArray, Status, announce, stream
+from cpic_core import Status, announce, stream
 from cpic_planner.etc import diagonal
-from cpic_planner.validation.detection import MATCH_LAMBDA_D
+from cpic_planner.validation.detection import MATCH_LAMBDA_D, Searcher
 from cpic_planner.validation.injection import draw_place, inject, recovered
-from cpic_planner.validation.measure import forced_photometry, maps_of, reduced_around, search_stack
+from cpic_planner.validation.measure import forced_photometry, maps_of, reduced_around, searcher_of
 from cpic_planner.validation.modelling import modelling_of
 from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
-from cpic_planner.validation.speckle_maps import SpeckleMaps
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import PlanetTemplate, obstacle, place_at, with_image
 from cpic_planner.validation.whitened import SpeckleModel
@@ -84,13 +83,16 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
     places = []
     for separation in own.places_arcsec:
         x, y = (float(part) for part in diagonal(geometry.zone, separation))
-        places.append(with_image(visits, place_at(geometry, visits.strategy, "place", ((x, y),), beside)))
+        place = place_at(geometry, visits.strategy, "place", ((x, y),), beside)
+        measured = obstacle(place, geometry, visits.strategy) is None
+        places.append(with_image(visits, place) if measured else None)
     whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
         drawn = visits.draw(number)
         body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, whitened) for place in places])
-        empty = search_stack(visits, drawn.reduced, rate_e_s, maps)
+        blind = searcher_of(visits, drawn.reduced, rate_e_s, maps)
+        empty = blind.search(drawn.reduced.image_e)
         reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
         noise = [
             one
@@ -100,15 +102,15 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         body["alarms"].append([one.false_alarms for one in noise])
         body["elements"].append(empty.region.n_elements)
         planets = own.planets if number < own.planets_until else []
-        body["planets"].append([_found(visits, maps, drawn, number, index, *one) for index, one in enumerate(planets)])
+        body["planets"].append([_found(visits, blind, drawn, number, index, *one) for index, one in enumerate(planets)])
     return body
 
 
 def _noise_at(
-    visits: VisitPair, drawn: Realisation, place: PlanetTemplate, rate_e_s: float, model: SpeckleModel | None
+    visits: VisitPair, drawn: Realisation, place: PlanetTemplate | None, rate_e_s: float, model: SpeckleModel | None
 ) -> list[float | None]:
     """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
-    if obstacle(place, visits.geometry, visits.strategy) is not None:
+    if place is None:
         return [None, None]
     near = reduced_around(drawn, place, visits)
     measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
@@ -118,7 +120,7 @@ def _noise_at(
 
 def _found(
     visits: VisitPair,
-    maps: SpeckleMaps,
+    blind: Searcher,
     drawn: Realisation,
     number: int,
     index: int,
@@ -133,12 +135,11 @@ def _found(
     place = place or draw_place(visits.geometry, separation_arcsec, rng)
     if place is None:
         return {"place": None, "alarms": []}
-    image: FloatArray = visits.optics.at(*place)
+    image = visits.optics.at(*place, margin_pixels=0)
     rate_e_s = visits.science.truth.sources[0].rate_e_s
     alarms: list[float | None] = []
     for contrast in contrasts:
         shown = inject(stack, image, contrast * rate_e_s * stack.integration_s, rng)
-        found = search_stack(visits, shown, rate_e_s, maps)
-        best = recovered(found, *place, visits.geometry.lambda_d_arcsec)
+        best = recovered(blind.search(shown.image_e), *place, visits.geometry.lambda_d_arcsec)
         alarms.append(None if best is None else best.false_alarms)
     return {"place": list(place), "alarms": alarms}
