@@ -17,7 +17,15 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.validation.frames import calibrated_frames
 from cpic_planner.validation.modelling import LIMITS, Modelling
-from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, frames_of, thinned, visit_pair
+from cpic_planner.validation.realise import (
+    ROLES,
+    FrameStatistics,
+    Realisation,
+    VisitPair,
+    frames_of,
+    thinned,
+    visit_pair,
+)
 from cpic_planner.validation.rejection import grown
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import radius_pixel
@@ -97,11 +105,12 @@ def audited(task: ConfirmTask, modelling: Modelling, sums: VisitPair) -> tuple[R
     science = frame_effects(full, "science", full.plan.visits)
     reference = frame_effects(full, "reference", full.plan.reference_visits)
     images, counts = [], []
-    for effects, drawn in zip((science, reference), sums.sums(REALISATION), strict=True):
-        images.append(effects.on(*drawn))
-        counts.append(drawn[2])
+    for role, effects in zip(ROLES, (science, reference), strict=True):
+        drawn, numbers = sums.drawn(role, REALISATION)
+        images.append(effects.on(drawn, sums.expected(role, REALISATION), numbers))
+        counts.append(numbers)
     region = sums.geometry.hole & science.covered & reference.covered
-    realisation = sums.reduced(*images, *counts, region)
+    realisation = sums.reduced(images[0], images[1], counts[0], counts[1], region)
     story = FrameStatistics.of([science.statistics, reference.statistics])
     return thinned(realisation, science.thinning, reference.thinning), story
 
@@ -119,13 +128,13 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
 
     Notes
     -----
-    What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike: ``N``
-    frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the variance
-    ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 6 % of the variance ``v`` of a frame.
-    In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at least two and no
-    more than there are, until this share is at most `MOST_SHARE`: one frame in ten or so, more where particles are
-    many. The noise from sums is lowered by the same share, so that the image has the noise of the whole programme, and
-    beside it a change of the mean shows as much as if every frame had been run.
+    What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike:
+    ``N`` frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the
+    variance ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 6 % of the variance ``v``
+    of a frame. In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at
+    least two and no more than there are, until this share is at most `MOST_SHARE`: one frame in ten or so, more where
+    particles are many. The noise from sums is lowered by the same share, so that the image has the noise of the whole
+    programme, and beside it a change of the mean shows as much as if every frame had been run.
 
     Variances are those of sums over squares as large as an aperture: charge that moves by a pixel stays in it. Frames
     that a particle hit are left out of the difference as of the mean. Where a frame is left out and no particle was
@@ -168,7 +177,7 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
 
 
 def sequences(n_visits: int, length: int) -> Iterator[tuple[int, range]]:
-    """Yield visits with numbers of frames, each as a sequence of at most 24 over the whole visit; all of them in the end.
+    """Yield visits with numbers of frames: at most 24 over the whole visit at a time, all of them in the end.
 
     Parameters
     ----------

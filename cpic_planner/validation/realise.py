@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -22,6 +22,7 @@ from simulator.config import Drift, Instrument, Scene, validate
 from simulator.imaging import BandGeometry, Psf
 from simulator.observing import HoleStacks, Observation, Role, hole_stackable, hole_stacks, observe
 
+ROLES: tuple[Role, Role] = ("science", "reference")
 _VARIANCE_ERROR = 0.02
 """Of a visit's mean wavefront, by the epochs at which its walk is drawn."""
 _LEAST_SWINGING = 2
@@ -143,41 +144,37 @@ class VisitPair:
 
     def draw(self, realisation: int) -> Realisation:
         """Return one realisation from sums of frames; only where ``stackable`` is ok."""
-        assert self._stacks is not None  # as stackable says
-        science, reference = self._stacks
-        images = science.draw(realisation, visits=self.plan.visits)
-        # The search learns from how science visits scatter; of references without modes only the mean counts. Rolls are
-        # each other's references.
-        visits = self.plan.reference_visits
-        summed = self.strategy.n_modes == 0 and not self.plan.shows_planet
-        frames = reference.counts(visits, summed=summed)
-        if self.plan.noise_free:
-            dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
-            rates = reference.mean_rates(realisation, visits=visits, summed=summed)
-            library = (rates * self.task.exposure_s + dark_e) * frames[:, None, None]
-            library[:, ~reference.region] = 0.0
-        else:
-            library = reference.draw(realisation, visits=visits, summed=summed)
-        return self.reduced(images, library, science.counts(self.plan.visits), frames, science.region)
+        science, reference = (self.drawn(role, realisation) for role in ROLES)
+        return self.reduced(science[0], reference[0], science[1], reference[1], self._drawing("science")[0].region)
 
-    def sums(self, realisation: int) -> Iterator[tuple[FloatArray, FloatArray, NDArray[np.int64]]]:
-        """Yield sums of frames of the science and of the reference visits, their means, and their numbers of frames.
+    def drawn(self, role: Role, realisation: int) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return the images of one role, sums of frames in electrons, and how many frames each is the sum of.
 
         Parameters
         ----------
+        role : {"science", "reference"}
         realisation : int
             As of `draw`.
         """
-        assert self._stacks is not None  # as stackable says
+        stacks, visits, summed = self._drawing(role)
+        fixed = self.plan.noise_free and role == "reference"
+        images = self.expected(role, realisation) if fixed else stacks.draw(realisation, visits=visits, summed=summed)
+        return images, stacks.counts(visits, summed=summed)
+
+    def expected(self, role: Role, realisation: int) -> FloatArray:
+        """Return the means of the same images for the same wavefronts."""
+        stacks, visits, summed = self._drawing(role)
         dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
-        summed = self.strategy.n_modes == 0 and not self.plan.shows_planet
-        numbers = self.plan.visits, self.plan.reference_visits
-        for stacks, visits, one in zip(self._stacks, numbers, (False, summed), strict=True):
-            counts = stacks.counts(visits, summed=one)
-            rates = stacks.mean_rates(realisation, visits=visits, summed=one)
-            mean = np.where(stacks.region, (rates * self.task.exposure_s + dark_e) * counts[:, None, None], 0.0)
-            fixed = self.plan.noise_free and stacks is self._stacks[1]
-            yield mean if fixed else stacks.draw(realisation, visits=visits, summed=one), mean, counts
+        electrons = stacks.mean_rates(realisation, visits=visits, summed=summed) * self.task.exposure_s + dark_e
+        return np.where(stacks.region, electrons * stacks.counts(visits, summed=summed)[:, None, None], 0.0)
+
+    def _drawing(self, role: Role) -> tuple[HoleStacks, int, bool]:
+        """Return the sums of a role, its visits, and whether they are one draw."""
+        assert self._stacks is not None  # as stackable says
+        if role == "science":  # the search learns from how its visits scatter
+            return self._stacks[0], self.plan.visits, False
+        # Of references without modes only the mean counts. Rolls are each other's references.
+        return self._stacks[1], self.plan.reference_visits, self.strategy.n_modes == 0 and not self.plan.shows_planet
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
@@ -333,7 +330,8 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
         thinning.append(np.mean(lost, axis=0))
         kept.append(np.concatenate(images))
         counts.append(1 if number == 1 else observation.n_frames)
-    return thinned(visits.reduced(*kept, *counts, region), *thinning), FrameStatistics.of(parts)
+    realisation = visits.reduced(kept[0], kept[1], counts[0], counts[1], region)
+    return thinned(realisation, thinning[0], thinning[1]), FrameStatistics.of(parts)
 
 
 def frames_of(

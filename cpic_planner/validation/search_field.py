@@ -363,8 +363,8 @@ class SearchField:
         """Return maxima with their significance, all worked out at once."""
         if not peaks:
             return []
-        law = np.array([(peak.snr, peak.laplace, peak.dof) for peak in peaks]).T
-        sigma = equivalent_sigma(*law, self.pairs).tolist()
+        snr, laplace, dof = np.array([(peak.snr, peak.laplace, peak.dof) for peak in peaks]).T
+        sigma = equivalent_sigma(snr, laplace, dof, self.pairs).tolist()
         return [replace(peak, significance=value) for peak, value in zip(peaks, sigma, strict=True)]
 
     def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
