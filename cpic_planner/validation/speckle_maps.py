@@ -16,7 +16,7 @@ from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_ke
 FilterName = Literal["matched", "aperture"]
 
 N_VISITS = 256
-SCHEMA = 1  # raised when the same key would give other maps
+SCHEMA = 2  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
 KERNEL_LAMBDA_D = 1.5
 
@@ -215,18 +215,18 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
         stamp[pixels] = values
         return np.where(hole, stamp, 0.0)
 
-    linear, square = filtered(responses[1]), filtered(responses[2])
+    linear, square = (filtered(part.astype(np.float64)) for part in responses[1:])
     of_linear, of_square, both = (np.mean(part, axis=0) for part in (linear**2, square**2, linear * square))
     # Joint cumulants of order 4, in units of those of a Laplace law: 3 variance^2, for the difference of two visits.
     fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
     crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
     tails = [max(fourth, 0.0), max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0)]
-    sampled, box_shape = np.ix_(rows, columns), (rows.size, columns.size)
+    sampled = np.ix_(rows, columns)
     return {
         "linear": on_stamp(np.nonzero(hole), 2.0 * of_linear / spread),
         "square": on_stamp(np.nonzero(hole), 2.0 * of_square / spread),
-        "nominal": on_stamp(sampled, responses[0].reshape(box_shape)),
-        "stray": on_stamp(sampled, responses[2].mean(axis=0).reshape(box_shape)),
+        "nominal": on_stamp(sampled, responses[0]),
+        "stray": on_stamp(sampled, responses[2].mean(axis=0)),
         "tails": np.array(tails),
     }
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once
 from simulator.config import Instrument, content_hash
-from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_light
+from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_responses
 
 REGION_LAMBDA_D = 2.4
 """Half width of the annulus around a place whose speckles count: those of the whole hole are its inner corner's."""
@@ -71,9 +71,8 @@ def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
         rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
         offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
         y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
-        light = visit_light(imager, y, x, wanted.instrument.drift.psd_slope)
-        rng = stream(SEED, "visits")
-        linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(N_VISITS)]))
+        slope = wanted.instrument.drift.psd_slope
+        _, linear, square = visit_responses(imager, y, x, slope, N_VISITS, SEED)
         inside = hole[np.ix_(rows, columns)]
         return {"linear": linear[:, inside], "square": square[:, inside]}
 
