@@ -36,6 +36,14 @@ def pytest_collection():
         gc.set_threshold(10_000, 10, 10)
 
 
+def pytest_ignore_collect(collection_path, config):
+    """With one mark alone (``-m long``), pass over the files of tests that do not write it: they are not imported."""
+    mark = config.getoption("markexpr")
+    if not mark.isidentifier() or not collection_path.match("test_*.py"):
+        return None
+    return f"mark.{mark}" not in collection_path.read_text(encoding="utf-8") or None
+
+
 @pytest.fixture(autouse=True, scope="session")
 def _no_lines_of_progress():
     """What a command prints does not depend on how busy the machine is; tests of progress set their own time."""
@@ -126,12 +134,18 @@ def recorded():
     return _load("archive_planets")
 
 
-@pytest.fixture
-def archive(tap, recorded):
-    """The NASA Exoplanet Archive on this machine, which has the shipped planets."""
+@pytest.fixture(scope="session")
+def _shipped_rows(recorded):
+    """The archive's rows of the shipped planets."""
     from catalogs import load_known_planets, load_stars
 
-    service = tap.ArchiveService(recorded.shipped_rows(load_known_planets(), load_stars()))
+    return recorded.shipped_rows(load_known_planets(), load_stars())
+
+
+@pytest.fixture
+def archive(tap, _shipped_rows):
+    """The NASA Exoplanet Archive on this machine, which has the shipped planets."""
+    service = tap.ArchiveService([dict(row) for row in _shipped_rows])
     yield service
     service.close()
 

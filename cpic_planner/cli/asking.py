@@ -56,6 +56,15 @@ class Commands(typer.Typer):
         """Add a command."""
         return super().command(name, cls=cls or Once, **how)
 
+    @functools.cached_property
+    def built(self) -> Any:
+        """The command line of all that was added, made once for a process."""
+        return typer.main.get_command(self)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run it."""
+        return self.built(*args, **kwargs)
+
 
 def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
     """Return the kind of command that takes its options from the question of a function, once it is called.
@@ -78,8 +87,9 @@ def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
     return Late
 
 
+@functools.cache
 def command_of(run: Callable[..., None], model: Any) -> Any:
-    """Return the command that asks a question and hands it to a function.
+    """Return the command that asks a question and hands it to a function; the same one each time.
 
     Parameters
     ----------

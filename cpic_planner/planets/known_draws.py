@@ -13,7 +13,7 @@ from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.population import OrbitingPlanets, Planets
 from simulator.config import AlbedoSpec
 
-_AT_ONCE = 500_000
+_AT_ONCE = 100_000
 """Draws times dates whose places are held at a time."""
 
 

@@ -101,7 +101,7 @@ def test_commands_are_understood(block, tmp_path, monkeypatch):
 def assert_understood(line, given, monkeypatch):
     """Assert that a command line is a question, without answering it."""
     with _only_asked(monkeypatch):
-        command, words = command_line.typer.main.get_command(command_line.app), given
+        command, words = command_line.app.built, given
         while hasattr(command, "commands"):
             command, words = command.commands[words[0]], words[1:]
         if type(command).__name__ != "Late":
@@ -117,7 +117,7 @@ def test_examples_of_the_help_are_understood(name, tmp_path, monkeypatch):
     write_files(tmp_path, "README.md")
     (tmp_path / "my_limits.yaml").write_text("moon_deg: 40\n")
     monkeypatch.chdir(tmp_path)
-    said = command_line.typer.main.get_command(command_line.app).commands[name].help
+    said = command_line.app.built.commands[name].help
     examples = re.findall(r"^ *(cpic .*)$", said, re.MULTILINE)
     assert len(examples) >= 5
     for line in examples:

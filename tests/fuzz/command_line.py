@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import typer
 from hypothesis import strategies as st
 
 from tests.fuzz.values import texts
@@ -65,7 +64,7 @@ def options_of(*words: str) -> tuple[Option, ...]:
     if words[0] in late:
         command = asking.command_of(late[words[0]], pkgutil.resolve_name(QUESTIONS[words[0]]))
     else:
-        command = typer.main.get_command(main.app)
+        command = main.app.built
         for word in words:
             found = getattr(command, "commands", {}).get(word)
             command = command if found is None else found

@@ -17,6 +17,7 @@ READING_CALLS = set(
     tarfile.open urlopen urllib.request.urlopen
     """.split()
 )
+LAST_WORDS = READING_METHODS | {name.rpartition(".")[2] for name in READING_CALLS}
 
 # What may stay where it is, and why. A name that somebody gave may not be among it.
 ALLOWED = {
@@ -53,8 +54,10 @@ def reading(source):
     for node in ast.walk(ast.parse(source)):
         if not isinstance(node, ast.Call):
             continue
-        name = ast.unparse(node.func)
         method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+        if (method or getattr(node.func, "id", "")) not in LAST_WORDS:
+            continue
+        name = ast.unparse(node.func)
         if name in READING_CALLS or (method in READING_METHODS and name not in OWN):
             yield node.lineno, name
 

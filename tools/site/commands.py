@@ -31,11 +31,9 @@ class Command:
 
 def commands() -> Iterator[Command]:
     """Yield every command that can be called, with its arguments and options as its help lists them."""
-    import typer
-
     from cpic_planner.cli.main import app
 
-    yield from _from(typer.main.get_command(app), "cpic", None)
+    yield from _from(app.built, "cpic", None)
 
 
 def _from(command: Any, words: str, parent: Any) -> Iterator[Command]:

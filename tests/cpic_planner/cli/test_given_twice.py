@@ -4,7 +4,6 @@ import itertools
 import pkgutil
 
 import pytest
-import typer
 
 from cpic_core import InputError
 from cpic_planner import queries, signal_to_noise
@@ -24,7 +23,7 @@ def commands(group, above=()):
             yield (*above, name), command
 
 
-COMMANDS = dict(commands(typer.main.get_command(app)))
+COMMANDS = dict(commands(app.built))
 
 
 def context_of(words):
