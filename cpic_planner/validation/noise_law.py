@@ -76,7 +76,10 @@ def _mixed_tail(level: FloatArray, share: FloatArray, free: FloatArray, number: 
         variance = 1.0 - share + share * ratio
         pull = 0.5 * (few + 1.0) * share * extra / (variance * (variance + extra))
         slope = -number / ratio**2 - pull * share * (1.0 / variance + 1.0 / (variance + extra))
-        ratio = ratio - (number / ratio - number + pull) / slope
+        change = (number / ratio - number + pull) / slope
+        ratio = ratio - change
+        if np.abs(change).max() < _CLOSE:
+            break
     top = np.log(ratio)
     floor = exponent(top) - _DROP
     height = ratio - top + (0.5 * (few + 1.0) * np.log1p(extra / (1.0 - share + share * ratio)) + _DROP) / number
