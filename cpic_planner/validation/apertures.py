@@ -192,11 +192,27 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     InputError
         If the circle leaves the image or an argument is not finite.
     """
-    CircularAperture = load_quietly("photutils.aperture").CircularAperture
-
     _check_inside(shape, np.asarray(x_pixel, dtype=float), np.asarray(y_pixel, dtype=float), radius_pixel)
-    mask = CircularAperture((float(x_pixel), float(y_pixel)), float(radius_pixel)).to_mask(method="exact")
-    return np.asarray(mask.to_image(shape), dtype=np.float64)
+    centre, radius = np.array([y_pixel, x_pixel], dtype=float), float(radius_pixel)
+    first = np.floor(centre - radius + 0.5).astype(int)
+    last = np.minimum(np.ceil(centre + radius + 0.5).astype(int), shape)
+    # Edges of the pixels around the circle, from its centre.
+    y, x = (np.arange(low, high + 1) - 0.5 - middle for low, high, middle in zip(first, last, centre, strict=True))
+    above, below = (_caps(x, np.maximum(side, 0.0), radius) for side in (y, -y))
+    covered = np.clip(above[:-1] - above[1:] + below[1:] - below[:-1], 0.0, 1.0)
+    near_y, near_x = (np.maximum(0.0, np.maximum(part[:-1], -part[1:])) for part in (y, x))
+    nearest = np.hypot(near_y[:, None], near_x)
+    weights = np.zeros(shape)
+    weights[first[0] : last[0], first[1] : last[1]] = np.where(nearest < radius, covered, 0.0)
+    return weights
+
+
+def _caps(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
+    """Return the areas of a disc around the origin beyond heights of at least 0, between successive x; (y, x)."""
+    half = np.sqrt(np.maximum(radius**2 - y**2, 0.0))[:, None]
+    to = np.clip(x, -half, half)
+    primitive = 0.5 * (to * np.sqrt(np.maximum(radius**2 - to**2, 0.0)) + radius**2 * np.arcsin(to / radius))
+    return np.diff(primitive - y[:, None] * to, axis=1)
 
 
 def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:
