@@ -25,13 +25,16 @@ AUDIT_REALISATION = 1_000_000
 """Number of the realisation that runs frame by frame: far from those of the sums."""
 
 
-def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
+def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, Any]:
     """Simulate and measure one scene in one band.
 
     Parameters
     ----------
     tree : dict
         `ConfirmTask.to_dict`.
+    counted : bool
+        Whether only the number of images that show a planet is wanted: the star's rate is then that of the scene, which
+        is not measured off the mask, and no place is fitted.
 
     Returns
     -------
@@ -55,7 +58,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         if not every:
             first = realisation
             planets = planet_templates(at)
-            star, known = _star(at)
+            star, known = _known_star(at) if counted else _star(at)
             positions: list[Astrometry | None] = [None] * len(planets)
         measured, blind = measure_planets(at, realisation, planets, star)
         every.append(measured)
@@ -67,7 +70,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         false += _false(blind, at)
         record = record or _search_record(blind, at, planets)
         for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
-            if positions[index] is None and item is not None and item.found:
+            if not counted and positions[index] is None and item is not None and item.found:
                 positions[index] = positions_of(at, realisation, blind, planet)
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets:
@@ -192,6 +195,11 @@ def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
         measured = star_flux_off_mask(series.value)
         if measured.value is not None:
             return measured.value, False
+    return _known_star(visits)
+
+
+def _known_star(visits: VisitPair) -> tuple[StarFlux, bool]:
+    """Return the star's rate in the scene."""
     return StarFlux.known(visits.science.truth.sources[0].rate_e_s), True
 
 

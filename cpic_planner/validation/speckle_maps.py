@@ -87,29 +87,18 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     Parameters
     ----------
     image : ndarray
-        Image, (y, x).
+        Image, (y, x), or several.
     kernel : ndarray
-        Weights, (y, x), odd sides.
-
-    Notes
-    -----
-    By Fourier transforms, padded with zeros: right to rounding of the largest sum of an image.
+        Weights, (y, x), odd sides; at most twice the image.
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 
-    sides = image.shape[-2:]
-    half = tuple(side // 2 for side in kernel.shape)
-    padded = [
-        next_fast_len(max(side + reach, 2 * reach + 1), real=True) for side, reach in zip(sides, half, strict=True)
-    ]
-    centred = np.zeros(padded)
-    centred[: kernel.shape[0], : kernel.shape[1]] = kernel
-    weights = rfft2(np.roll(centred, (-half[0], -half[1]), axis=(0, 1))).conj()
-    # Squares of transforms of very large or small numbers would overflow or vanish.
-    scale = np.abs(image).max(axis=(-2, -1), keepdims=True)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    sums = irfft2(rfft2(image / scale, padded) * weights, padded)
-    return np.asarray(scale * sums[..., : sides[0], : sides[1]])
+    (rows, columns), (high, wide) = image.shape[-2:], kernel.shape
+    size = [next_fast_len(rows + high // 2, real=True), next_fast_len(columns + wide // 2, real=True)]
+    # The sum around the first pixel, so that nothing wraps around into the image.
+    turned = np.roll(np.pad(kernel, ((0, size[0] - high), (0, size[1] - wide))), (-(high // 2), -(wide // 2)), (0, 1))
+    sums = irfft2(rfft2(image, size) * np.conj(rfft2(turned)), size)
+    return np.asarray(sums[..., :rows, :columns])
 
 
 def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:

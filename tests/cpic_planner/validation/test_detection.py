@@ -13,6 +13,7 @@ from cpic_core import Status, stream
 from cpic_planner.validation import RdiResult, ReducedStack
 from cpic_planner.validation.detection import _candidate, search
 from cpic_planner.validation.injection import inject, recovered
+from cpic_planner.validation.noise_law import equivalent_sigma
 from cpic_planner.validation.search import SearchedRegion
 from cpic_planner.validation.search_field import Peak
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
@@ -335,8 +336,8 @@ def test_a_candidate_says_how_often_noise_does_as_much(significance):
         + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi)
     )
     for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
-        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 5.9, region, roughness)
+        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 4.0, region, roughness)
         assert found.false_alarms == pytest.approx(expected, rel=1e-12)
         assert found.detected is detected
         assert (found.x_arcsec, found.y_arcsec) == pytest.approx((-27.5 * 0.016, 2.0 * 0.016), rel=1e-12)
-        assert found.threshold == 5.9
+        assert equivalent_sigma(found.threshold, 0.1, 80.0, 4.0)[0] == pytest.approx(threshold, rel=1e-9)
