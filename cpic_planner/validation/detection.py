@@ -238,7 +238,7 @@ def search(
         peaks.append(found[0])
         image = image - field.source(found[0])
         field.exclude(found[0].x_pixel, found[0].y_pixel)
-    peaks = [field.with_final_noise(peak, state) for peak in peaks]
+    peaks = field.with_final_noise(peaks, state)
     peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
     laplace, dof = [peak.laplace for peak in peaks], [peak.dof for peak in peaks]
     needed = snr_at(level.unwrap(), laplace, dof, programme.pairs) if peaks else ()

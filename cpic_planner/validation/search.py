@@ -227,7 +227,7 @@ class NoiseTerms:
         known = [PRIOR_WHITE, PRIOR_DRIFT]
         return np.array(known if self.shared is None else [*known, PRIOR_COMMON])
 
-    def at(self, places: BoolArray) -> "NoiseTerms":
+    def at(self, places: BoolArray | int | slice) -> "NoiseTerms":
         """Return the terms of some of the positions."""
         return NoiseTerms(*(part[places] for part in self._arrays()))
 

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ REPORTED_SIGMA = 2.5
 _MARGIN = 0.3  # by which a source lifts the noise that it is counted in
 _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the noise
 _TABLED_SNR = 12.0
+_EVERYWHERE = slice(None)
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
@@ -167,6 +168,7 @@ class SearchField:
         # Neighbours share their noise: one position in four tells as much of the scatter of visits.
         self._thin = (self._y % 2 == 0) & (self._x % 2 == 0)
         self._within = self._within.at(self._thin)
+        self._both = self.terms.beside(self._within)
         self._scatter, self._scatter_before = self._visit_scatter()
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
@@ -214,7 +216,7 @@ class SearchField:
         for _ in range(2):
             assumed = self.terms.variance(logs)
             snr, spread = self._filtered(image, 1.0 / assumed)
-            fit = self._fit(snr**2, assumed, self.weight(assumed, logs) * self.free, logs)
+            fit = self._fitter(assumed, logs)(snr**2, self.weight(assumed, logs) * self.free)
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
         normal = snr / factor
@@ -245,18 +247,25 @@ class SearchField:
         sums = self._filtered(parts, 1.0 / assumed)[0][:, self._thin]
         return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
 
-    def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:
-        """Return the level, drift and common part that explain the stack, and the scatter of its visits."""
+    def _fitter(self, before: FloatArray, logs: FloatArray) -> Callable[[FloatArray, FloatArray], NoiseFit]:
+        """Return the fit of level, drift and common part, which explain the stack and the scatter of its visits.
+
+        Its arguments are the ratios and weights of `fit_noise`.
+        """
         if not self._scatter.size:
-            return fit_noise(ratio, before, self.terms, weight, logs)
+            return lambda ratio, weight: fit_noise(ratio, before, self.terms, weight, logs)
         within = self._within.variance(logs)
         # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
         heavy = 1.0 + 3.0 * self._heavy(self._within, logs, within) ** 2
         many = 4.0 * self.weight(within, logs, self._within) * (self._programme.visits - 1) / heavy
-        parts = ((ratio, self._scatter), (before, self._scatter_before), (weight, many))
-        ratios, befores, weights = (np.concatenate(part) for part in parts)
-        fit = fit_noise(ratios, befores, self.terms.beside(self._within), weights, logs)
-        return replace(fit, variance=fit.variance[: ratio.size])
+        befores = np.concatenate([before, self._scatter_before])
+
+        def fitted(ratio: FloatArray, weight: FloatArray) -> NoiseFit:
+            ratios, weights = np.concatenate([ratio, self._scatter]), np.concatenate([weight, many])
+            fit = fit_noise(ratios, befores, self._both, weights, logs)
+            return replace(fit, variance=fit.variance[: ratio.size])
+
+        return fitted
 
     def weight(self, variance: FloatArray, logs: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         """Return the independent samples per position: speckles repeat at their mirror images."""
@@ -265,22 +274,23 @@ class SearchField:
     def _speckled(self, logs: FloatArray, variance: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         return np.asarray(1.0 - math.exp(logs[0]) * (terms or self.terms).white / variance)
 
-    def laplace(self, fit: NoiseFit) -> FloatArray:
+    def laplace(self, fit: NoiseFit, at: int | slice = _EVERYWHERE) -> FloatArray:
         """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
-        return self._heavy(self.terms, fit.logs, fit.variance)
+        return self._heavy(self.terms.at(at), fit.logs, fit.variance[at])
 
     def _heavy(self, terms: NoiseTerms, logs: FloatArray, variance: FloatArray) -> FloatArray:
         drift = math.exp(logs[1])
         square, linear = drift**2 * terms.square / variance, drift * terms.linear / variance
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
-    def dof(self, fit: NoiseFit) -> FloatArray:
-        """Return the degrees of freedom of the variance at every position, from its relative error."""
-        slopes = self.terms.slopes(fit.logs, fit.variance)
+    def dof(self, fit: NoiseFit, at: int | slice = _EVERYWHERE) -> FloatArray:
+        """Return the degrees of freedom of the variance at every position, or some, from its relative error."""
+        terms, variance = self.terms.at(at), fit.variance[at]
+        slopes = terms.slopes(fit.logs, variance)
         relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
         if self._maps.n_visits:
-            heavy = 1.0 + 1.5 * self.laplace(fit) ** 2
-            relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, fit.variance) ** 2 * heavy
+            heavy = 1.0 + 1.5 * self.laplace(fit, at) ** 2
+            relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, variance, terms) ** 2 * heavy
         return np.asarray(2.0 / relative)
 
     def _roughness(self, gauss: FloatArray) -> float:
@@ -303,14 +313,27 @@ class SearchField:
         single = {"filter_kernel": None, "minarea": 1, "deblend_nthresh": 64, "deblend_cont": 1e-6, "clean": False}
         pixels, mask = np.ascontiguousarray(image), ~self.region[self._box]
         found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
-        peaks = []
+        maxima = []
+        fit, fitted = state.fit, self._fitter(state.assumed, state.fit.logs)
+        measured, weights = (
+            state.snr**2 * fit.variance / state.assumed,
+            self.weight(state.assumed, fit.logs) * self.free,
+        )
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
             if place >= 0 and not self._hidden[place]:
-                peaks.append(self._measured_peak(state, int(place), image, int(row), int(column)))
-        return sorted(peaks, key=lambda peak: -peak.significance)
+                x_pixel, y_pixel, height = self._top(image, int(row), int(column))
+                weight = weights.copy()
+                weight[self.near(x_pixel, y_pixel)] = 0.0
+                mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
+                weight[mirror] *= 1.0 - self._speckled(fit.logs, fit.variance[place], self.terms.at(place)) ** 2
+                alone = fitted(measured, weight)
+                snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
+                maxima.append((x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), int(place), alone))
+        return sorted(self._judged(maxima), key=lambda peak: -peak.significance)
 
-    def _measured_peak(self, state: FilteredState, place: int, image: FloatArray, row: int, column: int) -> Peak:
+    def _top(self, image: FloatArray, row: int, column: int) -> tuple[float, float, float]:
+        """Return the place of a maximum on the stamp, x and y, and its height, refined between pixels by parabolas."""
         box_region, height = self.region[self._box], float(image[row, column])
         shift = [0.0, 0.0]
         for axis, (down, right) in enumerate(((1, 0), (0, 1))):
@@ -321,35 +344,30 @@ class SearchField:
                 if bend > 0:
                     shift[axis] = float(np.clip(0.5 * (high - low) / bend, -0.5, 0.5))
                     height += 0.25 * (high - low) * shift[axis]
-        y_pixel, x_pixel = row + self._box[0].start + shift[0], column + self._box[1].start + shift[1]
-        fit = state.fit
-        weight = self.weight(state.assumed, fit.logs) * self.free
-        weight[self.near(x_pixel, y_pixel)] = 0.0
-        speckled = self._speckled(fit.logs, fit.variance)[place]
-        mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
-        weight[mirror] *= 1.0 - speckled**2
-        measured = state.snr**2 * fit.variance / state.assumed
-        alone = self._fit(measured, state.assumed, weight, fit.logs)
-        ratio = math.sqrt(fit.variance[place] / alone.variance[place])
-        return self._peak(x_pixel, y_pixel, height * ratio, height * float(state.sigma_e[place]), place, alone)
+        return column + self._box[1].start + shift[1], row + self._box[0].start + shift[0], height
 
-    def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
-        """Return a maximum in the noise of a fit."""
-        laplace, dof = (float(part[place]) for part in (self.laplace(fit), self.dof(fit)))
-        sigma = float(equivalent_sigma(snr, laplace, dof, self._programme.pairs)[0])
-        return Peak(x_pixel, y_pixel, snr, sigma, laplace, dof, flux_e)
+    def _judged(self, maxima: Sequence[tuple[float, float, float, float, int, NoiseFit]]) -> list[Peak]:
+        """Return maxima (x, y, SNR, electrons, position, fit of the noise), each in the noise of its fit."""
+        laplace, dof = ([float(law(fit, place)) for *_, place, fit in maxima] for law in (self.laplace, self.dof))
+        sigma = equivalent_sigma([one[2] for one in maxima], laplace, dof, self._programme.pairs).tolist()
+        places = zip(maxima, sigma, laplace, dof, strict=True)
+        return [Peak(x, y, snr, level, share, free, flux) for (x, y, snr, flux, *_), level, share, free in places]
 
-    def with_final_noise(self, peak: Peak, state: FilteredState) -> Peak:
-        """Return the same source in the noise that is known once all sources are out.
+    def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
+        """Return the same sources in the noise that is known once all are out.
 
         Parameters
         ----------
-        peak : Peak
+        peaks : sequence of Peak
         state : FilteredState
         """
-        place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
-        snr = peak.flux_e / float(state.sigma_e[place])
-        return self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit)
+        places = [int(self._index[round(peak.y_pixel), round(peak.x_pixel)]) for peak in peaks]
+        return self._judged(
+            [
+                (peak.x_pixel, peak.y_pixel, peak.flux_e / float(state.sigma_e[place]), peak.flux_e, place, state.fit)
+                for peak, place in zip(peaks, places, strict=True)
+            ]
+        )
 
     def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
         """Return the place from the star on the detector, x and y."""

@@ -87,14 +87,18 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     Parameters
     ----------
     image : ndarray
-        Image, (y, x).
+        Image, (y, x), or several.
     kernel : ndarray
-        Weights, (y, x), odd sides.
+        Weights, (y, x), odd sides; at most twice the image.
     """
-    from scipy.ndimage import correlate
+    from scipy.fft import irfft2, next_fast_len, rfft2
 
-    flat = image.reshape(-1, *image.shape[-2:])
-    return np.stack([correlate(one, kernel, mode="constant") for one in flat]).reshape(image.shape)
+    (rows, columns), (high, wide) = image.shape[-2:], kernel.shape
+    size = [next_fast_len(rows + high // 2, real=True), next_fast_len(columns + wide // 2, real=True)]
+    # The sum around the first pixel, so that nothing wraps around into the image.
+    turned = np.roll(np.pad(kernel, ((0, size[0] - high), (0, size[1] - wide))), (-(high // 2), -(wide // 2)), (0, 1))
+    sums = irfft2(rfft2(image, size) * np.conj(rfft2(turned)), size)
+    return np.asarray(sums[..., :rows, :columns])
 
 
 def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:
