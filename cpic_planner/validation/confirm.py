@@ -12,7 +12,7 @@ from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
-from cpic_planner.validation.measure import Measurement, measure_planets
+from cpic_planner.validation.measure import Measurement, maps_of, measure_planets
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
@@ -59,8 +59,9 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             first = realisation
             planets = planet_templates(at)
             star, known = _known_star(at) if counted else _star(at)
+            maps = maps_of(at)
             positions: list[Astrometry | None] = [None] * len(planets)
-        measured, blind = measure_planets(at, realisation, planets, star)
+        measured, blind = measure_planets(at, realisation, planets, star, maps=maps)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         if statistics is not None:

@@ -325,7 +325,10 @@ class SearchField:
         found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
         maxima = []
         fit, fitted = state.fit, self._fitter(state.assumed, state.fit.logs)
-        measured, weights = state.snr**2 * fit.variance / state.assumed, self.weight(state.assumed, fit.logs) * self.free
+        measured, weights = (
+            state.snr**2 * fit.variance / state.assumed,
+            self.weight(state.assumed, fit.logs) * self.free,
+        )
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
             if place >= 0 and not self._hidden[place]:
