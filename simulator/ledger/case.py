@@ -346,8 +346,8 @@ class PixelHits(NamedTuple):
 def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
     """Return the moments of a configured model of tracks, from 1500 of them drawn from a fixed stream.
 
-    The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %. They are drawn
-    once and kept in the cache, but for tracks of a file, which may change.
+    The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %. They are
+    drawn once and kept in the cache, but for tracks of a file, which may change.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from cpic_core import Status, stream
 from cpic_planner.validation import RdiResult, ReducedStack
-from cpic_planner.validation.detection import _candidate, search
+from cpic_planner.validation.detection import _candidate, search, searcher
 from cpic_planner.validation.injection import inject, recovered
 from cpic_planner.validation.noise_law import equivalent_sigma
 from cpic_planner.validation.search import SearchedRegion
@@ -207,6 +207,23 @@ def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
     assert found.detections[0].flux_e == pytest.approx(200 * alone.sigma_e.max(), rel=0.05)
     assert found.drift_nm == pytest.approx(alone.drift_nm, rel=0.02)
     assert found.white_level == pytest.approx(alone.white_level, rel=0.02)
+
+
+def test_one_search_looks_at_many_images_each_as_if_it_were_the_first(psf, moving, offsets):
+    """A planet that is put into a residual is found as one that every visit shows, and is forgotten after its search."""
+    stack = programme(psf, offsets, 3, 8, 8)
+    many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
+    ready, alone = searcher(stack, psf, moving, **many), search(stack, psf, moving, **many)
+    bright = inject(stack, psf.at(0.42, 0.40), 60 * float(alone.sigma_e.max()))
+    images = stack.rdi.residuals + (bright.image_e - stack.image_e) / 8
+    whole = dataclasses.replace(bright, rdi=dataclasses.replace(bright.rdi, residuals=images))
+    first, found, last = (ready.search(image) for image in (stack.image_e, bright.image_e, stack.image_e))
+    assert first.candidates == last.candidates == alone.candidates
+    expected = search(whole, psf, moving, **many)
+    assert found.detections
+    for name in ("snr_mf", "significance", "threshold", "flux_e", "false_alarms"):
+        ours, true = ([getattr(one, name) for one in answer.candidates] for answer in (found, expected))
+        np.testing.assert_allclose(ours, true, rtol=1e-6)
 
 
 @pytest.mark.long
