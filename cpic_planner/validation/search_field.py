@@ -236,9 +236,12 @@ class SearchField:
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
-        inside, around = self.region[self._box], self.unfold(inverse)[self._box]
+        # Next to no noise has weights whose sums are no numbers.
+        most = inverse.max()
+        inside, around = self.region[self._box], self.unfold(inverse / most)[self._box]
         spread = matched_sum(around, self._kernel**2)[inside]
-        return matched_sum(images[..., *self._box] * around, self._kernel)[..., inside] / np.sqrt(spread), spread
+        sums = matched_sum(images[..., *self._box] * around, self._kernel)[..., inside]
+        return sums * (math.sqrt(most) / np.sqrt(spread)), spread * most
 
     def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
         """Return the mean square deviation of filtered visits from their mean, times their number; and that assumed.
