@@ -210,7 +210,7 @@ def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
 
 
 def test_one_search_looks_at_many_images_each_as_if_it_were_the_first(psf, moving, offsets):
-    """A planet that is put into a residual is found as one that every visit shows, and is forgotten after its search."""
+    """A planet that is put into a residual is found as one that all visits show, and is forgotten after its search."""
     stack = programme(psf, offsets, 3, 8, 8)
     many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
     ready, alone = searcher(stack, psf, moving, **many), search(stack, psf, moving, **many)

@@ -14,8 +14,7 @@ from simulator.detectors.chains import switched
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import centred_axis, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map
-from simulator.ledger import forecast
-from simulator.ledger import case
+from simulator.ledger import case, forecast
 from simulator.ledger.case import largest_speckles, pixel_hits
 from simulator.signal import drift_halo
 
