@@ -4,20 +4,19 @@ import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, announce, check_word, compute_once, stream
+from cpic_core import BoolArray, FloatArray, InputError, announce, check_word, compute_once
 from cpic_planner.validation.apertures import aperture_weights
 from simulator.config import Drift, content_hash
-from simulator.imaging import AnyPsf, ExternalPsf, Psf, metrics_key
-from simulator.signal import hole_changes
+from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
 
 FilterName = Literal["matched", "aperture"]
 
 N_VISITS = 256
-SCHEMA = 2  # raised when the same key would give other maps
+SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
 KERNEL_LAMBDA_D = 1.5
 
@@ -183,27 +182,40 @@ def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int, name: FilterName) 
 def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
     kernel = filter_kernel(psf, name)
-    hole = psf.geometry.hole
-    static, *changes = hole_changes(psf, slope, n_visits, stream(_SEED, "speckle maps"))
-    spread = matched_sum(hole.astype(float), kernel**2)[hole]
+    hole, imager = psf.geometry.hole, psf.imager
+    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
+    responses = visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
+    # Kernels at an edge reach over the cross: filtered on the whole box of the hole.
+    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    inside = hole[box]
+    place = np.ix_(rows - rows[0], columns - columns[0])
+    spread = matched_sum(inside.astype(float), kernel**2)[inside]
 
-    def on_stamp(values: FloatArray) -> FloatArray:
-        stamp = np.zeros((*values.shape[:-1], *hole.shape))
-        stamp[..., hole] = values
-        return stamp
+    def filtered(images: FloatArray) -> FloatArray:
+        whole = np.zeros((len(images), *inside.shape))
+        whole[(slice(None), *place)] = images
+        sums = matched_sum(np.where(inside, whole, 0.0), kernel)[:, inside]
+        return np.asarray(sums - sums.mean(axis=0))
 
-    sums = (matched_sum(on_stamp(part), kernel)[:, hole] for part in changes)
-    linear, square = (part - part.mean(axis=0) for part in sums)
+    def on_stamp(pixels: tuple[Any, ...], values: FloatArray) -> FloatArray:
+        stamp = np.zeros(hole.shape)
+        stamp[pixels] = values
+        return np.where(hole, stamp, 0.0)
+
+    linear, square = filtered(responses[1]), filtered(responses[2])
     of_linear, of_square, both = (np.mean(part, axis=0) for part in (linear**2, square**2, linear * square))
     # Joint cumulants of order 4, in units of those of a Laplace law: 3 variance^2, for the difference of two visits.
     fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
     crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
     tails = [max(fourth, 0.0), max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0)]
+    sampled, box_shape = np.ix_(rows, columns), (rows.size, columns.size)
     return {
-        "linear": on_stamp(2.0 * of_linear / spread),
-        "square": on_stamp(2.0 * of_square / spread),
-        "nominal": on_stamp(static),
-        "stray": on_stamp(changes[1].mean(axis=0, dtype=float)),
+        "linear": on_stamp(np.nonzero(hole), 2.0 * of_linear / spread),
+        "square": on_stamp(np.nonzero(hole), 2.0 * of_square / spread),
+        "nominal": on_stamp(sampled, responses[0].reshape(box_shape)),
+        "stray": on_stamp(sampled, responses[2].mean(axis=0).reshape(box_shape)),
         "tails": np.array(tails),
     }
 
