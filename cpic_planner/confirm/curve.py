@@ -17,7 +17,7 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, EtcAnswer, RecoveredRow, SearchedProgramme
 from cpic_planner.validation import azimuth_share, azimuths_inside, fraction_interval
 
-RESULT_VERSION = 3
+RESULT_VERSION = 4
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 N_PLACES = 25
 """Separations of a curve: straight lines between them miss at most 0.5 % of a limit."""

@@ -14,7 +14,7 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, ReferencePlanetRecord, RocProgramme, RocResult, RocRow
 from cpic_planner.validation import fraction_interval
 
-RESULT_VERSION = 3
+RESULT_VERSION = 4
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 LEVELS = tuple(np.arange(3.0, 7.01, 0.25).tolist())
 """Levels of a detection beside that of the strategy."""

@@ -119,7 +119,7 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
 
 def image_task(task: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate and measure one detection."""
-    return {"confirmations": confirm_task(dict(task))["confirmations"]}
+    return {"confirmations": confirm_task(dict(task), counted=True)["confirmations"]}
 
 
 def image_sample(

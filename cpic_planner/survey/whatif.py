@@ -28,7 +28,7 @@ from simulator.config import content_hash
 from simulator.products import mjd_of
 
 _START_S, _PLAN_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 8.0, 3.2, 0.9, 5.0, 0.00075, 2.2
-RESULT_VERSION = 9
+RESULT_VERSION = 10
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other; beside known planets and companion stars they are left out "

@@ -338,7 +338,7 @@ def worked(case: FixedScene, setup: Setup, visits: tuple[Observation, Observatio
     if setup.draw == "sums":
         try:
             epochs = setup.n_epochs(case)
-            sums = [hole_stacks(observed, epochs=epochs).draw().sum(axis=0) for observed in (science, reference)]
+            sums = [hole_stacks(observed, epochs=epochs).draw(summed=True)[0] for observed in (science, reference)]
         except InputError as error:
             raise NotApplicable(error.hint or str(error)) from None
         return Work(science, aperture_flux_e(science, sums[0] - sums[1]), ())

@@ -199,19 +199,26 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
         If the circle leaves the image or an argument is not finite.
     """
     _check_inside(shape, np.asarray(x_pixel, dtype=float), np.asarray(y_pixel, dtype=float), radius_pixel)
-    overlap, row, column = _overlap(float(x_pixel), float(y_pixel), float(radius_pixel))
-    inside = overlap[: shape[0] - row, : shape[1] - column]  # a circle that touches the edge has a row of zeros beyond
+    centre, radius = np.array([y_pixel, x_pixel], dtype=float), float(radius_pixel)
+    first = np.floor(centre - radius + 0.5).astype(int)
+    last = np.minimum(np.ceil(centre + radius + 0.5).astype(int), shape)
+    # Edges of the pixels around the circle, from its centre.
+    y, x = (np.arange(low, high + 1) - 0.5 - middle for low, high, middle in zip(first, last, centre, strict=True))
+    above, below = (_caps(x, np.maximum(side, 0.0), radius) for side in (y, -y))
+    covered = np.clip(above[:-1] - above[1:] + below[1:] - below[:-1], 0.0, 1.0)
+    near_y, near_x = (np.maximum(0.0, np.maximum(part[:-1], -part[1:])) for part in (y, x))
+    nearest = np.hypot(near_y[:, None], near_x)
     weights = np.zeros(shape)
-    weights[row : row + inside.shape[0], column : column + inside.shape[1]] = inside
+    weights[first[0] : last[0], first[1] : last[1]] = np.where(nearest < radius, covered, 0.0)
     return weights
 
 
-@functools.lru_cache(maxsize=512)
-def _overlap(x_pixel: float, y_pixel: float, radius_pixel: float) -> tuple[FloatArray, int, int]:
-    """Return the overlap of a circle with the pixels around it, and the row and column of the first of them."""
-    CircularAperture = load_quietly("photutils.aperture").CircularAperture
-    mask = CircularAperture((x_pixel, y_pixel), radius_pixel).to_mask(method="exact")
-    return np.asarray(mask.data, dtype=np.float64), int(mask.bbox.iymin), int(mask.bbox.ixmin)
+def _caps(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
+    """Return the areas of a disc around the origin beyond heights of at least 0, between successive x; (y, x)."""
+    half = np.sqrt(np.maximum(radius**2 - y**2, 0.0))[:, None]
+    to = np.clip(x, -half, half)
+    primitive = 0.5 * (to * np.sqrt(np.maximum(radius**2 - to**2, 0.0)) + radius**2 * np.arcsin(to / radius))
+    return np.diff(primitive - y[:, None] * to, axis=1)
 
 
 def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:

@@ -13,7 +13,7 @@ from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.audit import audited
 from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
-from cpic_planner.validation.measure import Measurement, measure_planets
+from cpic_planner.validation.measure import Measurement, maps_of, measure_planets
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
@@ -23,13 +23,16 @@ from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of,
 from simulator.target import detector_to_sky
 
 
-def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
+def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, Any]:
     """Simulate and measure one scene in one band.
 
     Parameters
     ----------
     tree : dict
         `ConfirmTask.to_dict`.
+    counted : bool
+        Whether only the number of images that show a planet is wanted: the star's rate is then that of the scene, which
+        is not measured off the mask, and no place is fitted.
 
     Returns
     -------
@@ -53,9 +56,10 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         if not every:
             first = realisation
             planets = planet_templates(at)
-            star, known = _star(at)
+            star, known = _known_star(at) if counted else _star(at)
+            maps = maps_of(at)
             positions: list[Astrometry | None] = [None] * len(planets)
-        measured, blind = measure_planets(at, realisation, planets, star)
+        measured, blind = measure_planets(at, realisation, planets, star, maps=maps)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         if statistics is not None:
@@ -65,7 +69,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         false += _false(blind, at)
         record = record or _search_record(blind, at, planets)
         for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
-            if positions[index] is None and item is not None and item.found:
+            if not counted and positions[index] is None and item is not None and item.found:
                 positions[index] = positions_of(at, realisation, blind, planet)
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets:
@@ -189,6 +193,11 @@ def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
         measured = star_flux_off_mask(series.value)
         if measured.value is not None:
             return measured.value, False
+    return _known_star(visits)
+
+
+def _known_star(visits: VisitPair) -> tuple[StarFlux, bool]:
+    """Return the star's rate in the scene."""
     return StarFlux.known(visits.science.truth.sources[0].rate_e_s), True
 
 

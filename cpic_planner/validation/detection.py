@@ -1,5 +1,6 @@
 """The blind detector: sources in a residual, found without knowing where they are."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,8 +43,6 @@ class Candidate:
     significance : float
         Level of a standard normal variate that noise at this place reaches as rarely: heavy tails and the error of the
         estimated noise are in it.
-    threshold : float
-        ``snr_mf`` that a detection needs here.
     flux_e : float
         Electrons of the source on the clear disc (before mask, apodizer and aperture), from the unmasked image: low
         beside the mask.
@@ -51,6 +50,8 @@ class Candidate:
         Number of noise peaks that a search of this region expects at or above this one.
     detected : bool
         Whether ``snr_mf`` reaches ``threshold``.
+    law : tuple of float
+        Significance of a detection, and the law of noise here: `cpic_planner.validation.noise_law.snr_at`.
     """
 
     x_arcsec: float
@@ -60,10 +61,15 @@ class Candidate:
     separation_arcsec: float
     snr_mf: float
     significance: float
-    threshold: float
     flux_e: float
     false_alarms: float
     detected: bool
+    law: tuple[float, float, float, float]
+
+    @functools.cached_property
+    def threshold(self) -> float:
+        """The ``snr_mf`` that a detection needs here."""
+        return float(snr_at(*self.law)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,12 +206,8 @@ class Searcher:
             field.exclude(found[0].x_pixel, found[0].y_pixel)
         peaks = field.with_final_noise(peaks, state)
         peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-        laplace, dof = [peak.laplace for peak in peaks], [peak.dof for peak in peaks]
-        needed = snr_at(level.unwrap(), laplace, dof, field.pairs) if peaks else ()
-        candidates = [
-            _candidate(peak, field.offset_arcsec(peak), level.unwrap(), float(snr), field.size, state.roughness)
-            for peak, snr in zip(peaks, needed, strict=True)
-        ]
+        about = level.unwrap(), field.pairs, field.size, state.roughness
+        candidates = [_candidate(peak, field.offset_arcsec(peak), *about) for peak in peaks]
         found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
         return BlindSearch(
             candidates=found_here,
@@ -306,7 +308,7 @@ def _candidate(
     peak: Peak,
     offset_arcsec: tuple[float, float],
     level: float,
-    threshold: float,
+    pairs: float,
     region: SearchedRegion,
     roughness: float,
 ) -> Candidate:
@@ -319,8 +321,8 @@ def _candidate(
         separation_arcsec=math.hypot(x_arcsec, y_arcsec),
         snr_mf=peak.snr,
         significance=peak.significance,
-        threshold=threshold,
         flux_e=peak.flux_e,
         false_alarms=float(false_alarms(max(peak.significance, 1.0), region, roughness)),
         detected=peak.significance >= level,
+        law=(level, peak.laplace, peak.dof, pairs),
     )

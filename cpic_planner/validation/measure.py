@@ -95,6 +95,7 @@ def measure_planets(
     star: StarFlux,
     *,
     searched: bool = True,
+    maps: SpeckleMaps | None = None,
 ) -> tuple[list[Measurement | None], BlindSearch | None]:
     """Search one realisation blind, then measure every planet at its place.
 
@@ -108,6 +109,8 @@ def measure_planets(
         Rate of the star that contrasts refer to.
     searched : bool
         Whether it is searched blind first.
+    maps : SpeckleMaps, optional
+        `maps_of` the visits, where they are at hand.
 
     Returns
     -------
@@ -120,7 +123,7 @@ def measure_planets(
     stack, geometry = realisation.reduced, visits.geometry
     blind: BlindSearch | None = None
     if searched and realisation.roll is None:
-        blind = searcher_of(visits, stack, star.rate_e_s).search(stack.image_e)
+        blind = searcher_of(visits, stack, star.rate_e_s, maps).search(stack.image_e)
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
     for planet, expected in zip(planets, visits.task.predictions, strict=True):

@@ -76,20 +76,20 @@ def _mixed_tail(level: FloatArray, share: FloatArray, free: FloatArray, number: 
         variance = 1.0 - share + share * ratio
         pull = 0.5 * (few + 1.0) * share * extra / (variance * (variance + extra))
         slope = -number / ratio**2 - pull * share * (1.0 / variance + 1.0 / (variance + extra))
-        ratio = ratio - (number / ratio - number + pull) / slope
+        change = (number / ratio - number + pull) / slope
+        ratio = ratio - change
+        if np.abs(change).max() < _CLOSE:
+            break
     top = np.log(ratio)
     floor = exponent(top) - _DROP
     height = ratio - top + (0.5 * (few + 1.0) * np.log1p(extra / (1.0 - share + share * ratio)) + _DROP) / number
-    ends = []
-    for end in (top - ratio - _DROP / number, np.log(2.0 * height + 2.0)):
-        inside, outside = top, end
-        for _ in range(_STEPS):
-            middle = 0.5 * (inside + outside)
-            above = exponent(middle) > floor
-            inside, outside = np.where(above, middle, inside), np.where(above, outside, middle)
-        ends.append(outside)
+    inside, outside = np.stack([top, top]), np.stack([top - ratio - _DROP / number, np.log(2.0 * height + 2.0)])
+    for _ in range(_STEPS):
+        middle = 0.5 * (inside + outside)
+        above = exponent(middle) > floor
+        inside, outside = np.where(above, middle, inside), np.where(above, outside, middle)
     # In p with log G = p - exp(-p) the integrand falls doubly exponentially to both sides.
-    low, high = (end + wrightomega(-end) for end in ends)
+    low, high = outside + wrightomega(-outside)
     count = int(_TERMS + _TERMS / min(float(number.min()), 1e3))
     step = (high - low) / count
     places = low + step * np.arange(count + 1)[:, None]

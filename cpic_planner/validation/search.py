@@ -5,7 +5,6 @@ The fit of the noise finds the level of the white noise and the strength of the 
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -228,8 +227,8 @@ class NoiseTerms:
         known = [PRIOR_WHITE, PRIOR_DRIFT]
         return np.array(known if self.shared is None else [*known, PRIOR_COMMON])
 
-    def at(self, places: Any) -> "NoiseTerms":
-        """Return the terms of some of the positions, given by an index of any kind."""
+    def at(self, places: BoolArray | int | slice) -> "NoiseTerms":
+        """Return the terms of some of the positions."""
         return NoiseTerms(*(part[places] for part in self._arrays()))
 
     def beside(self, other: "NoiseTerms") -> "NoiseTerms":

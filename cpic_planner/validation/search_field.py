@@ -3,7 +3,7 @@
 import copy
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ REPORTED_SIGMA = 2.5
 _MARGIN = 0.3  # by which a source lifts the noise that it is counted in
 _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the noise
 _TABLED_SNR = 12.0
+_EVERYWHERE = slice(None)
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
@@ -171,6 +172,7 @@ class SearchField:
         # Neighbours share their noise: one position in four tells as much of the scatter of visits.
         self._thin = (self._y % 2 == 0) & (self._x % 2 == 0)
         self._within = self._within.at(self._thin)
+        self._both = self.terms.beside(self._within)
         self._scatter, self._scatter_before = self._visit_scatter()
         for x_arcsec, y_arcsec in known:
             self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
@@ -224,7 +226,7 @@ class SearchField:
         for _ in range(2):
             assumed = self.terms.variance(logs)
             snr, spread = self._filtered(image, 1.0 / assumed)
-            fit = self._fit(snr**2, assumed, self.weight(assumed, logs) * self.free, logs)
+            fit = self._fitter(assumed, logs)(snr**2, self.weight(assumed, logs) * self.free)
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
         normal = snr / factor
@@ -234,9 +236,12 @@ class SearchField:
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
-        inside, around = self.region[self._box], self.unfold(inverse)[self._box]
+        # Next to no noise has weights whose sums are no numbers.
+        most = inverse.max()
+        inside, around = self.region[self._box], self.unfold(inverse / most)[self._box]
         spread = matched_sum(around, self._kernel**2)[inside]
-        return matched_sum(images[..., *self._box] * around, self._kernel)[..., inside] / np.sqrt(spread), spread
+        sums = matched_sum(images[..., *self._box] * around, self._kernel)[..., inside]
+        return sums * (math.sqrt(most) / np.sqrt(spread)), spread * most
 
     def _visit_scatter(self) -> tuple[FloatArray, FloatArray]:
         """Return the mean square deviation of filtered visits from their mean, times their number; and that assumed.
@@ -255,18 +260,25 @@ class SearchField:
         sums = self._filtered(parts, 1.0 / assumed)[0][:, self._thin]
         return sums.var(axis=0, ddof=1) * visits, assumed[self._thin]
 
-    def _fit(self, ratio: FloatArray, before: FloatArray, weight: FloatArray, logs: FloatArray) -> NoiseFit:
-        """Return the level, drift and common part that explain the stack, and the scatter of its visits."""
+    def _fitter(self, before: FloatArray, logs: FloatArray) -> Callable[[FloatArray, FloatArray], NoiseFit]:
+        """Return the fit of level, drift and common part, which explain the stack and the scatter of its visits.
+
+        Its arguments are the ratios and weights of `fit_noise`.
+        """
         if not self._scatter.size:
-            return fit_noise(ratio, before, self.terms, weight, logs)
+            return lambda ratio, weight: fit_noise(ratio, before, self.terms, weight, logs)
         within = self._within.variance(logs)
         # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
         heavy = 1.0 + 3.0 * self._heavy(self._within, logs, within) ** 2
         many = 4.0 * self.weight(within, logs, self._within) * (self._programme.visits - 1) / heavy
-        parts = ((ratio, self._scatter), (before, self._scatter_before), (weight, many))
-        ratios, befores, weights = (np.concatenate(part) for part in parts)
-        fit = fit_noise(ratios, befores, self.terms.beside(self._within), weights, logs)
-        return replace(fit, variance=fit.variance[: ratio.size])
+        befores = np.concatenate([before, self._scatter_before])
+
+        def fitted(ratio: FloatArray, weight: FloatArray) -> NoiseFit:
+            ratios, weights = np.concatenate([ratio, self._scatter]), np.concatenate([weight, many])
+            fit = fit_noise(ratios, befores, self._both, weights, logs)
+            return replace(fit, variance=fit.variance[: ratio.size])
+
+        return fitted
 
     def weight(self, variance: FloatArray, logs: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         """Return the independent samples per position: speckles repeat at their mirror images."""
@@ -275,15 +287,8 @@ class SearchField:
     def _speckled(self, logs: FloatArray, variance: FloatArray, terms: NoiseTerms | None = None) -> FloatArray:
         return np.asarray(1.0 - math.exp(logs[0]) * (terms or self.terms).white / variance)
 
-    def laplace(self, fit: NoiseFit, at: Any = slice(None)) -> FloatArray:
-        """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles.
-
-        Parameters
-        ----------
-        fit : NoiseFit
-        at : index, optional
-            Positions that are meant; all by default.
-        """
+    def laplace(self, fit: NoiseFit, at: int | slice = _EVERYWHERE) -> FloatArray:
+        """Return the share of Laplace variates, one for each pair of visits, with the kurtosis of the speckles."""
         return self._heavy(self.terms.at(at), fit.logs, fit.variance[at])
 
     def _heavy(self, terms: NoiseTerms, logs: FloatArray, variance: FloatArray) -> FloatArray:
@@ -291,8 +296,8 @@ class SearchField:
         square, linear = drift**2 * terms.square / variance, drift * terms.linear / variance
         return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
 
-    def dof(self, fit: NoiseFit, at: Any = slice(None)) -> FloatArray:
-        """Return the degrees of freedom of the variance, from its relative error; arguments as of `laplace`."""
+    def dof(self, fit: NoiseFit, at: int | slice = _EVERYWHERE) -> FloatArray:
+        """Return the degrees of freedom of the variance at every position, or some, from its relative error."""
         terms, variance = self.terms.at(at), fit.variance[at]
         slopes = terms.slopes(fit.logs, variance)
         relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
@@ -321,66 +326,61 @@ class SearchField:
         single = {"filter_kernel": None, "minarea": 1, "deblend_nthresh": 64, "deblend_cont": 1e-6, "clean": False}
         pixels, mask = np.ascontiguousarray(image), ~self.region[self._box]
         found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
-        fit = state.fit
-        weight = self.weight(state.assumed, fit.logs) * self.free
-        speckled = self._speckled(fit.logs, fit.variance)
-        measured = state.snr**2 * fit.variance / state.assumed
-        peaks = []
+        maxima = []
+        fit, fitted = state.fit, self._fitter(state.assumed, state.fit.logs)
+        measured, weights = (
+            state.snr**2 * fit.variance / state.assumed,
+            self.weight(state.assumed, fit.logs) * self.free,
+        )
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
-            if place < 0 or self._hidden[place]:
-                continue
-            y_pixel, x_pixel, height = self._summit(image, int(row), int(column))
-            others = np.where(self.near(x_pixel, y_pixel), 0.0, weight)
-            mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
-            others[mirror] *= 1.0 - speckled[place] ** 2
-            alone = self._fit(measured, state.assumed, others, fit.logs)
-            ratio = math.sqrt(fit.variance[place] / alone.variance[place])
-            flux_e = height * float(state.sigma_e[place])
-            peaks.append(self._peak(x_pixel, y_pixel, height * ratio, flux_e, int(place), alone))
-        return sorted(self._judged(peaks), key=lambda peak: -peak.significance)
+            if place >= 0 and not self._hidden[place]:
+                x_pixel, y_pixel, height = self._top(image, int(row), int(column))
+                weight = weights.copy()
+                weight[self.near(x_pixel, y_pixel)] = 0.0
+                mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
+                weight[mirror] *= 1.0 - self._speckled(fit.logs, fit.variance[place], self.terms.at(place)) ** 2
+                alone = fitted(measured, weight)
+                snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
+                maxima.append((x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), int(place), alone))
+        return sorted(self._judged(maxima), key=lambda peak: -peak.significance)
 
-    def _summit(self, image: FloatArray, row: int, column: int) -> tuple[float, float, float]:
-        """Return the row and column of a maximum between pixels, and its height, by parabolas."""
-        inside, height = self.region[self._box], float(image[row, column])
+    def _top(self, image: FloatArray, row: int, column: int) -> tuple[float, float, float]:
+        """Return the place of a maximum on the stamp, x and y, and its height, refined between pixels by parabolas."""
+        box_region, height = self.region[self._box], float(image[row, column])
         shift = [0.0, 0.0]
         for axis, (down, right) in enumerate(((1, 0), (0, 1))):
             sides = [(row - down, column - right), (row + down, column + right)]
-            if all(0 <= y < image.shape[0] and 0 <= x < image.shape[1] and inside[y, x] for y, x in sides):
+            if all(0 <= y < image.shape[0] and 0 <= x < image.shape[1] and box_region[y, x] for y, x in sides):
                 low, high = (float(image[side]) for side in sides)
                 bend = 2.0 * float(image[row, column]) - low - high
                 if bend > 0:
                     shift[axis] = float(np.clip(0.5 * (high - low) / bend, -0.5, 0.5))
                     height += 0.25 * (high - low) * shift[axis]
-        return row + self._box[0].start + shift[0], column + self._box[1].start + shift[1], height
+        return column + self._box[1].start + shift[1], row + self._box[0].start + shift[0], height
 
-    def _peak(self, x_pixel: float, y_pixel: float, snr: float, flux_e: float, place: int, fit: NoiseFit) -> Peak:
-        """Return a maximum in the noise of a fit, its significance not known yet."""
-        laplace, dof = (float(part(fit, [place])[0]) for part in (self.laplace, self.dof))
-        return Peak(x_pixel, y_pixel, snr, math.nan, laplace, dof, flux_e)
-
-    def _judged(self, peaks: Sequence[Peak]) -> list[Peak]:
-        """Return maxima with their significance, all worked out at once."""
-        if not peaks:
-            return []
-        snr, laplace, dof = np.array([(peak.snr, peak.laplace, peak.dof) for peak in peaks]).T
-        sigma = equivalent_sigma(snr, laplace, dof, self.pairs).tolist()
-        return [replace(peak, significance=value) for peak, value in zip(peaks, sigma, strict=True)]
+    def _judged(self, maxima: Sequence[tuple[float, float, float, float, int, NoiseFit]]) -> list[Peak]:
+        """Return maxima (x, y, SNR, electrons, position, fit of the noise), each in the noise of its fit."""
+        laplace, dof = ([float(law(fit, place)) for *_, place, fit in maxima] for law in (self.laplace, self.dof))
+        sigma = equivalent_sigma([one[2] for one in maxima], laplace, dof, self.pairs).tolist()
+        places = zip(maxima, sigma, laplace, dof, strict=True)
+        return [Peak(x, y, snr, level, share, free, flux) for (x, y, snr, flux, *_), level, share, free in places]
 
     def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
-        """Return the same sources in the noise that is known once all of them are out.
+        """Return the same sources in the noise that is known once all are out.
 
         Parameters
         ----------
         peaks : sequence of Peak
         state : FilteredState
         """
-        found = []
-        for peak in peaks:
-            place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
-            snr = peak.flux_e / float(state.sigma_e[place])
-            found.append(self._peak(peak.x_pixel, peak.y_pixel, snr, peak.flux_e, place, state.fit))
-        return self._judged(found)
+        places = [int(self._index[round(peak.y_pixel), round(peak.x_pixel)]) for peak in peaks]
+        return self._judged(
+            [
+                (peak.x_pixel, peak.y_pixel, peak.flux_e / float(state.sigma_e[place]), peak.flux_e, place, state.fit)
+                for peak, place in zip(peaks, places, strict=True)
+            ]
+        )
 
     def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
         """Return the place from the star on the detector, x and y."""

@@ -16,7 +16,7 @@ from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_ke
 FilterName = Literal["matched", "aperture"]
 
 N_VISITS = 256
-SCHEMA = 2  # raised when the same key would give other maps
+SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
 KERNEL_LAMBDA_D = 1.5
 
@@ -87,29 +87,18 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     Parameters
     ----------
     image : ndarray
-        Image, (y, x).
+        Image, (y, x), or several.
     kernel : ndarray
-        Weights, (y, x), odd sides.
-
-    Notes
-    -----
-    By Fourier transforms, padded with zeros: right to rounding of the largest sum of an image.
+        Weights, (y, x), odd sides; at most twice the image.
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 
-    sides = image.shape[-2:]
-    half = tuple(side // 2 for side in kernel.shape)
-    padded = [
-        next_fast_len(max(side + reach, 2 * reach + 1), real=True) for side, reach in zip(sides, half, strict=True)
-    ]
-    centred = np.zeros(padded)
-    centred[: kernel.shape[0], : kernel.shape[1]] = kernel
-    weights = rfft2(np.roll(centred, (-half[0], -half[1]), axis=(0, 1))).conj()
-    # Squares of transforms of very large or small numbers would overflow or vanish.
-    scale = np.abs(image).max(axis=(-2, -1), keepdims=True)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    sums = irfft2(rfft2(image / scale, padded) * weights, padded)
-    return np.asarray(scale * sums[..., : sides[0], : sides[1]])
+    (rows, columns), (high, wide) = image.shape[-2:], kernel.shape
+    size = [next_fast_len(rows + high // 2, real=True), next_fast_len(columns + wide // 2, real=True)]
+    # The sum around the first pixel, so that nothing wraps around into the image.
+    turned = np.roll(np.pad(kernel, ((0, size[0] - high), (0, size[1] - wide))), (-(high // 2), -(wide // 2)), (0, 1))
+    sums = irfft2(rfft2(image, size) * np.conj(rfft2(turned)), size)
+    return np.asarray(sums[..., :rows, :columns])
 
 
 def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:
@@ -215,18 +204,18 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
         stamp[pixels] = values
         return np.where(hole, stamp, 0.0)
 
-    linear, square = (filtered(part.astype(np.float64)) for part in responses[1:])
+    linear, square = filtered(responses[1]), filtered(responses[2])
     of_linear, of_square, both = (np.mean(part, axis=0) for part in (linear**2, square**2, linear * square))
     # Joint cumulants of order 4, in units of those of a Laplace law: 3 variance^2, for the difference of two visits.
     fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
     crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
     tails = [max(fourth, 0.0), max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0)]
-    sampled = np.ix_(rows, columns)
+    sampled, box_shape = np.ix_(rows, columns), (rows.size, columns.size)
     return {
         "linear": on_stamp(np.nonzero(hole), 2.0 * of_linear / spread),
         "square": on_stamp(np.nonzero(hole), 2.0 * of_square / spread),
-        "nominal": on_stamp(sampled, responses[0]),
-        "stray": on_stamp(sampled, responses[2].mean(axis=0)),
+        "nominal": on_stamp(sampled, responses[0].reshape(box_shape)),
+        "stray": on_stamp(sampled, responses[2].mean(axis=0).reshape(box_shape)),
         "tails": np.array(tails),
     }
 

@@ -30,8 +30,8 @@ from simulator.imaging.light_expansion import (
     VisitLight as VisitLight,
     expands as expands,
     visit_light as visit_light,
-    visit_responses as visit_responses,
 )
+from simulator.imaging.measure import visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.mirror_states import (
     at_contrast as at_contrast,

@@ -285,30 +285,6 @@ def waves_of(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> Si
     return _Builder.of(imager, y, x, psd_slope).waves()
 
 
-def visit_responses(
-    imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
-) -> tuple[FloatArray, Single, Single]:
-    """Return the image without errors, (y, x), and what errors of 1 nm in each visit change: two of (n_visits, y, x).
-
-    Parameters
-    ----------
-    imager, y, x, psd_slope
-        As of `visit_light`.
-    n_visits : int
-        Number of visits.
-    seed : int
-        Seed of all random streams.
-
-    Returns
-    -------
-    static, linear, square : ndarray
-        An offset of ``o`` nm changes the image by ``o linear + o^2 square``.
-    """
-    light, rng = visit_light(imager, y, x, psd_slope), stream(seed, "visits")
-    linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(n_visits)]))
-    return light.static, linear, square
-
-
 @functools.lru_cache(maxsize=4)
 def _kept(wanted: _Wanted) -> VisitLight:
     builder = _Builder.of(wanted.imager, wanted.y, wanted.x, wanted.psd_slope)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, overlap_weights
+from cpic_core import FloatArray, InputError, NDArray, overlap_weights, stream
 from simulator.imaging.aperture import aperture_sums, core_cells, cumulative_table, figures_of_stamps
 from simulator.imaging.drift import screen_model
 from simulator.imaging.error_light import Aperture, ErrorLight, light_variance
@@ -173,6 +173,42 @@ def _cross_variance(
     screens, off = screen_model(samples, psd_slope), read(0, 0, mean)
     blocks = [apertures[start : start + _BLOCK] for start in range(0, len(apertures), _BLOCK)]
     return np.concatenate([screens.variance(np.array([read(*part) - off for part in block])) for block in blocks])
+
+
+def visit_responses(
+    imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the pixel images I0, L_k and Q_k at unit rms (1 nm): (1, y, x), (n_visits, y, x) and (n_visits, y, x).
+
+    Parameters
+    ----------
+    imager : Imager
+    y, x : PixelAxis
+    psd_slope : float
+        Exponent of the power spectrum of the screens, ``f^-slope``.
+    n_visits : int
+        Number of visits.
+    seed : int
+        Seed of all random streams.
+    """
+    screens = screen_model(len(imager.transmission), psd_slope)
+    rng = stream(seed, "rdi_floor")
+    grid = imager.focal_grid(y, x)
+    pupils = [imager.pupil(index) for index in range(imager.weights.size)]
+    fields = [grid.transformed(index, pupil) for index, pupil in enumerate(pupils)]
+    phase_per_nm = 2j * np.pi / (imager.wavelengths_m * 1e9)
+    nominal = grid.image()
+    linear, quadratic = (np.empty((n_visits, *nominal.shape)) for _ in range(2))
+    for visit in range(n_visits):
+        screen = screens.draw(rng, 1.0)
+        cross, square = np.zeros(fields[0].shape), np.zeros(fields[0].shape)
+        for index, (pupil, field, weight) in enumerate(zip(pupils, fields, imager.weights, strict=True)):
+            change = phase_per_nm[index] * grid.transformed(index, pupil * screen)
+            cross += 2 * weight * (field.conj() * change).real
+            square += weight * np.abs(change) ** 2
+        linear[visit] = grid.pixels(cross) * imager.pixel_solid_angle_sr
+        quadratic[visit] = grid.pixels(square) * imager.pixel_solid_angle_sr
+    return nominal, linear, quadratic
 
 
 JITTER_NODES = 3

@@ -6,15 +6,15 @@ Whether sums of frames may stand for the frames, from closed forms.
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, Outcome, Reason, Status, stream
+from cpic_core import BoolArray, FloatArray, Outcome, Reason, Status, compute_once, stream
 from simulator.camera import FrameNoise, load_calibration_set
-from simulator.config import CosmicRayConfig, Detector
+from simulator.config import CosmicRayConfig, Detector, content_hash
 from simulator.detectors import VISIBLE, in_sums
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import PsfMetrics
@@ -346,7 +346,8 @@ class PixelHits(NamedTuple):
 def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
     """Return the moments of a configured model of tracks, from 1500 of them drawn from a fixed stream.
 
-    The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %.
+    The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %. They are
+    drawn once and kept in the cache, but for tracks of a file, which may change.
 
     Parameters
     ----------
@@ -354,11 +355,20 @@ def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
     pixel_um : float
         Side of a pixel.
     """
-    area_cm2 = (_SIDE * pixel_um * _CM_PER_UM) ** 2
-    found = draw_cosmic_rays(config, (_SIDE, _SIDE), pixel_um, 1.0, _TRACKS / area_cm2, stream(1, "ledger", "hits"))
-    charge = np.sort(found.electrons.astype(np.float64))
-    tracks = max(found.n_events, 1)
-    return PixelHits(float(charge.sum()) / tracks, float((charge**2).sum()) / tracks, charge)
+
+    def drawn() -> dict[str, Any]:
+        area_cm2 = (_SIDE * pixel_um * _CM_PER_UM) ** 2
+        found = draw_cosmic_rays(config, (_SIDE, _SIDE), pixel_um, 1.0, _TRACKS / area_cm2, stream(1, "ledger", "hits"))
+        charge, tracks = np.sort(found.electrons.astype(np.float64)), max(found.n_events, 1)
+        return PixelHits(charge.sum() / tracks, (charge**2).sum() / tracks, charge)._asdict()
+
+    def read(found: Mapping[str, Any]) -> PixelHits:
+        return PixelHits(float(found["mean_e"]), float(found["square_e2"]), found["charge_e"])
+
+    if config.model == "template" and config.template.template_file is not None:
+        return read(drawn())
+    key = {"tracks": config.model_dump(mode="json"), "pixel_um": pixel_um, "side": _SIDE, "mean": _TRACKS, "schema": 1}
+    return compute_once(f"hits-{content_hash(key)}", drawn, read)
 
 
 # What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.

@@ -32,6 +32,7 @@ from simulator.signal.speckle_modes import (
 from simulator.signal.speckle_visits import (
     REGION_LAMBDA_D as REGION_LAMBDA_D,
     OpticalBand as OpticalBand,
+    hole_changes as hole_changes,
     placed as placed,
     visit_changes as visit_changes,
 )

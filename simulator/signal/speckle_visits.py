@@ -6,9 +6,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once, stream
 from simulator.config import Instrument, content_hash
-from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_responses
+from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_light
 
 REGION_LAMBDA_D = 2.4
 """Half width of the annulus around a place whose speckles count: those of the whole hole are its inner corner's."""
@@ -60,6 +60,36 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     return _visits(wanted)
 
 
+def hole_changes(
+    psf: Psf, psd_slope: float, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the star in the pixels of the dark hole, and what wavefront errors of 1 nm rms change of it.
+
+    Parameters
+    ----------
+    psf : Psf
+    psd_slope : float
+        Exponent of the power spectrum of the errors.
+    count : int
+        Number of errors.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    static : ndarray, shape (p,)
+        In the order of the stamp, as part of the star's light on the clear disc.
+    linear, square : ndarray, shape (count, p)
+        As of `visit_changes`.
+    """
+    hole, imager = psf.geometry.hole, psf.imager
+    rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
+    light, inside = visit_light(imager, y, x, psd_slope), hole[np.ix_(rows, columns)]
+    linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(count)]))
+    return light.static[inside], linear[:, inside], square[:, inside]
+
+
 @functools.lru_cache(maxsize=4)
 def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
@@ -67,14 +97,9 @@ def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     def measured() -> dict[str, Any]:
         announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
         psf = single_band_psf(wanted.band, instrument=wanted.instrument)
-        hole, imager = psf.geometry.hole, psf.imager
-        rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
-        offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-        y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
         slope = wanted.instrument.drift.psd_slope
-        _, linear, square = visit_responses(imager, y, x, slope, N_VISITS, SEED)
-        inside = hole[np.ix_(rows, columns)]
-        return {"linear": linear[:, inside], "square": square[:, inside]}
+        _, linear, square = hole_changes(psf, slope, N_VISITS, stream(SEED, "visits"))
+        return {"linear": linear, "square": square}
 
     return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
 

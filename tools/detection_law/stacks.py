@@ -28,8 +28,9 @@ from cpic_planner.validation.measure import forced_photometry
 from cpic_planner.validation.speckle_maps import SpeckleMaps, speckle_maps
 from simulator.config import load_instrument
 from simulator.detectors import excess_noise_factor2
-from simulator.imaging import Psf, PsfMetrics, centred_axis, visit_responses
+from simulator.imaging import Psf, PsfMetrics
 from simulator.observing import hole_stacks
+from simulator.signal import hole_changes
 
 VISITS = (1, 4, 16)
 POOL, DRAWN, PLACES = 800, 48, 160  # visits of a band that are combined, drawn by frames, and places of planets
@@ -89,11 +90,12 @@ class Field:
         """Draw the pool; other screens than those of the maps."""
         place = places_arcsec(psf.metrics)
         planet = np.stack([np.asarray(psf.at(*one))[psf.geometry.hole] for one in place])
-        return cls(psf, maps, slope, *_pool(psf, slope, SEED), place, planet)
+        _, linear, square = hole_changes(psf, slope, POOL, stream(SEED, "pool"))
+        return cls(psf, maps, slope, linear, square, place, planet)
 
     def renewed(self, number: int) -> "Field":
         """Return the same optics with another pool of visits, the same for the same number."""
-        linear, square = _pool(self.psf, self.slope, SEED + 1 + number)
+        _, linear, square = hole_changes(self.psf, self.slope, POOL, stream(SEED, "pool", number))
         return dataclasses.replace(self, linear=linear, square=square)
 
     def template(self, place: int, width_lambda_d: float) -> PlanetTemplate:
@@ -123,17 +125,6 @@ class Field:
             at = self.place_arcsec[chosen]
             if all(np.hypot(*(at[k] + at[k + 2])) > reach for k in (0, 1)):
                 return chosen
-
-
-def _pool(psf: Psf, slope: float, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return the responses of the pixels of the hole to offsets of 1 nm, to first and to second order."""
-    hole, imager = psf.geometry.hole, psf.imager
-    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
-    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-    axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
-    inside = hole[np.ix_(rows, columns)]
-    _, linear, square = visit_responses(imager, axes[0], axes[1], slope, POOL, seed)
-    return linear[:, inside].astype("f4"), square[:, inside].astype("f4")
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +265,7 @@ def scenes() -> Iterator[Scene]:
         reduced, hole, drawn = pair.draw(0).reduced, pair.geometry.hole, None
         if case.part == "frames":
             roles = (hole_stacks(seen, epochs=2) for seen in (pair.science, pair.reference))
-            sums = [np.stack([role.draw(k).sum(axis=0)[hole] for k in range(DRAWN)]) for role in roles]
+            sums = [np.concatenate([role.draw(k, summed=True) for k in range(DRAWN)])[:, hole] for role in roles]
             drawn = sums[0], sums[1]
         yield Scene(
             case=case,

@@ -11,8 +11,9 @@ from scipy.stats import norm
 
 from cpic_core import Status, stream
 from cpic_planner.validation import RdiResult, ReducedStack
-from cpic_planner.validation.detection import _candidate, search
+from cpic_planner.validation.detection import _candidate, search, searcher
 from cpic_planner.validation.injection import inject, recovered
+from cpic_planner.validation.noise_law import equivalent_sigma
 from cpic_planner.validation.search import SearchedRegion
 from cpic_planner.validation.search_field import Peak
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
@@ -208,6 +209,23 @@ def test_a_planet_of_all_visits_is_no_scatter_of_them(psf, moving, offsets):
     assert found.white_level == pytest.approx(alone.white_level, rel=0.02)
 
 
+def test_one_search_looks_at_many_images_each_as_if_it_were_the_first(psf, moving, offsets):
+    """A planet that is put into a residual is found as one that all visits show, and is forgotten after its search."""
+    stack = programme(psf, offsets, 3, 8, 8)
+    many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
+    ready, alone = searcher(stack, psf, moving, **many), search(stack, psf, moving, **many)
+    bright = inject(stack, psf.at(0.42, 0.40), 60 * float(alone.sigma_e.max()))
+    images = stack.rdi.residuals + (bright.image_e - stack.image_e) / 8
+    whole = dataclasses.replace(bright, rdi=dataclasses.replace(bright.rdi, residuals=images))
+    first, found, last = (ready.search(image) for image in (stack.image_e, bright.image_e, stack.image_e))
+    assert first.candidates == last.candidates == alone.candidates
+    expected = search(whole, psf, moving, **many)
+    assert found.detections
+    for name in ("snr_mf", "significance", "threshold", "flux_e", "false_alarms"):
+        ours, true = ([getattr(one, name) for one in answer.candidates] for answer in (found, expected))
+        np.testing.assert_allclose(ours, true, rtol=1e-6)
+
+
 @pytest.mark.long
 def test_what_all_visits_share_is_noise_that_no_scatter_shows(psf, moving, offsets):
     """The difference of two offsets in every science visit: who believes in none takes its peaks for planets."""
@@ -335,8 +353,8 @@ def test_a_candidate_says_how_often_noise_does_as_much(significance):
         + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi)
     )
     for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
-        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 5.9, region, roughness)
+        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 4.0, region, roughness)
         assert found.false_alarms == pytest.approx(expected, rel=1e-12)
         assert found.detected is detected
         assert (found.x_arcsec, found.y_arcsec) == pytest.approx((-27.5 * 0.016, 2.0 * 0.016), rel=1e-12)
-        assert found.threshold == 5.9
+        assert equivalent_sigma(found.threshold, 0.1, 80.0, 4.0)[0] == pytest.approx(threshold, rel=1e-9)

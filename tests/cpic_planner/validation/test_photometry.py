@@ -1,11 +1,14 @@
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from photutils.aperture import CircularAperture
 
 from cpic_core import stream
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
-from cpic_planner.validation.apertures import sample_scatter
+from cpic_planner.validation.apertures import outside_discs, sample_scatter
 from cpic_planner.validation.photometry import kernel_at, ratio as over_noise, sum_weights
 from simulator.detectors import excess_noise_factor2
 from simulator.detectors.gain import multiply
@@ -25,17 +28,22 @@ def gaussian(x: float, y: float, sigma: float = 1.45) -> np.ndarray:
     return np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * sigma**2)) / (2 * np.pi * sigma**2)
 
 
-def test_weights_against_fine_sampling() -> None:
-    x, y, r, fine = 5.3, 4.8, 2.32, 400
-    grid = (np.arange(fine) + 0.5) / fine - 0.5
-    brute = np.zeros((10, 12))
-    for row in range(10):
-        for column in range(12):
-            inside = (column + grid[None, :] - x) ** 2 + (row + grid[:, None] - y) ** 2 < r * r
-            brute[row, column] = inside.mean()
-    weights = aperture_weights((10, 12), x, y, r)
-    assert weights == pytest.approx(brute, abs=2e-3)
-    assert weights.sum() == pytest.approx(math.pi * r * r, rel=1e-12)
+@pytest.mark.parametrize(
+    ("x", "y", "radius"),
+    [(5.3, 4.8, 2.32), (5.0, 4.0, 2.0), (5.5, 4.5, 0.3), (4.0, 4.0, 4.5), (3.0, 6.0, 0.5), (2.9, 4.1, 3.3999)],
+)
+def test_weights_are_those_of_photutils(x: float, y: float, radius: float) -> None:
+    weights = aperture_weights((10, 12), x, y, radius)
+    # It takes points closer than 1e-10 for the same.
+    exact = CircularAperture((x, y), radius).to_mask(method="exact").to_image((10, 12))
+    np.testing.assert_allclose(weights, exact, rtol=0, atol=2e-10)
+    assert ((weights > 0) == (exact > 0)).all()
+    assert weights.sum() == pytest.approx(math.pi * radius**2, rel=1e-13)
+
+
+def test_weights_need_no_photutils() -> None:
+    code = "import sys; from cpic_planner.validation import aperture_weights as w; w((9, 9), 4.1, 4.2, 2.3); "
+    subprocess.run([sys.executable, "-c", code + "sys.exit('photutils' in sys.modules)"], check=True)
 
 
 def test_sums() -> None:
@@ -62,6 +70,32 @@ def test_scatter_of_white_noise_is_unbiased(phase: tuple[float, float], hole: np
     # The quoted uncertainty, that of one grid of independent apertures, is an upper limit to the pooled one's.
     relative = np.sqrt(variance).std() / math.sqrt(truth)
     assert 0.5 / math.sqrt(2 * (n - 1)) < relative < 1.1 / math.sqrt(2 * (n - 1))
+
+
+def test_scatter_is_that_of_sums_at_every_place(hole: np.ndarray) -> None:
+    """Aperture by aperture, on grids about their own means."""
+    image = np.random.default_rng(5).normal(40.0, 3.0, hole.shape)
+    sigma, n = sample_scatter(image, hole, RADIUS, phase_pixel=(0.3, -0.2))
+    y, x = np.nonzero(hole)
+    first, pitch, grids = (y.min(), x.min()), math.ceil(2 * RADIUS), {}
+    for row, column in zip(y, x, strict=True):
+        weights = aperture_weights(image.shape, column + 0.3, row - 0.2, RADIUS)
+        if hole[weights > 0].all():
+            offset = (row - first[0]) % pitch, (column - first[1]) % pitch
+            grids.setdefault(offset, []).append(float((weights * image).sum()))
+    squares = sum(np.sum((np.array(part) - np.mean(part)) ** 2) for part in grids.values())
+    assert sigma == pytest.approx(math.sqrt(squares / sum(len(part) - 1 for part in grids.values())), rel=1e-10)
+    assert n == max(map(len, grids.values()))
+
+
+@pytest.mark.parametrize("place", [(20.0, 31.5), (-0.5, 3.0), (-9.0, 20.0), (41.2, 38.8), (60.0, 60.0)])
+def test_discs_are_taken_out_also_at_and_beyond_the_edges(place: tuple[float, float]) -> None:
+    y, x = np.indices((40, 43))
+    region = (x + y) % 3 > 0
+    kept = outside_discs(region, [place, (5.0, 5.0)], 6.3)
+    expected = region & (np.hypot(x - place[0], y - place[1]) > 6.3) & (np.hypot(x - 5.0, y - 5.0) > 6.3)
+    np.testing.assert_array_equal(kept, expected)
+    assert region[5, 5] == ((5 + 5) % 3 > 0)
 
 
 def test_sample_count_is_the_packing_of_squares(refused, hole: np.ndarray) -> None:

@@ -180,24 +180,13 @@ def small_hole(band):
     return build_imager(instrument.model_copy(update={"coronagraph": narrow}), band, knobs)
 
 
-def cross_terms(imager, screens):
-    """Sums of the cross term of screens in whole apertures, by transforms, less the mean of the hole."""
+def cross_terms(imager, visits):
+    """Sums of the cross term of visits of 1 nm in whole apertures, less the mean of the hole."""
     zone, pixel = imager.zone, imager.pixel_scale_arcsec
     side = np.arange(np.floor(zone.inner_arcsec / pixel), np.ceil(zone.outer_arcsec / pixel) + 1) * pixel
     y, x = zone.axes(side)
     axes = imager.axis(y, masked=True), imager.axis(x, masked=True)
-    grid, linear = imager.focal_grid(*axes), []
-    parts = [
-        (w, 2j * np.pi / (m * 1e9), i)
-        for i, (w, m) in enumerate(zip(imager.weights, imager.wavelengths_m, strict=True))
-    ]
-    for screen in screens:
-        changes = (
-            2.0 * weight * (grid.field(i).conj() * per_nm * grid.transformed(i, imager.pupil(i) * screen)).real
-            for weight, per_nm, i in parts
-        )
-        linear.append(grid.pixels(sum(changes)) * imager.pixel_solid_angle_sr)
-    linear = np.array(linear)
+    _, linear, _ = measure.visit_responses(imager, *axes, 2.5, visits, 8)
     weights = overlap_weights(imager.aperture_radius_arcsec / pixel)
     sums = aperture_sums(linear, weights)[..., zone.covers(y, x, -imager.aperture_radius_arcsec)]
     return sums - linear[..., zone.covers(y, x)].mean(axis=-1, keepdims=True) * weights.sum()
@@ -212,8 +201,7 @@ def test_the_cross_term_is_the_sum_over_all_waves(monkeypatch):
     waves = 2 * int((few.amplitude > 0).sum())
     object.__setattr__(few, "drawn", [*range(waves), 0, 0])
     monkeypatch.setattr(measure, "screen_model", lambda samples, slope: few)
-    screens = [few.draw(None, 1.0) for _ in range(waves)]
-    sums, floor = cross_terms(imager, screens), measure_floor(imager, 2.5)
+    sums, floor = cross_terms(imager, waves), measure_floor(imager, 2.5)
     assert floor.linear[0] == pytest.approx(2.0 * (sums**2).sum(axis=0).mean(), rel=1e-9)
     assert floor.linear.shape == floor.square.shape == (1 + floor.separation_arcsec.size,)
     assert (np.diff(floor.separation_arcsec) > 0).all()
@@ -222,9 +210,7 @@ def test_the_cross_term_is_the_sum_over_all_waves(monkeypatch):
 @pytest.mark.parametrize("n_visits", [36, pytest.param(100, marks=pytest.mark.long)])
 def test_the_cross_term_of_visits_that_are_drawn(n_visits):
     imager = small_hole("F520")
-    rng, model = np.random.default_rng(8), screen_model(len(imager.transmission), 2.5)
-    screens = [model.draw(rng, 1.0) for _ in range(n_visits)]
-    squares = (cross_terms(imager, screens) ** 2).mean(axis=-1)
+    squares = (cross_terms(imager, n_visits) ** 2).mean(axis=-1)
     error = squares.std() / squares.mean() / np.sqrt(n_visits)
     assert measure_floor(imager, 2.5).linear[0] == pytest.approx(2.0 * squares.mean(), rel=4.0 * error)
 

@@ -142,6 +142,18 @@ def test_at_is_the_exact_image_at_any_sub_pixel_position(position, jitter_mas):
             assert np.abs(centroid_mas(image, 0.016153) - centroid_mas(exact, 0.016153)).max() < 0.01
 
 
+@pytest.mark.parametrize("margin", [0, 4])
+def test_at_of_the_hole_is_the_same_image_on_its_rows_and_columns(psfs, margin):
+    psf, place = psfs["F720"], (0.43, -0.37)
+    whole, cut, hole = psf.at(*place), psf.at(*place, margin_pixels=margin), psf.geometry.hole
+    wanted = [np.flatnonzero(hole.any(axis=k)) for k in (1, 0)]
+    rows, columns = (np.abs(np.arange(len(hole))[:, None] - part).min(axis=1) <= margin for part in wanted)
+    inside = np.outer(rows, columns)
+    assert inside[hole].all()
+    np.testing.assert_allclose(cut[inside], whole[inside], rtol=1e-9, atol=1e-17)
+    assert not cut[~inside].any()
+
+
 def test_at_is_the_off_axis_image_on_whole_pixels(psfs):
     psf = psfs["F720"]
     shift = 30

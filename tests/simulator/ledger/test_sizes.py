@@ -14,7 +14,7 @@ from simulator.detectors.chains import switched
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import centred_axis, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map
-from simulator.ledger import forecast
+from simulator.ledger import case, forecast
 from simulator.ledger.case import largest_speckles, pixel_hits
 from simulator.signal import drift_halo
 
@@ -94,6 +94,23 @@ def test_moments_of_tracks_are_those_of_other_tracks(calm):
     assert said.square_e2 == pytest.approx((charge**2).sum() / drawn.n_events, rel=0.1)
     level = 1000.0
     assert said.share_above(level) == pytest.approx((charge[charge >= level] ** 2).sum() / (charge**2).sum(), abs=0.05)
+
+
+def test_moments_of_tracks_are_drawn_once_but_for_those_of_a_file(calm, tmp_path, monkeypatch):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    np.savez(tmp_path / "tracks.npz", templates=np.ones((1, 3, 3)), pixel_um=5.0)
+    named = {"template": {"template_file": str(tmp_path / "tracks.npz")}, "model": "template"}
+    own = calm.changed({"cosmic_rays": named}).cosmic_rays
+    drawn = []
+    monkeypatch.setattr(case, "draw_cosmic_rays", lambda *given: drawn.append(given) or draw_cosmic_rays(*given))
+    for rays, times in ((calm.cosmic_rays, 1), (own, 2)):
+        before, said = len(drawn), []
+        for _ in range(2):
+            pixel_hits.cache_clear()
+            said.append(pixel_hits(rays, 13.0))
+        assert said[0][:2] == said[1][:2]
+        np.testing.assert_array_equal(said[0].charge_e, said[1].charge_e)
+        assert len(drawn) - before == times
 
 
 @pytest.mark.parametrize("place", [(0.9, 0.35), (2.0, 2.5), (6.0, -0.4)])
