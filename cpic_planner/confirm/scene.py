@@ -46,7 +46,7 @@ class _Programme:
 
 def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
     """Return the job that simulates a scene and measures it blind."""
-    from cpic_planner.report import products_of, write_confirm_report
+    from cpic_planner.report import products_of
 
     prepared = functools.cache(lambda: _work(config))
 
@@ -55,6 +55,8 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
         return _result(config, prepared(), runner.digest, list(bodies.values()))
 
     def write(folder: RunFolder, result: ConfirmResult, bodies: Mapping[str, Any]) -> None:
+        from cpic_planner.report import write_confirm_report
+
         images = {task.band: bodies[task.key] for task in prepared().tasks}
         shown = config.simulator_overrides.scene(config.scene)
         write_confirm_report(folder, result, prepared().model, shown, images)

@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -12,13 +12,14 @@ from cpic_core import InputError
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
-from cpic_planner.ranking import rank_targets
-from cpic_planner.survey import ScheduledVisit
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import Instrument
 from simulator.imaging import refuse_table
 from simulator.ledger import not_modelled
+
+if TYPE_CHECKING:
+    from cpic_planner.survey import ScheduledVisit
 
 RESULT_VERSION = 8
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
@@ -139,7 +140,7 @@ def tasks_of(
     return tasks, refused
 
 
-def why_not_imaged(config: queries.ImageQuestion, visit: ScheduledVisit) -> str:
+def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> str:
     """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some.
 
     Parameters
@@ -159,7 +160,7 @@ def why_not_imaged(config: queries.ImageQuestion, visit: ScheduledVisit) -> str:
     return ""
 
 
-def first_roll_deg(bands: Mapping[str, Sequence[ScheduledVisit]]) -> float:
+def first_roll_deg(bands: "Mapping[str, Sequence[ScheduledVisit]]") -> float:
     """Return the roll of a star's images, degrees: that of the first of its visits, by band, that states one; else 0.
 
     Parameters
@@ -174,7 +175,7 @@ def programme_task(
     model: EtcModel,
     star: Targets,
     band: str,
-    visits: Sequence[ScheduledVisit],
+    visits: "Sequence[ScheduledVisit]",
     *,
     planet: queries.ReferencePlanet,
     **settings: Any,
@@ -259,6 +260,8 @@ def confirm_stars(
     **settings
         `cpic_planner.validation.task.ImageSettings`; at least the seed.
     """
+    from cpic_planner.ranking import rank_targets
+
     queries.refuse_counting(model.strategy)
     refuse_unimaged(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
@@ -282,6 +285,7 @@ def star_images_job(
     catalogue : str
         Which table the star is from.
     """
+    from cpic_planner.ranking import rank_targets
     from cpic_planner.report import products_of, write_star_images
 
     asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}

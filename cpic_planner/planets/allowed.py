@@ -217,8 +217,16 @@ def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_r
 
 def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
     """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
-    listed = _listed()
-    return np.array([listed.get(star_key(name), (name, np.nan))[1] for name in names], float)
+    keys = [star_key(name) for name in names]
+    # Published parameters change masses, not names: they are not read for stars that no catalogue holds.
+    listed = _listed() if _listed_keys().intersection(keys) else {}
+    return np.array([listed.get(key, ("", np.nan))[1] for key in keys], float)
+
+
+@functools.cache
+def _listed_keys() -> frozenset[str]:
+    """Return the `star_key` of every star of the embedded catalogue."""
+    return frozenset(map(star_key, load_stars(updates=False).column("name").tolist()))
 
 
 @functools.cache

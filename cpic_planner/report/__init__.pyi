@@ -58,8 +58,11 @@ from cpic_planner.report.etc_figures import (
     write_figure as write_figure,
 )
 from cpic_planner.report.files import (
+    PRODUCTS as PRODUCTS,
+    WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     form_text as form_text,
     offered_text as offered_text,
+    products_of as products_of,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,
     visibility_csv as visibility_csv,
@@ -94,9 +97,6 @@ from cpic_planner.report.visibility_figures import known_figure as known_figure,
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
 from cpic_planner.report.write import (
     PANELS as PANELS,
-    PRODUCTS as PRODUCTS,
-    WHATIF_PRODUCTS as WHATIF_PRODUCTS,
-    products_of as products_of,
     templates as templates,
     write_confirm_report as write_confirm_report,
     write_report as write_report,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,13 @@ from cpic_planner.registry import SCORES
 from cpic_planner.report.cells import Cells, chosen, fitting, offered, plain_text
 from cpic_planner.version import __version__
 from simulator.knobs import Quantity
+
+PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
+"""Names of the files of a report of a plan."""
+WHATIF_PRODUCTS = ("targets.csv", "report.html")
+"""Names of the files of a report of survey strategies."""
+PANELS = "panels-{band}.png"
+"""Name of the images of a band."""
 
 _LATEX_WIDTH, _LATEX_GAP = 82, 2  # letters of \\footnotesize on a line of an article, and between two columns
 _POWER = re.compile(r"(\d\.?\d*)e([-+]\d+)")
@@ -34,6 +41,11 @@ _LATEX |= {
     "\u202f": r"\,",
 }
 _LATEX |= {"≥": r"$\ge$", "≤": r"$\le$", "λ": r"$\lambda$", "⊕": r"$\oplus$", "…": r"\ldots{}"}
+
+
+def products_of(bands: Iterable[str]) -> list[str]:
+    """Return the names of the files of a report of images in these bands."""
+    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
 def form_text(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.document import Document
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.files import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
+from cpic_planner.report.files import PANELS, measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
@@ -104,13 +104,6 @@ def _seen(value: Any) -> Any:
     """Return plain text with control characters as escapes; markup of templates as it is."""
     return visible(value, "\n") if type(value) is str else value
 
-
-PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
-"""Names of the files of a report of a plan."""
-WHATIF_PRODUCTS = ("targets.csv", "report.html")
-"""Names of the files of a report of survey strategies."""
-PANELS = "panels-{band}.png"
-"""Name of the images of a band."""
 
 N_LIMIT_POINTS = 24
 MAX_LIMITS = 3
@@ -221,11 +214,6 @@ def write_report(
     beside: dict[str, Any] = {"sensitivity": sensitivity, "known": known}
     page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), **beside)
     folder.write("report.html", page)
-
-
-def products_of(bands: Iterable[str]) -> list[str]:
-    """Return the names of the files of a report of images in these bands."""
-    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
 def write_star_images(
