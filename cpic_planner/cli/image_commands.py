@@ -100,7 +100,8 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars.
     Science and reference visits are simulated, --realisations times a band, the star is subtracted, and the dark
     hole is searched blind; forced photometry, positions, and a fit of metallicity and clouds follow. One more
-    realisation a band runs frame by frame with every effect of the camera (--no-audit leaves it out).
+    realisation a band has every effect of the camera: a stated part of its frames is run one by one, and what the
+    effects change is carried to all of them (--no-audit leaves it out).
 
     Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part

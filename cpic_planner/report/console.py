@@ -180,10 +180,11 @@ def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool
         print_table(console, title, cells, rows, explained=True, legend=not full)
     for item in result.bands if full else ():
         if item.audit is not None:
-            audit, where = item.audit, f"{item.planet}, {item.band}, frame by frame with every effect"
+            audit, where = item.audit, f"{item.planet}, {item.band}, with every effect"
+            run = f"{audit.frames_run} of {audit.frames_in_all} frames one by one"
             snr = f"SNR {significant(audit.recovered_snr)} ({significant(audit.predicted_snr)} predicted)"
             off = f"contrast off by {decimals(audit.deviation_sigma, 1)} of its errors"
-            print_plain(console, f"{where}: {snr}, {off}, {'found' if audit.detected else 'not found'}")
+            print_plain(console, f"{where} ({run}): {snr}, {off}, {'found' if audit.detected else 'not found'}")
     if result.searches:
         _print_searches(result.searches, console)
     print_note(console, *summary.programme_sentences(result))

@@ -250,7 +250,7 @@ def measure_table(
 def _audit_columns() -> list[doc.Column[tuple[results.BandConfirmation, results.AuditRecord]]]:
     return doc.row_columns(
         results.AuditRecord,
-        "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
+        "band:row frames_run frames_in_all predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
         "false_detections hits rejected_fraction saturated_in_hole saturated_outside",
         of=itemgetter(1),
         band=Cells("", lambda case: case[0].band, right=False, label="band"),
@@ -264,8 +264,10 @@ def audit_blocks(name: str, bands: Iterable[results.BandConfirmation]) -> Iterat
     audited = [(band, band.audit) for band in bands if band.audit is not None]
     if audited:
         caption = (
-            "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
-            "of particles. Deviation: measured less true contrast, in units of its error."
+            "Audited: one more realisation of the programme with every effect of the camera, calibrated and cleaned of "
+            "particles. The stated part of its frames is run one by one, beside frames of the same light and random "
+            "numbers without these effects; what they change is carried to all frames. Deviation: measured less true "
+            "contrast, in units of its error."
         )
         yield doc.table(f"Frame by frame, {name}", caption, _audit_columns(), audited)
 
@@ -344,7 +346,7 @@ def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
     yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
     yield doc.Paragraph(
         "Realisations that are drawn as sums of frames leave these out, and so does the prediction. The audited ones, "
-        "frame by frame, hold whatever the camera of the instrument has switched on. An effect that is missing from "
+        "a part of whose frames are run one by one, hold whatever the camera of the instrument has switched on. An effect that is missing from "
         "both sides does not show in their comparison.",
         "note",
     )

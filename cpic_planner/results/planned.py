@@ -37,6 +37,7 @@ class AuditRecord(Row):
 
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
     frames_run: int = column("science and reference frames that were run one by one", label="frames run", format="d")
+    frames_in_all: int = column("science and reference frames of the programme", label="of frames", format="d")
     predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
     recovered_snr: float = column(label="measured SNR")
     recovered_significance: float
@@ -46,7 +47,7 @@ class AuditRecord(Row):
     detected: bool = column("the blind search finds the planet at its place", label="blind search")
     false_detections: int = column("what the search finds elsewhere", label="detections elsewhere", format="d")
     hits: int = column(
-        "pixel-frames of particles that were found, science and reference", label="hits of particles", format="d"
+        "pixel-frames of particles that were found in the frames that were run", label="hits of particles", format="d"
     )
     rejected_fraction: float = column(
         "share of the pixel-frames of the hole that were left out", label="left out of the hole", format="%"

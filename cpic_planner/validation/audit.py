@@ -39,6 +39,7 @@ MOST_SHARE = 0.5
 """Of the variance of the whole programme, what may come from the frames that stand for the others."""
 _SEQUENCE_FRAMES = 24  # a pixel is compared with itself in as many: more tell its level no better than its drift
 _LEAST_SEQUENCES = 2
+_EPOCHS = 3  # the drift within a visit matters to the rejection alone: frame and twin share it
 _REACH_PIXELS = 4  # from a track: its charge, three pixels of what transfers leave behind, and the neighbour of that
 
 
@@ -101,7 +102,8 @@ def audited(task: ConfirmTask, modelling: Modelling, sums: VisitPair) -> tuple[R
     sums : VisitPair
         The visits of the task, drawn as sums.
     """
-    full = visit_pair(task, full=True, realisation=REALISATION, modelling=modelling)
+    how = dataclasses.replace(modelling.whole(), epochs=_EPOCHS)
+    full = visit_pair(task, realisation=REALISATION, modelling=how)
     science = frame_effects(full, "science", full.plan.visits)
     reference = frame_effects(full, "reference", full.plan.reference_visits)
     images, counts = [], []
@@ -130,15 +132,15 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
     -----
     What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike:
     ``N`` frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the
-    variance ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 6 % of the variance ``v``
+    variance ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 9 % of the variance ``v``
     of a frame. In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at
-    least two and no more than there are, until this share is at most `MOST_SHARE`: one frame in ten or so, more where
+    least two and no more than there are, until this share is at most `MOST_SHARE`: one frame in six or so, more where
     particles are many. The noise from sums is lowered by the same share, so that the image has the noise of the whole
     programme, and beside it a change of the mean shows as much as if every frame had been run.
 
-    Variances are those of sums over squares as large as an aperture: charge that moves by a pixel stays in it. Frames
-    that a particle hit are left out of the difference as of the mean. Where a frame is left out and no particle was
-    near, its own light did it: the loss is part of the change.
+    Variances are those of steps between squares as large as an aperture: charge that moves by a pixel stays in one, and
+    an even level in both. Frames that a particle hit are left out of the difference as of the mean. Where a frame is
+    left out and no particle was near, its own light did it: the loss is part of the change.
     """
     hole = visits.geometry.hole
     side = max(round(math.sqrt(math.pi) * radius_pixel(visits.geometry)), 1)
@@ -156,8 +158,8 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
         thinning.append(len(usable) / np.maximum(usable.sum(axis=0), 1))
         parts.append(story)
         light = np.stack([observation.rate_map(number) for number in numbers]) * observation.exposure_s
-        moved.append(_squares(change, covered, side))
-        plain.append(_squares(twin - light, covered, side))
+        moved.append(_steps(change, covered, side))
+        plain.append(_steps(twin - light, covered, side))
         difference, own = np.concatenate(moved), np.concatenate(plain)
         share, ratio = _ratios(difference, own)
         share *= n_visits * length / len(own)
@@ -205,11 +207,18 @@ def without_frame_effects(observation: Observation) -> Observation:
     return dataclasses.replace(observation, instrument=instrument)
 
 
-def _squares(frames: FloatArray, covered: BoolArray, side: int) -> FloatArray:
-    """Return sums over squares of ``side`` pixels of what is covered, shape (frames, squares)."""
+def _steps(frames: FloatArray, covered: BoolArray, side: int) -> FloatArray:
+    """Return steps from the mean of a square of ``side`` pixels to that of the next one, shape (frames, steps).
+
+    A level that is common to a frame is no noise of an aperture beside its background.
+    """
     rows, columns = (size // side * side for size in covered.shape)
-    cut = np.where(covered, frames, 0.0)[:, :rows, :columns]
-    return np.asarray(cut.reshape(len(frames), rows // side, side, columns // side, side).sum(axis=(2, 4)))
+    shape = rows // side, side, columns // side, side
+    pixels = covered[:rows, :columns].reshape(shape).sum(axis=(1, 3))
+    sums = np.where(covered, frames, 0.0)[:, :rows, :columns].reshape(len(frames), *shape).sum(axis=(2, 4))
+    means = sums / np.maximum(pixels, 1)
+    full = pixels > 0.5 * side**2
+    return np.asarray(np.diff(means, axis=2)[:, full[:, 1:] & full[:, :-1]])
 
 
 def _ratios(difference: FloatArray, plain: FloatArray) -> tuple[float, float]:

@@ -24,6 +24,8 @@ from simulator.target import detector_to_sky
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
 _SUMS_S = 0.02  # of one realisation of both visits, reduced, searched and measured
 _FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned
+# An audit runs a part of the frames with a plain twin each, two sequences of either role at least; and propagations.
+_AUDIT_SHARE, _AUDIT_LEAST, _AUDIT_FRAME_S, _AUDIT_STAMPS = 0.2, 96, 1.5e-2, 0.2
 _STAMP_S, _STAMP_S_PER_PRODUCT = 1e-3, 8e-11  # of one propagation of the star
 _HOLE_SHARE = 0.4  # of the stamp, in rows and columns that the hole has
 _BASE_MB, _WHOLE_FRAME_MB, _STACK_BYTES = 450.0, 200.0, 32.0
@@ -68,8 +70,9 @@ def task_cost(task: ConfirmTask) -> TaskCost:
         visits = task.visits + task.reference_visits
         work += runs * (_SUMS_S + visits * min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s)
         if task.audit:
-            one_by_one, largest = frames, task.n_frames
-            work += _frames_s(how, "hole", task, frames, stamp_s)
+            one_by_one = min(max(round(_AUDIT_SHARE * frames), _AUDIT_LEAST), frames)
+            largest = min(task.n_frames, _AUDIT_LEAST)
+            work += one_by_one * (_AUDIT_FRAME_S + _AUDIT_STAMPS * stamp_s)
     else:
         runs = how.runs_by_frames(task.realisations)
         one_by_one, largest = runs * frames, task.n_frames

@@ -253,12 +253,14 @@ def _mean(values: Sequence[float | None]) -> float | None:
 def audit_of(
     task: ConfirmTask, number: int, measured: Measurement, statistics: FrameStatistics, false_detections: int
 ) -> AuditRecord:
-    """Return the record of the realisation that ran frame by frame with every effect on."""
+    """Return the record of the realisation with every effect on; ``statistics`` are of the frames that were run."""
     expected = task.predictions[number]
     return AuditRecord.of(
         task,
         measured,
         statistics,
+        n_frames=task.n_science_frames,
+        frames_in_all=round(task.n_all_frames),
         predicted_snr=expected["snr_full"],
         recovered_snr=measured.snr,
         recovered_significance=measured.significance,

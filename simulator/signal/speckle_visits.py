@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, announce, compute_once, stream
 from simulator.config import Instrument, content_hash
 from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_light
 
@@ -62,7 +62,7 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
 
 def hole_changes(
     psf: Psf, psd_slope: float, count: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, NDArray[np.float32], NDArray[np.float32]]:
     """Return the star in the pixels of the dark hole, and what wavefront errors of 1 nm rms change of it.
 
     Parameters

@@ -30,6 +30,8 @@ BANDS = ("F520", "F662", "F720", "F850")
 def _audit(predicted: float, contrast: float) -> AuditRecord:
     return AuditRecord(
         n_frames=118,
+        frames_run=48,
+        frames_in_all=236,
         predicted_snr=0.99 * predicted,
         recovered_snr=1.01 * predicted,
         recovered_significance=1.2 * predicted,
@@ -85,6 +87,8 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
                 message="",
                 exposure_s=42.5,
                 n_frames=118,
+                frames_run=48,
+                frames_in_all=236,
                 em_gain=36.2,
                 integration_s=5015.0,
                 time_s=10289.6,

@@ -44,6 +44,7 @@ TASK = ConfirmTask(
 )
 MODELLING = Modelling(
     dial=dial_of().of("planet_flux", "snr"),
+    exact=False,
     draw="sums",
     region="hole",
     knobs=FIDELITIES["standard"],
@@ -164,7 +165,7 @@ def test_the_etc_is_named_where_it_is_off(factor, word):
 
 
 def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
-    story = FrameStatistics(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3)
+    story = FrameStatistics(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3, frames_run=400)
     found = answer(realisations(2), story=story)
     assert found.contrast_mean_error == pytest.approx(1e-9 / np.sqrt(2))
     assert found.status == "saturated"
@@ -175,12 +176,14 @@ def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
 
 
 def test_an_audit_is_compared_with_all_that_is_predicted():
-    story = FrameStatistics(lost_in=0, lost_outside=10, rejected_fraction=0.02, hits=40)
+    story = FrameStatistics(lost_in=0, lost_outside=10, rejected_fraction=0.02, hits=40, frames_run=50)
     record = audit_of(TASK, 0, measurement(1.15e-8), story, 1)
     assert record.predicted_snr == 9.9
     assert record.deviation_sigma == pytest.approx(1.5)
     assert record.detected
     assert record.false_detections == 1
+    assert (record.frames_run, record.frames_in_all, record.n_frames) == (50, 200, 100)
+    assert record.saturated_outside == pytest.approx(10 / 50)
     assert not audit_of(TASK, 0, measurement(), replace(story, lost_in=1), 0).detected
 
 
@@ -200,7 +203,7 @@ def test_a_target_in_words():
     unseen = bad.model_copy(update={"n_significant": 3})
     assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 4")
     assert target_verdict([refused]) == ("not observed: adc_range", None, None)
-    cut = answer(realisations(2), story=FrameStatistics(5, 0, 0.0, 0))
+    cut = answer(realisations(2), story=FrameStatistics(5, 0, 0.0, 0, 100))
     assert target_verdict([cut])[0].startswith("saturated")
     missed = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
     text, *ratio = target_verdict([missed])
@@ -217,5 +220,5 @@ def test_how_the_images_were_made_stands_beside_the_answer():
     assert found.modelled.tolerance == {"planet_flux": 0.01, "snr": 0.03}
     (row,) = found.modelled.effects
     assert (row.key, row.decision, row.size) == ("summed_frames", "skipped", 0.004)
-    gone = cut_off(Evidence(TASK, MODELLING.whole(), STAR, 0, FrameStatistics(5, 0, 0.0, 0)), 0)
+    gone = cut_off(Evidence(TASK, MODELLING.whole(), STAR, 0, FrameStatistics(5, 0, 0.0, 0, 100)), 0)
     assert (gone.status, gone.drawn_as, gone.modelled.draw) == ("saturated", "frames", "frames")
