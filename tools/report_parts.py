@@ -3,7 +3,10 @@
 import base64
 import csv
 import io
+import os
+import platform
 from collections.abc import Mapping, Sequence
+from importlib import metadata
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -66,3 +69,19 @@ def write_picture(folder: Path, name: str, picture: Picture) -> str:
     file = f"{name}{'.svg' if 'svg' in head else '.png'}"
     write_bytes(folder / file, base64.b64decode(data))
     return file
+
+
+def machine(*packages: str) -> str:
+    """Return the processor, Python, and the versions of packages.
+
+    Parameters
+    ----------
+    *packages : str
+    """
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "processor")
+    versions = [f"Python {platform.python_version()}", *(f"{one} {metadata.version(one)}" for one in packages)]
+    return f"{name} ({platform.machine()}, {os.cpu_count()} cores), {', '.join(versions)}"

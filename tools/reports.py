@@ -96,6 +96,11 @@ def _tokens(node: object) -> Iterator[str]:
 _digest = functools.cache(digest)
 
 
+def _digest_since(path: Path, began: float) -> str:
+    """Return the digest of a file that was read; of one that was changed since, nobody knows what was read."""
+    return digest(path) if path.stat().st_mtime <= began else "changed while the report was made"
+
+
 def names() -> list[str]:
     """Return the committed reports."""
     return sorted(path.parent.name for path in REPORTS.glob(f"*/{REPORT}"))
@@ -160,6 +165,7 @@ def make(name: str, more: Sequence[str] = ()) -> tuple[float, str]:
         paths = [str(ROOT / "tools" / "recorder"), str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = os.environ | dict.fromkeys(_THREADS, "1")
         environment |= {"PYTHONPATH": os.pathsep.join(paths), "CPIC_RECORDED_FILES": str(record)}
+        began = time.time()
         with told.open("wb") as stream:
             process = subprocess.Popen(
                 [sys.executable, *command(name), *more], cwd=ROOT, env=environment, stdout=stream, stderr=stream
@@ -172,7 +178,7 @@ def make(name: str, more: Sequence[str] = ()) -> tuple[float, str]:
         if f"w reports/{name}/{REPORT}" not in lines:
             complaint = complaint or f"wrote no {REPORT}"
         elif not any(word.startswith("--only") for word in more):
-            files = {path: digest(ROOT / path) for path in files_read(lines)}
+            files = {path: _digest_since(ROOT / path, began) for path in files_read(lines)}
             made = Made(seconds, digest(REPORTS / name / REPORT), files)
             text = json.dumps(asdict(made), indent=0, sort_keys=True)
             (REPORTS / name / MADE).write_text(f"{text}\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python -m tools.reports camera_speed -- --install`` (about twenty minutes, two packages).
+"""Regenerate this report: ``python -m tools.reports camera_speed -- --install``.
 
 How long frames take on one thread, beside emccd-detect and getframes, and how exact the gain of each is. Without
 ``--install`` the other packages run in environments of your own: ``--peer emccd-detect=PATH/bin/python``.
@@ -12,7 +12,6 @@ import io
 import json
 import logging
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -21,7 +20,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +50,7 @@ from simulator.camera import VisibleCamera, stack_electrons
 from simulator.detectors import Exposure
 from simulator.effects import draw_cosmic_rays
 from simulator.products import write_level0
+from tools.report_parts import machine
 
 HERE = Path(__file__).resolve().parent
 FLATS_E, FLAT_GAINS = (50.0, 1e3, 2e4), (1.0, 20.0, 300.0)
@@ -82,20 +81,6 @@ def timed(name: str, job: Callable[[int], Any], rounds: int, asked_s: float | No
     found = Timing(name, float(np.median(cpu)), float(np.median(wall)), rounds, asked_s)
     print(f"{name}: {found.cpu_s:.4f} s of processor, {found.wall_s:.4f} s", flush=True)
     return found
-
-
-def machine() -> str:
-    """Processor and versions."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba"))
-    return (
-        f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
-        f"Python {platform.python_version()}, {versions}"
-    )
 
 
 def observations() -> dict[str, Observation]:
@@ -282,7 +267,7 @@ def report(tables: dict[str, str], compiled: tuple[float, float, int, int], roun
 
 Regenerate with `python -m tools.reports camera_speed -- --install`; everything below is written by it.
 
-{machine()}.
+{machine("numpy", "numba")}.
 
 One thread, medians of {rounds} warm runs (5 at most of sequences). The verdict is by processor time: on one thread it
 is the wall clock of an idle machine.

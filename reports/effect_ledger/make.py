@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python -m tools.reports effect_ledger`` (about fifteen minutes).
+"""Regenerate this report: ``python -m tools.reports effect_ledger``.
 
 Whether what the effect ledger leaves out stays within the tolerance: random scenes, each with and without one, compared
 by noiseless images and closed-form variances that know nothing of the ledger. ``--scenes N`` takes the first N.

@@ -1,12 +1,11 @@
-"""Regenerate this report: ``python -m tools.reports etc_accuracy`` (about four minutes).
+"""How far the exposure-time calculator can be trusted: ``python -m tools.reports etc_accuracy`` makes this report anew.
 
-How far the exposure-time calculator can be trusted: its noise against Monte Carlo, its choice of frames against trying
-everything, its contrast limit against the imaging model, and how long it takes. ``--speed`` measures the times alone.
+Its noise against Monte Carlo, its choice of frames against trying everything, its contrast limit against the imaging
+model, and how long it takes.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from monte_carlo import recover
 from random_problems import random_problem
 from real_stars import PLANETS, prepared
 from regimes import GAINS, Case, apertures, cases, predicted
-from speed import SpeedRow, machine, speed_rows
+from speed import SpeedRow, speed_rows
 from threadpoolctl import threadpool_limits
 
 from cpic_core import write_bytes, write_text
@@ -28,7 +27,7 @@ from cpic_planner.etc import EtcModel, FixedFrames, FrameProblem, band_cases, bu
 from cpic_planner.report import style
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
-from tools.report_parts import csv_text, png, table
+from tools.report_parts import csv_text, machine, png, table
 
 HERE = Path(__file__).resolve().parent
 TRIALS = 20_000
@@ -420,7 +419,7 @@ mean of the annulus subtracted. With walk, the image of a visit is the mean of {
 
 ## Speed
 
-{machine()}.
+{machine("numpy")}.
 
 One thread, medians of warm calls. The verdict is by processor time: on one thread it is the wall clock of an idle
 machine.
@@ -431,13 +430,8 @@ machine.
 
 def main() -> None:
     """Measure, compare, draw."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--speed", action="store_true", help="print the times only")
     model = build_model(load_instrument())
     with threadpool_limits(1):
-        if options.parse_args().speed:
-            print(speed_table(speed_rows()))
-            return
         trials, counted, stars = monte_carlo_rows(), counting_rows(), star_rows(model)
         frames = optimiser_rows(model)
         curves, floors = limit_curves(), floor_rows()
@@ -450,7 +444,6 @@ def main() -> None:
         write_bytes(HERE / "monte_carlo.png", png(monte_carlo_figure(trials, WHITE)))
         write_bytes(HERE / "contrast_limit.png", png(limit_figure(curves)))
     write_text(HERE / "report.md", report(trials, counted, stars, frames, curves, floors, speeds))
-    print(HERE / "report.md")
 
 
 if __name__ == "__main__":

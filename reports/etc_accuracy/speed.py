@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,7 @@ from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
 
-__all__ = ["SpeedRow", "machine", "speed_rows"]
+__all__ = ["SpeedRow", "speed_rows"]
 
 STAR, SEPARATION_ARCSEC, TIME_S = "tau Cet", 0.65, 7200.0
 CALL_S, CATALOGUE_S, RANKING_S = 5e-3, 0.3, 10.0
@@ -33,19 +30,6 @@ class SpeedRow:
     cpu_s: float
     wall_s: float
     asked_s: float | None = None
-
-
-def machine() -> str:
-    """Processor and versions."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return (
-        f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
-        f"Python {platform.python_version()}, numpy {np.__version__}"
-    )
 
 
 def timed(job: str, run: Callable[[], Any], *, asked_s: float | None = None, rounds: int = CALLS) -> SpeedRow:

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python -m tools.reports imaging_speed`` (about three minutes).
+"""Regenerate this report: ``python -m tools.reports imaging_speed``.
 
 How long images take on one thread, beside the grid of 4 x 4 cells of the paper (Zhu et al. 2025) and HCIPy's
 propagation, and how exact they are.
@@ -10,7 +10,6 @@ import argparse
 import csv
 import io
 import logging
-import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,13 +33,13 @@ from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import BandTransfer
 from simulator.knobs import FIDELITIES, Knobs
+from tools.report_parts import machine
 
 HERE = Path(__file__).resolve().parent
 BAND, HOLE_BAND = "F520", "F662"  # the finest image of the four, and the band of the Jacobian
 SIDE, FRAME_SIDE, COUNTS = 1024, 1081, (1, 10, 100, 1000)
 KERNEL_HALF = 256
 ROUNDS = 5
-ERROR_BANDS = ("F520", "F850")
 ERRORS = ("peak", "aperture", "mean of the hole", "rms in the hole (contrast)")
 
 FloatArray = NDArray[np.float64]
@@ -103,16 +102,6 @@ class Clock:
             asked = "" if row.asked_s is None else f"{row.asked_s:g}"
             lines.append(f"| {name} | {row.cpu_s:.3g} | {row.wall_s:.3g} | {asked} | {met} | {ratio} |")
         return "\n".join(lines)
-
-
-def machine() -> str:
-    """Type of the processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0]} ({platform.machine()})" if names else platform.machine()
 
 
 def time_psfs(clock: Clock, instrument: Instrument) -> list[str]:
@@ -331,32 +320,15 @@ def tier_table(instrument: Instrument) -> str:
     return "\n".join(lines)
 
 
-def knob_table(instrument: Instrument) -> str:
-    """What each knob buys: the reference settings but for one, the worse of two bands."""
-    finest = {"wavelength_nodes": 7, "pixel_nodes": 5}
-    changes: list[dict[str, Any]] = [{"wavelength_nodes": n} for n in (1, 2, 3, 4, 5)]
-    changes += [{"pixel_nodes": n} for n in (1, 2, 3, 4)]
-    changes += [{"precision": "single"}, {"pupil_samples": 512}]
-    best = {band: single_band_psf(band, fidelity=Knobs(**finest), instrument=instrument) for band in ERROR_BANDS}
-    lines = [f"| {' | '.join(['knob', *ERRORS])} |", "|" + "---|" * (1 + len(ERRORS))]
-    for change in changes:
-        errors = [
-            compare(single_band_psf(band, fidelity=Knobs(**finest | change), instrument=instrument), best[band])
-            for band in ERROR_BANDS
-        ]
-        name, value = next(iter(change.items()))
-        lines.append(f"| `{name}={value}` | {' | '.join(f'{error:.0e}' for error in np.max(errors, axis=0))} |")
-    return "\n".join(lines)
-
-
-def report(clock: Clock, groups: list[list[str]], errors: dict[str, float], tables: list[str]) -> str:
+def report(clock: Clock, groups: list[list[str]], errors: dict[str, float], tiers: str) -> str:
     """Text of the report."""
     return f"""# Speed and exactness of images
 
 Regenerate with `python -m tools.reports imaging_speed`; everything below is written by it.
 
-{machine()}, one thread. Medians of {ROUNDS} warm runs of our own code (three of the largest images), single runs of
-searches and of other methods. The verdict is by processor time: on one thread it is the wall clock of an idle machine.
+{machine("numpy")}, one thread.
+Medians of {ROUNDS} warm runs of our own code (three of the largest images), single runs of searches and other methods.
+The verdict is by processor time: on one thread it is the wall clock of an idle machine.
 The default instrument.
 
 ## Point-spread functions
@@ -397,14 +369,7 @@ Errors in units of the source's own peak, against every source propagated by its
 nodes a pixel and 512 samples. Peak, aperture and mean are relative. These are errors of the numerics, not of the
 assumptions.
 
-{tables[0]}
-
-## What each knob buys
-
-7 wavelengths, 5 nodes a pixel, double precision, but for one knob; the worse of {" and ".join(ERROR_BANDS)}. The pupil
-is constant over its samples, so more samples change nothing but rounding.
-
-{tables[1]}
+{tiers}
 
 Medians are in `times.csv`.
 """
@@ -418,7 +383,7 @@ def main() -> None:
     with threadpool_limits(1):
         imager = build_imager(instrument, BAND)
         groups = [time_psfs(clock, instrument), time_holes(clock, instrument), time_scenes(clock, imager)]
-        text = report(clock, groups, scene_errors(imager), [tier_table(instrument), knob_table(instrument)])
+        text = report(clock, groups, scene_errors(imager), tier_table(instrument))
     rows = io.StringIO()
     writer = csv.writer(rows, lineterminator="\n")
     writer.writerow(["job", "cpu_s", "wall_s", "rounds", "asked_s"])

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python -m tools.reports paper_table1`` (about a minute).
+"""Regenerate this report: ``python -m tools.reports paper_table1``.
 
 Table 1 of the paper (Zhu et al. 2025): its planet at alpha Cen B in four bands, simulated, reduced and measured under
 the instrument preset ``paper_table1``; its signal-to-noise ratios beside ours, and a search for what explains them.

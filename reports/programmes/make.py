@@ -7,7 +7,6 @@ times, reduced as one and measured.
 from __future__ import annotations
 
 import itertools
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -154,7 +153,6 @@ def task_of(case: Case, seed: int) -> tuple[validation.ConfirmTask, dict[str, An
 
 def measured(case: Case, number: int) -> dict[str, Any]:
     """Predicted over recovered SNR of a case, with its error."""
-    start = time.perf_counter()
     task, mean_alone, separation = task_of(case, 1000 + number)
     # Two wavelengths and four samples a pixel tell speckles to 1 %, at a third of the cost.
     how = replace(validation.modelling_of(task), draw="sums", knobs=FIDELITIES["quick"], epochs=SUM_EPOCHS)
@@ -188,7 +186,7 @@ def measured(case: Case, number: int) -> dict[str, Any]:
     }
     for name, runs in found.items():
         row |= {f"{key}_{name}": value for key, value in compared(predicted[name], runs).items()}
-    return row | {"time_s": time.perf_counter() - start}
+    return row
 
 
 def compared(expected: dict[str, Any], found: list[validation.Measurement]) -> dict[str, float]:

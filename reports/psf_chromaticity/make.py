@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python -m tools.reports psf_chromaticity`` (less than a minute).
+"""Regenerate this report: ``python -m tools.reports psf_chromaticity``.
 
 The masked star in every band, as in the paper (Zhu et al. 2025, section "PSF chromaticity"): maps and profiles along
 the diagonals with the dark hole, with the mirror at rest, and with a flat wavefront; what the holes hold; and what the

@@ -25,7 +25,6 @@ from simulator.passbands import Passbands
 from simulator.target import load_parametric_grid, planet_albedo, stellar_spectrum
 from simulator.target.parametric import phase_curve
 from tools.calibrate_albedo.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, read_table
-from tools.calibrate_albedo.methane import ANCHORS_PER_KM_AM, Methane, invert_methane
 from tools.report_parts import png
 
 HERE = Path(__file__).resolve().parent
@@ -153,32 +152,12 @@ def main() -> None:
         errors = list(csv.DictReader(stream))
     with style():
         write_bytes(HERE / "albedo.png", png(albedo_figure(), 120))
-    write_text(HERE / "report.md", "\n".join(report(errors, invert_methane())))
+    write_text(HERE / "report.md", "\n".join(report(errors)))
     print(HERE / "report.md")
 
 
-def giant_rows(methane: Methane) -> list[str]:
-    """Measured and modelled albedo of the four planets in the visible bands."""
-    bands = [band for band in load_instrument().bands.items() if band[1].camera == "VIS"]
-    rows = []
-    for planet, measured in methane.measured.items():
-        cells = [planet.capitalize(), f"{methane.rms(planet, 400.0, 1050.0):.3f}"]
-        for _, band in bands:
-            inside = np.abs(methane.wavelength_nm - band.center_nm) <= 0.5 * band.width_nm
-            cells.append(f"{measured[inside].mean():.3f} / {methane.modelled[planet][inside].mean():.3f}")
-        cells.append(f"{methane.mixing_ratio[planet]:.2%}")
-        rows.append(f"| {' | '.join(cells)} |")
-    head = ["planet", "rms, 400-1050 nm", *(name for name, _ in bands), "CH4/H2 of the fit"]
-    return [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *rows]
-
-
-def report(errors: list[dict[str, str]], methane: Methane) -> list[str]:
+def report(errors: list[dict[str, str]]) -> list[str]:
     """Lines of the report."""
-    grid = load_parametric_grid()
-    anchors = ", ".join(
-        f"{np.interp(place, grid.wavelength_nm, grid.methane_per_km_am):.3f} ({published} published) at {place:g} nm"
-        for place, published in ANCHORS_PER_KM_AM.items()
-    )
     return [
         "# Spectra of stars and planets",
         "",
@@ -219,15 +198,6 @@ def report(errors: list[dict[str, str]], methane: Methane) -> list[str]:
         "| 95 % | largest | phase curves: rms |",
         "|---|---|---|---|---|---|---|---|---|---|",
         *("| " + " | ".join([row["band"].removeprefix("albedo_"), *list(row.values())[1:]]) + " |" for row in errors),
-        "",
-        "### The giant planets with the same physics",
-        "",
-        "The methane coefficients come from the measured albedos of the four giant planets, each two layers of gas of",
-        "the same kind over a deck of smooth reflectivity. Band means, measured / modelled:",
-        "",
-        *giant_rows(methane),
-        "",
-        f"Coefficients in 1/(km amagat): {anchors}.",
         "",
     ]
 

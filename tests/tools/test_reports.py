@@ -151,6 +151,14 @@ def test_older_ones_alone_are_made(made, capsys):
     assert "1 reports" in capsys.readouterr().out
 
 
+def test_what_is_changed_while_a_report_is_made_is_named(project):
+    (project / "reports/one/make.py").write_text(
+        SCRIPT + "import os\nos.utime(here.parents[1] / 'cpic_core/first.py', (4e9, 4e9))\n"
+    )
+    assert reports.main(["one"]) == 0
+    assert reports.changed("one") == ["cpic_core/first.py"]
+
+
 def test_a_part_is_not_recorded(made):
     (made / "reports/one" / reports.MADE).unlink()
     assert reports.main(["one", "--", "--only", "a"]) == 0
