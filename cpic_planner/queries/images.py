@@ -200,7 +200,9 @@ class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
     )
     em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")
     audit: bool | None = asked(
-        None, "Make one more realisation with every effect of the camera, a part of its frames run one by one.", unset="with {fidelity} standard"
+        None,
+        "Make one more realisation with every effect of the camera, a part of its frames run one by one.",
+        unset="with {fidelity} standard",
     )
     out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
 

@@ -156,7 +156,11 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
     plan, library = report.plan, LIBRARIES[report.plan.reference_library]
     audited = any(band.audit for target in plan.targets for band in target.bands)
     scheduled = "" if plan.schedule is None else " Visits of the schedule take that of their frames."
-    once = ", and one more with every effect of single frames in the band of each target that promises most" if audited else ""
+    once = (
+        ", and one more with every effect of single frames in the band of each target that promises most"
+        if audited
+        else ""
+    )
     yield doc.Facts(
         [
             (

@@ -5,7 +5,7 @@ Planet flux and noise of a way to an answer, with common random numbers, so that
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 

@@ -37,7 +37,7 @@ _REACH_PIXELS = 4  # from a track: its charge, three pixels of what transfers le
 
 @dataclass(frozen=True, eq=False)
 class FrameEffects:
-    """What the effects of single frames do to the images of one role; made by `frame_effects`.
+    """The change that effects of single frames make in the images of one role; made by `frame_effects`.
 
     Attributes
     ----------
@@ -121,10 +121,10 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
 
     Notes
     -----
-    What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike: ``N``
-    frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the variance
-    ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 9 % of the variance ``v`` of a frame.
-    In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at least two and no
+    What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike:
+    ``N`` frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the variance
+    ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 9 % of the variance ``v`` of a
+    frame. In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at least two and no
     more than there are, until this share is at most `MOST_SHARE`: one frame in six or so, more where particles are
     many. The noise from sums is lowered by the same share, so that the image has the noise of the whole programme, and
     beside it a change of the mean shows as much as if every frame had been run.
@@ -170,7 +170,7 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
 
 
 def sequences(n_visits: int, length: int) -> Iterator[tuple[int, range]]:
-    """Yield visits with numbers of frames, each as a sequence of at most 24 over the whole visit; all of them in the end.
+    """Yield visits with numbers of frames, each a sequence of at most 24 over the whole visit; all of them in the end.
 
     Parameters
     ----------
