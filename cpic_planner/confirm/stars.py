@@ -87,7 +87,8 @@ def plan_tasks(
 ) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
     """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
-    Where the dial has audits, the band of each target that promises most gets one: a realisation with every effect of single frames.
+    Where the dial has audits, the band of each target that promises most gets one: a realisation with every effect of
+    single frames.
 
     Parameters
     ----------

@@ -346,8 +346,8 @@ def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
     yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
     yield doc.Paragraph(
         "Realisations that are drawn as sums of frames leave these out, and so does the prediction. The audited ones, "
-        "a part of whose frames are run one by one, hold whatever the camera of the instrument has switched on. An effect that is missing from "
-        "both sides does not show in their comparison.",
+        "a part of whose frames are run one by one, hold whatever the camera of the instrument has switched on. An "
+        "effect that is missing from both sides does not show in their comparison.",
         "note",
     )
 

@@ -45,7 +45,7 @@ _REACH_PIXELS = 4  # from a track: its charge, three pixels of what transfers le
 
 @dataclass(frozen=True, eq=False)
 class FrameEffects:
-    """What the effects of single frames do to the images of one role; made by `frame_effects`.
+    """The change that effects of single frames make in the images of one role; made by `frame_effects`.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
 
 
 def sequences(n_visits: int, length: int) -> Iterator[tuple[int, range]]:
-    """Yield visits with numbers of frames: at most 24 over the whole visit at a time, all of them in the end.
+    """Yield visits with numbers of frames, each a sequence of at most 24 over the whole visit; all of them in the end.
 
     Parameters
     ----------

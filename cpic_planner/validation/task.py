@@ -50,7 +50,8 @@ class ImageSettings(TypedDict, total=False):
     realisations : int
         Draws of drift and noise; 1 by default.
     audit : bool
-        Whether one more realisation has every effect of single frames (`cpic_planner.validation.audit`); not by default.
+        Whether one more realisation has every effect of single frames (`cpic_planner.validation.audit`); not by
+        default.
     """
 
     seed: Required[int]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, IntArray, stream
+from cpic_core import FloatArray, InputError, IntArray, NDArray, stream
 from cpic_planner.etc import EtcModel, Programme, aperture_rates, build_model, stack_noise, threshold_array
 from cpic_planner.etc.detection import tail_share
 from cpic_planner.queries import ReferencePlanet, Strategy
@@ -80,8 +80,8 @@ class Field:
     psf: Psf
     maps: SpeckleMaps
     slope: float
-    linear: FloatArray
-    square: FloatArray
+    linear: NDArray[np.float32]
+    square: NDArray[np.float32]
     place_arcsec: FloatArray
     planet: FloatArray
 
