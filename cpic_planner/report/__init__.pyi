@@ -57,7 +57,8 @@ from cpic_planner.report.etc_figures import (
     etc_figure as etc_figure,
     write_figure as write_figure,
 )
-from cpic_planner.report.files import PANELS as PANELS, (
+from cpic_planner.report.files import (
+    PANELS as PANELS,
     PRODUCTS as PRODUCTS,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     form_text as form_text,
