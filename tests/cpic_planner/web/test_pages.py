@@ -17,7 +17,7 @@ ADDRESSES = [
     "/etc?target=eps+Eri&contrast_limit=on&separation_arcsec=0.6&bands=F520",
     "/etc?target=%3Cscript%3Ealert(1)%3C/script%3E",
     "/etc?target=tau+Cet&n_frames=x",
-    "/priorities?sp_type=K&distance_max_pc=6&bands=F520&limit=5",
+    "/priorities?sp_type=K&distance_max_pc=6&v_mag_max=5&bands=F520&limit=5",
 ]
 
 

@@ -53,12 +53,12 @@ def test_tables_are_those_of_the_command_line(ask, capsys, form):
 
 
 def test_a_ranking_is_that_of_the_command_line(ask, capsys):
-    told = ask("/priorities?sp_type=K&distance_max_pc=6&bands=F520&format=json")
-    options = ["--sp-type", "K", "--distance-max-pc", "6", "--band", "F520"]
+    told = ask("/priorities?sp_type=K&distance_max_pc=6&v_mag_max=5&bands=F520&format=json")
+    options = ["--sp-type", "K", "--distance-max-pc", "6", "--v-mag-max", "5", "--band", "F520"]
     assert told.text == printed(capsys, "rank", *options, "--json")
-    rows = ask("/priorities?sp_type=K&distance_max_pc=6&bands=F520&limit=3&format=csv").text
+    rows = ask("/priorities?sp_type=K&distance_max_pc=6&v_mag_max=5&bands=F520&limit=3&format=csv").text
     assert rows == printed(capsys, "rank", *options, "--limit", "3", "--format", "csv")
-    shown = ask("/priorities?sp_type=K&distance_max_pc=6&bands=F520&limit=3")
+    shown = ask("/priorities?sp_type=K&distance_max_pc=6&v_mag_max=5&bands=F520&limit=3")
     names = [row["name"] for row in told.json["targets"]]
     assert shown.status == 200
     assert [name for name in names[:3] if name.split()[-1] not in shown.text] == []
