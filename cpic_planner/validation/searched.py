@@ -1,10 +1,12 @@
 """Programmes without planets, drawn as images and searched; and planets put into them, one at a time."""
 
+import functools
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cpic_core import Status, announce, stream
+from cpic_core import FloatArray, Status, announce, stream
 from cpic_planner.etc import diagonal
 from cpic_planner.validation.detection import MATCH_LAMBDA_D, Searcher
 from cpic_planner.validation.injection import draw_place, inject, recovered
@@ -87,6 +89,7 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         measured = obstacle(place, geometry, visits.strategy) is None
         places.append(with_image(visits, place) if measured else None)
     whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
+    seen = functools.lru_cache(maxsize=8)(functools.partial(visits.optics.at, margin_pixels=0))
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
         drawn = visits.draw(number)
@@ -102,7 +105,9 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         body["alarms"].append([one.false_alarms for one in noise])
         body["elements"].append(empty.region.n_elements)
         planets = own.planets if number < own.planets_until else []
-        body["planets"].append([_found(visits, blind, drawn, number, index, *one) for index, one in enumerate(planets)])
+        body["planets"].append(
+            [_found(visits, seen, blind, drawn, number, index, *one) for index, one in enumerate(planets)]
+        )
     return body
 
 
@@ -120,6 +125,7 @@ def _noise_at(
 
 def _found(
     visits: VisitPair,
+    seen: Callable[[float, float], FloatArray],
     blind: Searcher,
     drawn: Realisation,
     number: int,
@@ -135,7 +141,7 @@ def _found(
     place = place or draw_place(visits.geometry, separation_arcsec, rng)
     if place is None:
         return {"place": None, "alarms": []}
-    image = visits.optics.at(*place, margin_pixels=0)
+    image = seen(*place)
     rate_e_s = visits.science.truth.sources[0].rate_e_s
     alarms: list[float | None] = []
     for contrast in contrasts:

@@ -170,6 +170,8 @@ class Blooming(Effect):
     def _spill(image: FloatArray, spilled: np.ndarray, exposure: Exposure) -> tuple[float, float]:
         part = exposure.place.rows, exposure.place.columns
         well = float(math.floor(exposure.detector.full_well_e))
+        if image[part].max(initial=0.0) <= well:
+            return 0.0, 0.0
         bottom, top = load_kernels(LIMIT_KERNELS).vertical_spill(image[part], well, spilled[part])
         return bottom, top
 

@@ -1,12 +1,14 @@
 """Kernels against exact laws, brute force and conservation."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from cpic_core import stream
-from simulator.detectors import kernels, limit_kernels
+from simulator.detectors import collection, kernels, limit_kernels
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.transfer import chances_of_loss
 
@@ -126,6 +128,25 @@ def test_blooming_conserves_charge_and_is_its_own_limit(seed, level):
         pixels, _ = brute_spill(charge[:, c], 100)
         assert (after[:, c] == pixels).all()
     assert bottom + top == sum(sum(brute_spill(charge[:, c], 100)[1]) for c in range(7))
+
+
+@pytest.mark.parametrize(("brightest", "called"), [(100.0, 0), (100.5, 1)])
+def test_blooming_asks_the_compiled_kernel_only_where_a_pixel_overflows(monkeypatch, brightest, called):
+    charge = np.full((6, 5), 7.0)
+    charge[2, 3] = brightest
+    asked = []
+
+    def load(name):
+        asked.append(name)
+        return limit_kernels
+
+    monkeypatch.setattr(collection, "load_kernels", load)
+    whole = SimpleNamespace(rows=slice(None), columns=slice(None))
+    exposure = SimpleNamespace(place=whole, detector=SimpleNamespace(full_well_e=100.4))
+    after = charge.copy()
+    collection.Blooming().expect(after, exposure)
+    assert len(asked) == called
+    np.testing.assert_array_equal(after, spilled(charge)[0])
 
 
 def test_a_spike_spreads_evenly_up_and_down():
