@@ -124,10 +124,10 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
     What does not average out (charge that is left behind, curves, remains of particles) changes every frame alike:
     ``N`` frames of a programme have ``N`` times the mean change of a frame. Of ``n`` frames this mean has the variance
     ``d / n``, with ``d`` that of the difference between a frame and its twin, 4 to 9 % of the variance ``v`` of a
-    frame. In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at least two and no
-    more than there are, until this share is at most `MOST_SHARE`: one frame in six or so, more where particles are
-    many. The noise from sums is lowered by the same share, so that the image has the noise of the whole programme, and
-    beside it a change of the mean shows as much as if every frame had been run.
+    frame. In the image it is ``N^2 d / n``, of ``N v`` the share ``(d / v) (N / n)``. Sequences are run, at least two
+    and no more than there are, until this share is at most `MOST_SHARE`: one frame in six or so, more where particles
+    are many. The noise from sums is lowered by the same share, so that the image has the noise of the whole programme,
+    and beside it a change of the mean shows as much as if every frame had been run.
 
     Variances are those of steps between squares as large as an aperture: charge that moves by a pixel stays in one, and
     an even level in both. Frames that a particle hit are left out of the difference as of the mean. Where a frame is
