@@ -27,7 +27,10 @@ def task_of(altered=""):
     task = prepare_task(
         model, target, "F520", time_s=7200.0, planet=ReferencePlanet(), seed=4, fidelity="standard", overrides=overrides
     )
-    return replace(task, exposure_s=30.0, n_frames=16, visits=10, reference_visits=10)
+    large = task.scene["planets"][0] | {"radius_rjup": 4.0}  # sixteen times the light
+    return replace(
+        task, scene=task.scene | {"planets": [large]}, exposure_s=30.0, n_frames=16, visits=10, reference_visits=10
+    )
 
 
 @functools.cache
@@ -103,7 +106,7 @@ def test_noise_of_the_programme_is_kept():
     ["detector.transfer.parallel_cti=x10", pytest.param("detector.transfer.serial_cti=x10", marks=pytest.mark.long)],
 )
 def test_charge_that_stays_behind_is_seen(altered):
-    """The change is that of the mean light by the law of the transfers, at ten times the loss and in its direction."""
+    """The change is that of the mean light by the law of the transfers, at ten times the loss."""
     visits, effects, before = full_of(altered), effects_of(altered), effects_of()
     observation = visits.science
     light = observation.mean_rate_map * observation.exposure_s
@@ -113,9 +116,9 @@ def test_charge_that_stays_behind_is_seen(altered):
         float((moved * one.change_e)[covered].sum() / (moved[covered] ** 2).sum()) for one in (effects, before)
     )
     error = np.sqrt((before.change_e[covered] ** 2).mean() / (moved[covered] ** 2).sum())
-    assert error < 0.25
+    assert error < 0.1
     assert found == pytest.approx(1.0, abs=4 * error)
-    assert found > was + 2 * error
+    assert found > was + 4 * error
 
 
 def test_particles_are_told():
