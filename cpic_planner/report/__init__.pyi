@@ -58,6 +58,7 @@ from cpic_planner.report.etc_figures import (
     write_figure as write_figure,
 )
 from cpic_planner.report.files import (
+    PANELS as PANELS,
     PRODUCTS as PRODUCTS,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     form_text as form_text,
@@ -96,7 +97,6 @@ from cpic_planner.report.summary import calibration_sentence as calibration_sent
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
 from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
 from cpic_planner.report.write import (
-    PANELS as PANELS,
     templates as templates,
     write_confirm_report as write_confirm_report,
     write_report as write_report,
