@@ -305,7 +305,8 @@ def place_labels(
     figure = axes.figure
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
-    canvas.figure.draw_without_rendering()
+    if (layout := canvas.figure.get_layout_engine()) is not None:
+        layout.execute(canvas.figure)
     renderer = canvas.get_renderer()
     points = axes.transData.transform(np.column_stack([x, y])) if len(texts) else np.empty((0, 2))
     frame = axes.get_window_extent(renderer)
