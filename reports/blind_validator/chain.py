@@ -11,7 +11,7 @@ from cpic_planner.validation import mean_snr, planet_templates, realise_frames, 
 from cpic_planner.validation.measure import forced_photometry
 
 SEEDS, BLOCK = 150, 50
-FULL_RUNS, FULL_CASES = 8, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen A", "F520"))
+FULL_RUNS, FULL_CASES = 8, (("eps Eri", "F520"), ("tau Cet", "F520"))
 
 
 def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, Any]]:

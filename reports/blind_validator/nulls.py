@@ -11,7 +11,7 @@ from cpic_planner.validation.search import search_threshold
 from cpic_planner.validation.speckle_maps import speckle_maps
 
 SCENES = (("61 Cyg A", "F850"), ("tau Cet", "F662"), ("alf Cen A", "F520"), ("alf CMi", "F850"))
-SEQUENCES, BLOCK = 600, 50
+SEQUENCES, BLOCK = 500, 50
 LEVELS = (3.0, 3.5, 4.0, 5.0)
 
 

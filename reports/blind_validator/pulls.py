@@ -13,7 +13,7 @@ from cpic_planner.validation.measure import forced_photometry
 from cpic_planner.validation.templates import place_at, with_image
 from simulator.detectors import excess_noise_factor2
 
-BAND_STARS = {"F520": "alf Cen A", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}
+BAND_STARS = {"F520": "tau Cet", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}
 SNR = 30.0
 PER_PLACE = 10
 MIN_APERTURES, MIN_ELEMENTS = 25.0, 3.0  # where the ETC lets a planet stand

@@ -27,7 +27,7 @@ from simulator.config import Instrument, load_instrument
 HERE = Path(__file__).resolve().parent
 INSTRUMENTS = ("cpic_default", "as_published")
 DRIFTS_NM = (0.02, 0.05, 0.1, 0.3)
-VISITS: tuple[int | None, ...] = (1, 4, 16, 64, None)
+VISITS: tuple[int | None, ...] = (1, 4, 16, None)
 TIMES_S = (36_000.0,)
 SEARCHES = ("blind", "known_place")
 
@@ -151,7 +151,7 @@ def figure_of(every: list[Cell]) -> Figure:
     figure = new_figure(4.0)
     panels = figure.subplots(1, len(TIMES_S), squeeze=False)[0]
     for panel, time_s in zip(panels, TIMES_S, strict=True):
-        for visits, colour in zip(VISITS, ("#444444", "#1f77b4", "#2ca02c", "#9467bd", "#d62728"), strict=True):
+        for visits, colour in zip(VISITS, ("#444444", "#1f77b4", "#2ca02c", "#d62728"), strict=True):
             for name, look in zip(instruments(), ("-", "--"), strict=False):
                 case = {"instrument": name, "common": True, "visits": visits, "time_s": time_s, "search": "blind"}
                 counts = [picked(every, drift_nm=drift, **case).detected for drift in DRIFTS_NM]
