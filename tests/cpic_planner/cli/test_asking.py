@@ -235,3 +235,9 @@ def completions():
 @pytest.mark.parametrize("words", COMPLETED)
 def test_shells_complete(completions, words):
     assert completions[words] >= COMPLETED[words]
+
+
+def test_commands_are_built_once_for_a_process(done, monkeypatch):
+    told = done("etc", "--help")
+    monkeypatch.setattr("typer.main.get_command", None)
+    assert done("etc", "--help") == told

@@ -118,6 +118,13 @@ def test_the_guide_never_starts_beyond_the_answer():
             assert step <= np.searchsorted(function, u, side="right")
 
 
+def test_numbers_go_through_the_stages_in_parts_and_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    z = np.exp(-2j * np.pi * np.fft.rfftfreq(200)).reshape(1, 101)
+    whole = generating_function(z, 0.01, 604)
+    monkeypatch.setattr("simulator.detectors.gain._PART", 7)
+    assert np.array_equal(generating_function(z, 0.01, 604), whole)
+
+
 def test_generating_function_is_the_mean_power_of_the_output():
     p = float(stage_probability(20.0, 604))
     law = output_pmf(1, p, 604, 4096)
