@@ -58,8 +58,8 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
     for (star, band), task in zip(pairs, tasks, strict=True):
         target, _ = find_target(star, companions="on")
         expected = task.predictions[0]
-        frames = Frames(task.exposure_s, task.n_frames, task.em_gain)
-        place = planet_offsets(model, band, expected["separation_arcsec"])
+        frames = Frames(task.exposure_s, task.n_frames, task.em_gain, task.visits)
+        place = planet_offsets(model, target, band, expected["separation_arcsec"])
         known.append(expected_of(model, target, band, place, expected["contrast"], frames)["snr"] / expected["snr"])
     mean = calibrate(bands)
     assert mean.etc_ratio is not None  # every band was measured
