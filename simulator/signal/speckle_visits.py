@@ -60,9 +60,13 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     return _visits(wanted)
 
 
+<<<<<<< HEAD
 def hole_changes(
     psf: Psf, psd_slope: float, count: int, rng: np.random.Generator
 ) -> tuple[FloatArray, NDArray[np.float32], NDArray[np.float32]]:
+=======
+def hole_changes(psf: Psf, psd_slope: float, count: int, rng: np.random.Generator) -> tuple[FloatArray, Any, Any]:
+>>>>>>> w-images
     """Return the star in the pixels of the dark hole, and what wavefront errors of 1 nm rms change of it.
 
     Parameters
@@ -79,7 +83,7 @@ def hole_changes(
     static : ndarray, shape (p,)
         In the order of the stamp, as part of the star's light on the clear disc.
     linear, square : ndarray, shape (count, p)
-        As of `visit_changes`.
+        As of `visit_changes`, in single precision.
     """
     hole, imager = psf.geometry.hole, psf.imager
     rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
