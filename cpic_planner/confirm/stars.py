@@ -21,7 +21,7 @@ from simulator.ledger import not_modelled
 if TYPE_CHECKING:
     from cpic_planner.survey import ScheduledVisit
 
-RESULT_VERSION = 8
+RESULT_VERSION = 9
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, announce, compute_once, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, compute_once, stream
 from simulator.config import Instrument, content_hash
 from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, single_band_psf, visit_light
 
@@ -60,13 +60,7 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     return _visits(wanted)
 
 
-<<<<<<< HEAD
-def hole_changes(
-    psf: Psf, psd_slope: float, count: int, rng: np.random.Generator
-) -> tuple[FloatArray, NDArray[np.float32], NDArray[np.float32]]:
-=======
 def hole_changes(psf: Psf, psd_slope: float, count: int, rng: np.random.Generator) -> tuple[FloatArray, Any, Any]:
->>>>>>> w-images
     """Return the star in the pixels of the dark hole, and what wavefront errors of 1 nm rms change of it.
 
     Parameters
