@@ -22,7 +22,8 @@ from simulator.target import detector_to_sky
 # Processor times on the core of `cpic_planner.jobs.record`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
 # every tier: within a factor of 1.5 there.
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
-_SUMS_S = 0.02  # of one realisation of both visits, reduced, searched and measured
+_SUMS_S = 0.03  # of one realisation of both roles, reduced, searched and measured
+_VISIT_S = 1e-3  # of one visit from the expansion of its light, drawn
 _FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned
 # An audit runs a part of the frames with a plain twin each, two sequences of either role at least; and propagations.
 _AUDIT_SHARE, _AUDIT_LEAST, _AUDIT_FRAME_S, _AUDIT_STAMPS = 0.2, 96, 1.5e-2, 0.2
@@ -68,7 +69,8 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     if how.draw == "sums":
         runs = task.realisations
         visits = task.visits + task.reference_visits
-        work += runs * (_SUMS_S + visits * min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s)
+        light_s = min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s if how.exact else 0.0
+        work += runs * (_SUMS_S + visits * (_VISIT_S + light_s))
         if task.audit:
             one_by_one = min(max(round(_AUDIT_SHARE * frames), _AUDIT_LEAST), frames)
             largest = min(task.n_frames, _AUDIT_LEAST)
