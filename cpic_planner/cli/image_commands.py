@@ -21,8 +21,8 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
 
     Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
     --realisations times, the star is subtracted, and the images are searched blind and measured. In the band that
-    promises most one more realisation runs frame by frame with every effect of the camera. The report compares:
-    confirmed or not, ETC optimistic or pessimistic by how much.
+    promises most one more realisation has every effect of the camera, a part of its frames run one by one. The report
+    compares: confirmed or not, ETC optimistic or pessimistic by how much.
 
     Targets are the first stars of the ranking that are seen, in the year from --date on (--days), for as long as their
     observation takes; those that are left out for it are named. With --schedule they are the visits of a strategy:

@@ -39,7 +39,7 @@ or findings of cpic check; 2 a question that cannot be asked, with one line that
 with --strict; 130 interrupted; 143 terminated
 (SIGTERM, as batch schedulers send it)."""
 _DIAL_HELP = """One dial trades speed for accuracy. --fidelity standard (the default) draws sums of frames where that is
-allowed and one realisation frame by frame; quick is coarser and checks nothing frame by frame; reference leaves nothing
+allowed and audits one realisation by single frames; quick is coarser and audits nothing; reference leaves nothing
 out: whole frames, one by one, in every realisation. --tolerance 0.02 picks for each scene the cheapest settings that
 are predicted to keep planet flux and SNR within 2 % of the reference. Results state what was left out and what that is
 predicted to cost; a tier that is not good enough for a scene says so in place of an answer. --dry-run tells the
