@@ -384,7 +384,8 @@ def main() -> None:
         print(name, f"{time.perf_counter() - began:.0f} s", flush=True)
     quoted = ("star", "band", "search_snr", "search_threshold")
     rows = [{name: row[name] for name in quoted} for row in found["unaltered"]]
-    write_text(HERE / "results.json", json.dumps({"unaltered": {"rows": rows}}, indent=1) + "\n")
+    kept = {"unaltered": {"rows": rows}, "chain": {"rows": found["chain"]}}
+    write_text(HERE / "results.json", json.dumps(kept, indent=1) + "\n")
     with style():
         write_bytes(HERE / "pulls.png", png(pull_figure(found["pulls"], tuple(BAND_STARS))))
         write_bytes(HERE / "nulls.png", png(null_figure(null_table(found["nulls"])[1])))

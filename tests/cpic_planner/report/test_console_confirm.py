@@ -28,7 +28,8 @@ def test_bands_candidates_positions_albedos_and_the_etc(confirmation):
         "F662 – 118 × 42.5 36.2 – – – – nothing",
         "1 detection that is no planet of the scene, in 16 searches.",
         "0.4512 ± 0.0011 0.4500 314.70 ± 0.22 315.00 F520, F662",
-        "F662, frame by frame with every effect: SNR 31.3 (30.7 predicted), contrast off by 1.3 of its errors, found",
+        "F662, with every effect (48 of 236 frames one by one): SNR 31.3 (30.7 predicted), "
+        "contrast off by 1.3 of its errors, found",
         "Images altered: throughput ×0.7, companions on. Predictions are nominal.",
         "Predicted over recovered SNR 1.43 ± 0.06",
     ):

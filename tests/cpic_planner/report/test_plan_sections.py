@@ -292,7 +292,7 @@ def test_sentences_follow_the_options_of_the_run(plan, rank, read):
     words = " ".join(words)
     assert "the named template at any insolation" not in words  # a parametric albedo may follow the insolation
     assert "as many reference frames" not in words  # their number is an option
-    assert "one more frame by frame" in words
+    assert "one more with every effect of single frames" in words
     assert "reduced, searched blind and measured" in words
 
     plain = [
@@ -425,7 +425,7 @@ def test_the_verdict_of_every_target_and_what_was_recovered(words):
 
 def test_the_audited_case_stands_beside(words):
     assert re.search(
-        r"F662 118 30\.7 31\.3 \S+ × 10\S+ \S+ × 10\S+ ± \S+ × 10\S+ 1\.3 ✓ found 0 444 1\.5\d 0 259", words
+        r"F662 48 236 30\.7 31\.3 \S+ × 10\S+ \S+ × 10\S+ ± \S+ × 10\S+ 1\.3 ✓ found 0 444 1\.5\d 0 259", words
     )
 
 

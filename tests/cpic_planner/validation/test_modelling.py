@@ -265,7 +265,11 @@ def test_tiers_are_ordered_in_time(task):
 def test_frames_are_those_that_are_drawn(task):
     assert (task_cost(task).frames, task_cost(task).realisations) == (0, 8)
     audited = task_cost(replace(task, audit=True))
-    assert audited.frames == 2 * 2 * 30
+    assert audited.frames == 96  # two sequences of 24 frames of either role, of 2 * 2 * 30 frames in all
+    longer = task_cost(replace(task, audit=True, n_frames=300))
+    assert audited.frames < longer.frames < 0.3 * 2 * 2 * 300
+    short = task_cost(replace(task, audit=True, n_frames=5))
+    assert short.frames == 2 * 2 * 5
     assert audited.work_s > task_cost(task).work_s
     whole = task_cost(replace(task, fidelity="reference"))
     assert (whole.frames, whole.realisations) == (8 * 2 * 2 * 30, 8)
