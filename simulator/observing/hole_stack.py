@@ -101,14 +101,13 @@ class HoleStacks:
         every, sequence = self._visits(realisation, visit, visits), self.observation
         stars = sequence.truth.sources[0].rate_e_s * self._stars(every, summed)
         counts, drawn = self.counts(visits, summed=summed), np.empty_like(stars)
-        for number, (star, count) in enumerate(zip(stars, counts, strict=True)):
-            one = every[number] if visits > 1 and not summed else every[0]
-            part = ("all", visits) if summed else (number,) if visits == 1 else ()
-            path = (*one.path, "stack", *part)
-            exposure = self._lit(star)
-            drawn[number] = stack_electrons(
-                sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path
-            )
+        for count in np.unique(counts):
+            # Pixels are drawn each for itself: images of as many frames below each other in one draw.
+            these = counts == count
+            path = (*every[0].path, "stack", "sum" if summed else "visits", visits, int(count))
+            exposure = self._lit(stars[these])
+            sums = stack_electrons(sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path)
+            drawn[these] = sums.reshape(-1, *drawn.shape[1:])
         drawn -= counts[:, None, None] * sequence.smear_e[self._place]
         return self._whole(drawn)
 
@@ -145,14 +144,20 @@ class HoleStacks:
         whole[:, ~self.region] = 0.0
         return whole
 
-    def _lit(self, star_e_s: FloatArray) -> Exposure:
-        """Return the exposure of the hole under light of the star, whose light adds to that of all else."""
-        still, exposure_s, line_s = self._still, self.observation.exposure_s, self._still.detector.line_shift_s
-        light = star_e_s * self._response
-        mean = still.mean_e + exposure_s * light
+    def _lit(self, stars_e_s: FloatArray) -> Exposure:
+        """Return the exposure of the hole under each light of the star, below each other; light adds to all else."""
+        still, n = self._still, len(stars_e_s)
+        light = stars_e_s * self._response
+        mean = still.mean_e + self.observation.exposure_s * light
+        line_s = still.detector.line_shift_s
         if line_s:
-            mean += Smear.smear_e(light, slice(None), line_s, 0.0)
-        return dataclasses.replace(still, mean_e=mean)
+            mean += np.array([Smear.smear_e(one, slice(None), line_s, 0.0) for one in light])
+        below: dict[str, Any] = {
+            name: np.concatenate([array] * n)
+            for name in ("cic_e", "bias_adu", "flaws", "smear_e")
+            if (array := getattr(still, name)) is not None
+        }
+        return dataclasses.replace(still, mean_e=mean.reshape(-1, mean.shape[-1]), **below)
 
     @functools.cached_property
     def _still(self) -> Exposure:

@@ -301,7 +301,7 @@ def test_sentences_follow_the_options_of_the_run(plan, rank, read):
     ]
     other = plan.model_copy(update={"targets": plain, "reference_library": "roll"})
     words = " ".join(" ".join(read(page_html(plan_document(PlanReport(other, rank, {}, {})))).text).split())
-    assert "one more frame by frame" not in words
+    assert "one more with every effect of single frames" not in words
     assert "searched blind" not in words
     assert "reduced, measured at the known place" in words
     assert "a realisation is a detection if the planet is significant at its known place" in words
