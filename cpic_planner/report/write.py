@@ -158,10 +158,10 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     instrument, metrics = model.instrument, model.metrics[band]
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
-    offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
     roll_deg = model.strategy.rolls_deg[0]
     candidates = body["search"]["candidates"] if body["search"] else ()
-    marks = [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
+    marks = [] if scene is not None else [Mark(x, y) for x, y in body["planet_offsets_arcsec"][:1]]
+    marks += [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
     if scene is not None:
         sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
         several = sum(source.kind == "planet" for source in sources) > 1
@@ -169,22 +169,14 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
             label = source.name if several or source.kind == "star" else ""
             kind: MarkKind = "planet" if source.kind == "planet" else "star"
             marks.append(Mark(source.x_arcsec, source.y_arcsec, kind, label))
-        offsets = []
-    x, y = offsets[0] if offsets else (None, None)
     return Panels(
         band=band,
         science=np.where(nowhere, np.nan, images["science"]),
         reference=np.where(nowhere, np.nan, images["reference"]),
         residual=images["residual"],
         pixel_scale_arcsec=metrics.pixel_scale_arcsec,
-        planet_x_arcsec=x,
-        planet_y_arcsec=y,
         aperture_radius_arcsec=metrics.aperture_radius_arcsec,
-        hole_inner_arcsec=metrics.hole_inner_arcsec,
-        hole_outer_arcsec=metrics.hole_outer_arcsec,
-        mask_half_width_arcsec=metrics.mask_half_width_arcsec,
-        hole_mode=metrics.hole_mode,
-        hole_side=metrics.hole_side,
+        zone=metrics.zone,
         parity=instrument.detector.parity,
         roll_deg=roll_deg,
         marks=tuple(marks),

@@ -87,8 +87,6 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
                 message="",
                 exposure_s=42.5,
                 n_frames=118,
-                frames_run=48,
-                frames_in_all=236,
                 em_gain=36.2,
                 integration_s=5015.0,
                 time_s=10289.6,
