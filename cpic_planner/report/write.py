@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,47 +33,6 @@ from simulator.target import scene_sources
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-
-def plan_html(
-    plan: results.PlanResult,
-    rank: results.RankResult,
-    *,
-    panels: Mapping[str, Panels],
-    limits: Sequence[LimitCurve] = (),
-    holes: Sequence[HoleEdges] = (),
-    sensitivity: results.SensitivityResult | None = None,
-    known: results.KnownResult | None = None,
-    top_rows: int = 50,
-) -> str:
-    """Draw the figures of a plan and render its report.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    rank : RankResult
-    panels : mapping of str to Panels
-        Images by ``BandConfirmation.image``; bands without are shown without.
-    limits : sequence of LimitCurve
-        Contrast limits for the diagram.
-    holes : sequence of HoleEdges
-        Corners of each band's dark hole on the diagonal.
-    sensitivity : SensitivityResult, optional
-        How the ranking depends on assumptions; shown on the first page.
-    known : KnownResult, optional
-        Known planets of the first stars, and when the dark hole covers them.
-    top_rows : int
-        Rows of the ranking to print.
-
-    Returns
-    -------
-    str
-        The whole file; the same bytes for the same input.
-    """
-    from cpic_planner.report.figures import panel_pictures, plan_figures
-
-    figures, images = plan_figures(plan, rank, limits=limits, holes=holes), panel_pictures(plan, panels)
-    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, known, top_rows)))
 
 
 def page_html(document: Document) -> str:
@@ -198,14 +157,15 @@ def write_report(
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
     the first of them.
     """
+    from cpic_planner.report.figures import panel_pictures, plan_figures
+
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
-    limits = limit_curves(plan, model, targets)
-    beside: dict[str, Any] = {"sensitivity": sensitivity, "known": known}
-    page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), **beside)
-    folder.write("report.html", page)
+    figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
+    report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
+    folder.write("report.html", page_html(plan_document(report)))
 
 
 def write_star_images(

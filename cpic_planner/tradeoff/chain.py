@@ -174,12 +174,8 @@ class Images:
         NotApplicable
             If nothing is left of the planet's place.
         """
-        if self.modelling.draw == "sums":
-            visits = self._visits
-            drawn = visits.draw(number)
-        else:
-            visits = validation.visit_pair(self.task, realisation=number, modelling=self.modelling)
-            drawn, _ = validation.realise_frames(visits)
+        sums = self._visits if self.modelling.draw == "sums" else None
+        visits, drawn, _ = next(validation.realisations(self.task, self.modelling, [number], sums))
         star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
         (one,), _ = validation.measure_planets(visits, drawn, list(self._planets), star, searched=False)
         if one is None:
