@@ -63,13 +63,7 @@ def albedo_figure(
 
 
 def albedo_picture(fit: AlbedoFit, model: AlbedoModel, **known: Any) -> Picture:
-    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``.
-
-    Parameters
-    ----------
-    fit : AlbedoFit
-    model : AlbedoModel
-    """
+    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
     figure = albedo_figure(fit, model, **known)
     mh, fsed = fit.interval("log10_mh"), fit.interval("log10_fsed")
     ranges = (

@@ -114,12 +114,7 @@ def _base64(content: bytes) -> str:
 
 
 def shown_in_both_lights(picture: Picture) -> Picture:
-    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are.
-
-    Parameters
-    ----------
-    picture : Picture
-    """
+    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are."""
     kind, _, content = picture.uri.partition(",")
     if kind != "data:image/png;base64" or not content:
         return picture

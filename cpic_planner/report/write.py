@@ -72,12 +72,6 @@ def limit_curves(plan: results.PlanResult, model: EtcModel, targets: Targets | N
     """Return the contrast limit against separation for the first confirmed targets, each in its ranked band and time.
 
     `targets` are the ranked stars; without them the stars are those of the snapshot.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    model : EtcModel
-    targets : Targets, optional
     """
     curves = []
     for target in plan.targets[:MAX_LIMITS]:
@@ -249,13 +243,7 @@ def _albedo_picture(fitted: FittedAlbedo) -> Picture:
 
 
 def write_whatif(folder: RunFolder, result: results.WhatIfResult) -> None:
-    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result.
-
-    Parameters
-    ----------
-    folder : RunFolder
-    result : WhatIfResult
-    """
+    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result."""
     from cpic_planner.report.figures import whatif_figures
 
     folder.write("targets.csv", targets_csv(result))

@@ -300,13 +300,7 @@ def _infrared(observation: Observation) -> Drawn:
 
 
 def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:
-    """Return the science and reference visit, the light of field stars made anew: work that is timed begins without it.
-
-    Parameters
-    ----------
-    case : FixedScene
-    setup : Setup
-    """
+    """Return the science and reference visit, with new light of field stars: work that is timed begins without it."""
     forget_starlight()
     return visit(case, setup), visit(case, setup, role="reference")
 

@@ -97,15 +97,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
 def positions_of(
     visits: VisitPair, realisation: Realisation, blind: BlindSearch, planet: PlanetTemplate
 ) -> Astrometry | None:
-    """Return the fitted position of a planet that the search found; None where it did not.
-
-    Parameters
-    ----------
-    visits : VisitPair
-    realisation : Realisation
-    blind : BlindSearch
-    planet : PlanetTemplate
-    """
+    """Return the fitted position of a planet that the search found; None where it did not."""
     match = blind.strongest_near(*planet.places_arcsec[0], visits.geometry)
     if match is None or not match.detected:
         return None

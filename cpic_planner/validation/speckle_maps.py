@@ -57,10 +57,6 @@ def filter_kernel(psf: AnyPsf) -> FloatArray:
     """Return the weights of the matched filter, odd shape, centred: a unit source, cut to a disc of 1.5 lambda/D.
 
     The sharp edge of an aperture would leave more peaks of noise than the thresholds of a smooth field foresee.
-
-    Parameters
-    ----------
-    psf : Psf or ExternalPsf
     """
     image, geometry = np.asarray(psf.off_axis, float), psf.geometry
     centre = len(image) // 2
