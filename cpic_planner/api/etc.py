@@ -69,13 +69,7 @@ def closed_forms(question: EtcQuestion, model: etc.EtcModel, star: Targets) -> l
 
 
 def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
-    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones.
-
-    Parameters
-    ----------
-    question : EtcQuestion
-    star : Targets
-    """
+    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones."""
     pc = float(star.distance_pc[0])
     if question.separation_au is not None:
         largest = pc * etc.FARTHEST_ARCSEC

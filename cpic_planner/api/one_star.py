@@ -53,13 +53,7 @@ class Answered:
         return any(row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in rows)
 
     def print(self, console: Console, *, every_budget: bool = False, explain: bool = False) -> None:
-        """Print the answer, see `cpic_planner.report.print_etc`.
-
-        Parameters
-        ----------
-        console : Console
-        every_budget, explain : bool
-        """
+        """Print the answer, see `cpic_planner.report.print_etc`."""
         asked = report.question_text(self.question)
         about: dict[str, Any] = {"asked": asked, "placed": self.placed}
         report.print_etc(self.result, console, every_budget=every_budget, explain=explain, **about)

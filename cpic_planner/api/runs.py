@@ -53,21 +53,11 @@ class Prepared:
         return self.noted(with_own(made, self.catalogue.table, columns))
 
     def noted(self, result: N) -> N:
-        """Return a result with the remarks on the tables.
-
-        Parameters
-        ----------
-        result : OfTables
-        """
+        """Return a result with the remarks on the tables."""
         return result.model_copy(update={"notes": list(self.stars.notes)})
 
     def of_all(self, whole: results.RankResult) -> results.RankResult:
-        """Return the same ranking from that of all stars, those that no filter chooses too.
-
-        Parameters
-        ----------
-        whole : RankResult
-        """
+        """Return the same ranking from that of all stars, those that no filter chooses too."""
         from cpic_planner.ranking import selected
 
         stars = self.stars

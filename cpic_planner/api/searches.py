@@ -20,10 +20,6 @@ def _asked(question: queries.SearchedQuestion) -> AskedStar:
 def curve_job_of(question: queries.CurveQuestion) -> Job[results.CurveResult]:
     """Return the job of a contrast curve.
 
-    Parameters
-    ----------
-    question : CurveQuestion
-
     Raises
     ------
     InputError
@@ -34,10 +30,6 @@ def curve_job_of(question: queries.CurveQuestion) -> Job[results.CurveResult]:
 
 def roc_job_of(question: queries.RocQuestion) -> Job[results.RocResult]:
     """Return the job of an operating characteristic.
-
-    Parameters
-    ----------
-    question : RocQuestion
 
     Raises
     ------

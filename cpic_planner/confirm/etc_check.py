@@ -14,13 +14,7 @@ MAX_REALISATIONS = 100_000
 
 
 def needs_images(answer: EtcAnswer, dial: Dial) -> bool:
-    """Return whether an answer is checked in images at a setting of the dial.
-
-    Parameters
-    ----------
-    answer : EtcAnswer
-    dial : Dial
-    """
+    """Return whether an answer is checked in images at a setting of the dial."""
     if answer.n_frames is None or dial.fidelity == "quick":
         return False
     error = closed_form_fidelity(0, answer).closed_form_error

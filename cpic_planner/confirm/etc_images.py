@@ -164,7 +164,7 @@ def grey_scene(
 def _drawn(
     task: validation.ConfirmTask, modelling: validation.Modelling
 ) -> Iterator[tuple[validation.VisitPair, validation.Realisation, validation.FrameStatistics | None]]:
-    """Yield the realisations without end, one in memory at a time."""
+    """Return the realisations without end, one in memory at a time."""
     if modelling.outcome.value is None:
         raise _Refused(modelling.outcome.status, modelling.outcome.reason, modelling.outcome.message)
     if modelling.dial.fidelity == "reference":
@@ -173,9 +173,7 @@ def _drawn(
                 f"{task.n_science_frames} frames one by one, at most {MAX_FRAMES}: give less time or longer exposures"
             )
             raise _Refused(Status.INVALID, Reason.TOO_MANY_FRAMES, text)
-        for number in itertools.count():
-            visits = validation.visit_pair(task, realisation=number, modelling=modelling)
-            yield visits, *validation.realise_frames(visits)
+        return validation.realisations(task, modelling, itertools.count(), None)
     visits = validation.visit_pair(task, modelling=dataclasses.replace(modelling, draw="sums"))
     if visits.stackable.value is None:
         text = f"no sums of frames: {visits.stackable.message}; fidelity reference draws every frame"
@@ -183,8 +181,7 @@ def _drawn(
     if modelling.draw != "sums":
         text = "sums of frames are not accurate enough for this scene; fidelity reference draws every frame"
         raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
-    for number in itertools.count():
-        yield visits, visits.draw(number), None
+    return validation.realisations(task, modelling, itertools.count(), visits)
 
 
 def _measured(

@@ -23,14 +23,7 @@ _BLOCKED = {
 def seen_stars(
     config: PlanQuestion, rank: RankResult, model: EtcModel
 ) -> tuple[list[RankedTarget], PeriodRecord, dict[str, Sight]]:
-    """Return the first stars of the ranking that can be observed in the period, those left out, and how each is seen.
-
-    Parameters
-    ----------
-    config : PlanQuestion
-    rank : RankResult
-    model : EtcModel
-    """
+    """Return the first stars of the ranking that can be observed in the period, those left out, how each is seen."""
     pointing, orbit = load_visibility(config.limits), config.instrument.mission.orbit
     when: dict[str, Any] = {"start_utc": observed_utc(config), "n_days": config.n_days}
     chosen: list[RankedTarget] = []

@@ -142,13 +142,7 @@ def tasks_of(
 
 
 def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> str:
-    """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some.
-
-    Parameters
-    ----------
-    config : ImageQuestion
-    visit : ScheduledVisit
-    """
+    """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some."""
     visible, library = config.instrument.visible_bands(), config.strategy.library
     if visit.reserve:
         return "a reserve visit, made only where others have freed the time for it"
@@ -162,12 +156,7 @@ def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> st
 
 
 def first_roll_deg(bands: "Mapping[str, Sequence[ScheduledVisit]]") -> float:
-    """Return the roll of a star's images, degrees: that of the first of its visits, by band, that states one; else 0.
-
-    Parameters
-    ----------
-    bands : mapping of str to sequence of ScheduledVisit
-    """
+    """Return the roll of a star's images, degrees: that of the first of its visits, by band, with one; else 0."""
     stated = (visit.roll_deg for own in bands.values() for visit in own if not math.isnan(visit.roll_deg))
     return next(stated, 0.0)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError
-from cpic_planner.report.drawing import Look, Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.drawing import Look, Picture, band_style, new_figure, save, style
 from cpic_planner.report.numbers import decimals, significant
 from cpic_planner.validation import AlbedoFit, AlbedoModel
 
@@ -32,7 +32,6 @@ def albedo_figure(
     fit: AlbedoFit,
     model: AlbedoModel,
     *,
-    title: str = "",
     truth: tuple[float, float] | None = None,
     spectrum: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Figure:
@@ -43,8 +42,6 @@ def albedo_figure(
     fit : AlbedoFit
     model : AlbedoModel
         What was fitted.
-    title : str, optional
-        Above both panels.
     truth : (log10_mh, log10_fsed), optional
         Marked where it is known.
     spectrum : (wavelength_nm, contrast), optional
@@ -61,23 +58,13 @@ def albedo_figure(
         left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
         _posterior(left, fit, truth)
         _contrasts(right, fit, model, line)
-        if title:
-            figure.suptitle(literal(title), fontsize=12)
         figure.draw_without_rendering()
     return figure
 
 
-def albedo_picture(fit: AlbedoFit, model: AlbedoModel, *, title: str = "", **known: Any) -> Picture:
-    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``.
-
-    Parameters
-    ----------
-    fit : AlbedoFit
-    model : AlbedoModel
-    title : str, optional
-        Text above the figure.
-    """
-    figure = albedo_figure(fit, model, title=title, **known)
+def albedo_picture(fit: AlbedoFit, model: AlbedoModel, **known: Any) -> Picture:
+    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
+    figure = albedo_figure(fit, model, **known)
     mh, fsed = fit.interval("log10_mh"), fit.interval("log10_fsed")
     ranges = (
         f"{decimals(mh[0], 2)} to {decimals(mh[1], 2)} and log10 f_sed {decimals(fsed[0], 2)} to {decimals(fsed[1], 2)}"

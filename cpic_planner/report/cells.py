@@ -377,13 +377,7 @@ def fitting(columns: Sequence[Cells], widths: Sequence[int], room: int) -> list[
 
 
 def displayable(console: Console, text: str) -> str:
-    """Return what a terminal can show: no control characters, and question marks for what its encoding has not.
-
-    Parameters
-    ----------
-    console : Console
-    text : str
-    """
+    """Return what a terminal can show: no control characters, and question marks for what its encoding has not."""
     return visible(text, "\n").encode(console.encoding, "replace").decode(console.encoding)
 
 

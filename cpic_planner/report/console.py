@@ -359,13 +359,7 @@ def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: 
 
 
 def print_check(result: results.CheckResult, console: Console) -> None:
-    """Print what a check found, file by file.
-
-    Parameters
-    ----------
-    result : CheckResult
-    console : Console
-    """
+    """Print what a check found, file by file."""
     layout, unit = "hdu keyword severity message", lambda item: "" if item.hdu is None else str(item.hdu)
     cells = row_cells(results.FindingRecord, layout, hdu=unit)
     for path in dict.fromkeys(item.path for item in result.findings):

@@ -27,13 +27,7 @@ _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 
 
 def print_fidelity(result: results.EtcResult, console: Console) -> None:
-    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``.
-
-    Parameters
-    ----------
-    result : EtcResult
-    console : Console
-    """
+    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
     record = result.fidelity
     if record is None or record.fidelity == "quick":
         return
@@ -95,13 +89,7 @@ def _agreement(pair: tuple[results.AnswerFidelity, results.EtcAnswer]) -> str:
 
 
 def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
-    """Print one table a scene: every way with its time, memory and errors.
-
-    Parameters
-    ----------
-    result : TradeoffResult
-    console : Console
-    """
+    """Print one table a scene: every way with its time, memory and errors."""
 
     def way(row: results.TradeoffRow) -> str:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"

@@ -196,13 +196,7 @@ _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
 def print_visibility(result: results.VisibilityResult, console: Console, *, full: bool = True) -> None:
-    """Print seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out.
-
-    Parameters
-    ----------
-    result : VisibilityResult
-    console : Console
-    """
+    """Print seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out."""
     asked = isinstance(console, Sheet) and (bool(console.columns) or console.form not in ("table", "page"))
     several = len(result.targets) > 1 or asked
     if several:

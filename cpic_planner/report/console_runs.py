@@ -103,13 +103,7 @@ def _kept(name: str, first: int) -> Cells:
 
 
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
-    """Print how the ranking depends on what is assumed.
-
-    Parameters
-    ----------
-    result : SensitivityResult
-    console : Console
-    """
+    """Print how the ranking depends on what is assumed."""
     cells = row_cells(
         results.SensitivityRow,
         "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
@@ -165,13 +159,7 @@ def _setting_text(item: results.SettingChange) -> str:
 
 
 def print_explanation(explanation: results.Explanation, console: Console) -> None:
-    """Print why a star stands where it stands.
-
-    Parameters
-    ----------
-    explanation : Explanation
-    console : Console
-    """
+    """Print why a star stands where it stands."""
     star = explanation.star
     print_plain(console, full_name(star.name, star.hip), bold=True)
     print_plain(console, *explanation.sentences)

@@ -20,13 +20,7 @@ _WORDS = {"not known": "heading not known"}
 
 
 def print_columns(result: results.ColumnsResult, console: Console) -> None:
-    """Print what the columns of a file are taken for, and how many of its rows can be used.
-
-    Parameters
-    ----------
-    result : ColumnsResult
-    console : Console
-    """
+    """Print what the columns of a file are taken for, and how many of its rows can be used."""
     for table in result.tables:
         rows = f"{table.n_usable} of {table.n_rows} row{'s' * (table.n_rows != 1)} can be used"
         title = f"{result.file} as a table of {table.taken_as} ({_OPTION[table.taken_as]}): {rows}"

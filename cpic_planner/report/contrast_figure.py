@@ -71,7 +71,6 @@ def contrast_diagram(
     limits: Sequence[LimitCurve] = (),
     holes: Sequence[HoleEdges] = (),
     confirmed: tuple[str, ...] = (),
-    labelled: int = 12,
 ) -> Picture:
     """Draw every ranked reference planet, the contrast limits and the edges of the dark holes.
 
@@ -84,8 +83,6 @@ def contrast_diagram(
         Drawn as vertical lines.
     confirmed : tuple of str
         SIMBAD identifiers of targets that were simulated: ringed.
-    labelled : int
-        How many of the highest-ranked stars to label.
     """
     rows = [row for row in rank.targets if row.contrast > 0 and row.separation_arcsec > 0]
     with style():
@@ -114,7 +111,7 @@ def contrast_diagram(
         _frame(axes, rows, limits, holes)
         figure.legend(handles, texts, loc="outside lower center", ncols=2, columnspacing=2.0)
         _hole_lines(axes, holes)
-        chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
+        chosen = ringed + [row for row in rows[: drawing.MOST_LABELLED] if row.name not in confirmed]
         x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
         reach = [9.0 if row.name in confirmed else 5.0 for row in chosen]
         names = [literal(pretty_name(row.name)) for row in chosen]

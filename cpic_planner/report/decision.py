@@ -76,12 +76,7 @@ def asks_text(star: results.RankedTarget) -> str:
 
 
 def decision_sentences(plan: results.PlanResult) -> list[str]:
-    """Return what to observe first and when, what comes next, and how long all of it takes.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    """
+    """Return what to observe first and when, what comes next, and how long all of it takes."""
     if not plan.targets:
         return ["No star was simulated as images, so that none is proposed."]
     ready = [(target, best) for _, target, best in picks_of(plan) if best is not None]
@@ -253,13 +248,7 @@ def decision_blocks(
 
 
 def summary_sentences(plan: results.PlanResult, rank: results.RankResult) -> list[str]:
-    """Return the summary of the plan, one sentence an item.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    rank : RankResult
-    """
+    """Return the summary of the plan, one sentence an item."""
     sentences = [
         f"{chosen_text(plan.n_ranked, plan.n_in_catalogue)} {'was' if plan.n_ranked == 1 else 'were'} ranked by "
         f"{_score_words(rank)}, in at most "

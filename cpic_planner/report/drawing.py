@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 WIDTH_INCHES = 9.0
 SCREEN_DPI = 100
 IMAGE_DPI = 130
+MOST_LABELLED = 12
+"""Stars with their names in a figure of all."""
 
 # Perceptually even or diverging with a light middle; both are told apart with any colour vision.
 STACK_COLOURS = "viridis"

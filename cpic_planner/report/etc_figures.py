@@ -209,11 +209,6 @@ def check_figure_name(path: Path) -> str:
 def write_figure(figure: Figure, path: Path) -> Path:
     """Write a figure whole; no date goes into it.
 
-    Parameters
-    ----------
-    figure : Figure
-    path : Path
-
     Raises
     ------
     InputError

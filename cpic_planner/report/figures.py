@@ -44,12 +44,7 @@ _DETECTED: tuple[tuple[str, str, float, bool], ...] = (
 
 
 def yields_figure(result: WhatIfResult) -> Picture:
-    """Draw the mean yield with its interval, and the range of single surveys, of every strategy.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw the mean yield with its interval, and the range of single surveys, of every strategy."""
     rows = shown_rows(result.strategies)
     looks = looks_of(result.strategies)
     with style():
@@ -75,12 +70,7 @@ def yields_figure(result: WhatIfResult) -> Picture:
 
 
 def differences_figure(result: WhatIfResult) -> Picture | None:
-    """Draw paired differences with the first strategy; none where there is only one.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw paired differences with the first strategy; none where there is only one."""
     if len(result.strategies) < 2:
         return None
     reference = result.strategies[0].name
@@ -111,12 +101,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
 
 
 def time_figure(result: WhatIfResult) -> Picture:
-    """Draw where the telescope time goes.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw where the telescope time goes."""
     rows = shown_rows(result.strategies)
     uses = [result.strategies[i].time_use for i in rows]
     used = np.array([sum(getattr(use, name) for name, *_ in _PARTS[:-1]) for use in uses])
@@ -152,12 +137,7 @@ def time_figure(result: WhatIfResult) -> Picture:
 
 
 def detections_figure(result: WhatIfResult) -> Picture | None:
-    """Draw what the detected planets are like; none where nothing is detected.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw what the detected planets are like; none where nothing is detected."""
     rows = [i for i in shown_rows(result.strategies) if result.strategies[i].quantiles]
     if not rows:
         return None

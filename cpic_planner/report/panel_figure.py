@@ -114,12 +114,7 @@ def _base64(content: bytes) -> str:
 
 
 def shown_in_both_lights(picture: Picture) -> Picture:
-    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are.
-
-    Parameters
-    ----------
-    picture : Picture
-    """
+    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are."""
     kind, _, content = picture.uri.partition(",")
     if kind != "data:image/png;base64" or not content:
         return picture
@@ -187,7 +182,7 @@ class _Column:
         self.image.set_data(image)
         self.image.set_extent(panels.extent_arcsec)
         self.image.set_norm(norm)
-        view = _VIEW_MARGIN * panels.hole_outer_arcsec
+        view = _VIEW_MARGIN * panels.zone.outer_arcsec
         self.axes.set(xlim=(-view, view), ylim=(-view, view))
         labels, power = tick_labels(ticks)
         self.bar.set_xticks([float(norm(tick)) for tick in ticks], labels)
@@ -228,7 +223,7 @@ def _planets_text(panels: Panels) -> str:
     """Return where planets are, for those who cannot see it."""
     at = [
         f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"
-        for mark in panels.every_mark
+        for mark in panels.marks
         if mark.kind == "planet"
     ]
     return f"; {', '.join(at)}" if at else "; there is no planet"
@@ -238,8 +233,8 @@ def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
     """Draw circles at planets, diamonds at stars, and crosses where a search names a place."""
     from matplotlib.patches import Circle
 
-    radius, view = panels.aperture_radius_arcsec, _VIEW_MARGIN * panels.hole_outer_arcsec
-    for mark in panels.every_mark:
+    radius, view = panels.aperture_radius_arcsec, _VIEW_MARGIN * panels.zone.outer_arcsec
+    for mark in panels.marks:
         x, y = mark.x_arcsec, mark.y_arcsec
         if max(abs(x), abs(y)) > view or (mark.kind == "candidate" and not searched):
             continue
@@ -305,7 +300,7 @@ def _hole(axes: Axes, panels: Panels, ink: str) -> None:
 
 def _compass(axes: Axes, panels: Panels) -> None:
     """Draw north and east arrows from the star, inside the part of the image that the mask's cross hides."""
-    length = max(0.8 * panels.hole_inner_arcsec, 0.12 * panels.hole_outer_arcsec)
+    length = max(0.8 * panels.zone.inner_arcsec, 0.12 * panels.zone.outer_arcsec)
     halo = _halo("white")
     ink: Look = {"fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": halo}
     arrow = {"arrowstyle": "->", "color": "white", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0, "path_effects": halo}

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray
-from simulator.imaging import HoleSide, Zone, ZoneMode, zone_from
+from simulator.imaging import Zone
 from simulator.target import sky_to_detector
 
 _IMAGES = ("science", "reference", "residual")
@@ -59,23 +59,16 @@ class Panels:
         Equal shapes (y, x), electrons of the summed stack; NaN where there is no value.
     pixel_scale_arcsec : float
         Size of a pixel.
-    planet_x_arcsec, planet_y_arcsec : float or None
-        Offset of the planet from the star on the detector; None for a scene without one.
     aperture_radius_arcsec : float
         Photometric aperture.
-    hole_inner_arcsec, hole_outer_arcsec : float
-        Each quadrant's zone is ``inner <= |x|, |y| <= outer`` (not diagonal separations); radii of a ring.
-    mask_half_width_arcsec : float
-        Half width of the arms of the cross mask.
-    hole_mode, hole_side : str
-        All four quadrants, the two on a side of the star, or a ring.
+    zone : HoleZone or RingZone
+        The dark quadrants, or the ring.
     parity : int
         Detector parity, -1 or +1.
     roll_deg : float
         Rotation of the sky on the detector.
-
     marks : tuple of Mark
-        What else is marked.
+        What is marked, planets included.
     """
 
     band: str
@@ -83,17 +76,10 @@ class Panels:
     reference: FloatArray
     residual: FloatArray
     pixel_scale_arcsec: float
-    planet_x_arcsec: float | None
-    planet_y_arcsec: float | None
     aperture_radius_arcsec: float
-    hole_inner_arcsec: float
-    hole_outer_arcsec: float
-    mask_half_width_arcsec: float
-    hole_mode: ZoneMode = "4q"
-    hole_side: HoleSide = "right"
+    zone: Zone
     parity: int = -1
     roll_deg: float = 0.0
-
     marks: tuple[Mark, ...] = ()
 
     def __post_init__(self) -> None:
@@ -102,7 +88,7 @@ class Panels:
             if image.ndim != 2 or image.shape != np.shape(self.science) or image.size == 0:
                 raise InputError(f"panels.{name}", str(image.shape), allowed="2-D images of equal shape")
             object.__setattr__(self, name, image)
-        for name in ("pixel_scale_arcsec", "aperture_radius_arcsec", "hole_outer_arcsec"):
+        for name in ("pixel_scale_arcsec", "aperture_radius_arcsec"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"panels.{name}", value, unit="arcsec", allowed="finite and above 0")
@@ -113,18 +99,6 @@ class Panels:
         """Column and row of the star: the middle of the array."""
         rows, columns = self.science.shape
         return (columns - 1) / 2.0, (rows - 1) / 2.0
-
-    @property
-    def every_mark(self) -> tuple[Mark, ...]:
-        """The planet first, where there is one, then the other marks."""
-        if self.planet_x_arcsec is None or self.planet_y_arcsec is None:
-            return self.marks
-        return Mark(self.planet_x_arcsec, self.planet_y_arcsec), *self.marks
-
-    @property
-    def zone(self) -> Zone:
-        """The dark quadrants, or the ring."""
-        return zone_from(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
 
     @property
     def extent_arcsec(self) -> tuple[float, float, float, float]:

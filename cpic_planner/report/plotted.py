@@ -72,12 +72,7 @@ class Panel(TypedDict):
 
 
 def panels_of(figure: Figure) -> list[Panel]:
-    """Return what the axes of a finished figure show; those without a named value are left out.
-
-    Parameters
-    ----------
-    figure : Figure
-    """
+    """Return what the axes of a finished figure show; those without a named value are left out."""
     found = map(_panel, figure.axes)
     return [panel for panel in found if panel["lines"] or panel["bars"]]
 
@@ -160,10 +155,6 @@ def values_blocks(panels: Iterable[Panel]) -> Iterator[doc.Block]:
     """Yield the values of panels as tables: lines that share their places, and rows with all that stands in them.
 
     Places before the first value of any line and behind the last are left out.
-
-    Parameters
-    ----------
-    panels : iterable of Panel
     """
     for panel in panels:
         if panel["bars"]:

@@ -36,12 +36,7 @@ Panel = Callable[["Axes"], None]
 
 
 def curve_figure(result: CurveResult) -> Figure:
-    """Draw the contrast curves of all bands, their maps of completeness, and recovered planets.
-
-    Parameters
-    ----------
-    result : CurveResult
-    """
+    """Draw the contrast curves of all bands, their maps of completeness, and recovered planets."""
     panels: list[Panel] = [_map_panel(result, one) for one in result.maps]
     if result.recovered:
         panels.append(lambda axes: _draw_recovered(axes, result.recovered))
@@ -58,12 +53,7 @@ def curve_figure(result: CurveResult) -> Figure:
 
 
 def curve_pictures(result: CurveResult) -> dict[str, Picture]:
-    """Return the same as pictures of a report: ``curves``, and where they are there ``maps`` and ``recovered``.
-
-    Parameters
-    ----------
-    result : CurveResult
-    """
+    """Return the same as pictures of a report: ``curves``, and where they are there ``maps`` and ``recovered``."""
     level, bands = f"{result.sigma:g}", ", ".join(dict.fromkeys(row.band for row in result.points))
     alone: list[Panel] = [lambda axes: _draw_curves(axes, result)]
     found = {
@@ -99,12 +89,7 @@ def curve_pictures(result: CurveResult) -> dict[str, Picture]:
 
 
 def roc_figure(result: RocResult) -> Figure:
-    """Draw the probability of a detection against false alarms, and false alarms counted in images.
-
-    Parameters
-    ----------
-    result : RocResult
-    """
+    """Draw the probability of a detection against false alarms, and false alarms counted in images."""
     with style():
         counted = any(row.n_searches for row in result.levels)
         figure = new_figure(_HIGH)
@@ -116,12 +101,7 @@ def roc_figure(result: RocResult) -> Figure:
 
 
 def roc_pictures(result: RocResult) -> dict[str, Picture]:
-    """Return the same as pictures of a report: ``roc``, and with images ``alarms``.
-
-    Parameters
-    ----------
-    result : RocResult
-    """
+    """Return the same as pictures of a report: ``roc``, and with images ``alarms``."""
     bands = ", ".join(dict.fromkeys(row.band for row in result.levels)) or "no band"
     found = {
         "roc": _picture(

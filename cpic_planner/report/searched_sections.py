@@ -42,13 +42,7 @@ ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 
 
 def write_curve(folder: RunFolder, result: results.CurveResult) -> None:
-    """Write ``curve.csv``, ``completeness.csv``, ``recovered.csv`` and ``report.html``, each whole.
-
-    Parameters
-    ----------
-    folder : RunFolder
-    result : CurveResult
-    """
+    """Write ``curve.csv``, ``completeness.csv``, ``recovered.csv`` and ``report.html``, each whole."""
     folder.write("curve.csv", _csv(results.CurveRow, result.points))
     folder.write("completeness.csv", completeness_csv(result))
     folder.write("recovered.csv", _csv(results.RecoveredRow, result.recovered))
@@ -58,13 +52,7 @@ def write_curve(folder: RunFolder, result: results.CurveResult) -> None:
 
 
 def write_roc(folder: RunFolder, result: results.RocResult) -> None:
-    """Write ``roc.csv`` and ``report.html``, each whole.
-
-    Parameters
-    ----------
-    folder : RunFolder
-    result : RocResult
-    """
+    """Write ``roc.csv`` and ``report.html``, each whole."""
     folder.write("roc.csv", _csv(results.RocRow, result.levels))
     about = "Operating characteristic for CPI-C: how likely a search finds a planet, against its false alarms."
     page = SearchedReport(result, roc_pictures(result))
@@ -72,12 +60,7 @@ def write_roc(folder: RunFolder, result: results.RocResult) -> None:
 
 
 def completeness_csv(result: results.CurveResult) -> str:
-    """Return the maps of completeness as CSV, one line a band, separation and contrast.
-
-    Parameters
-    ----------
-    result : CurveResult
-    """
+    """Return the maps of completeness as CSV, one line a band, separation and contrast."""
     names = ("band", "separation_arcsec", "contrast", "azimuth_share", "chance", "chance_known_place")
     rows = []
     for one in result.maps:

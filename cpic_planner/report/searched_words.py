@@ -20,12 +20,7 @@ _HALF_STEPS = 2.0
 
 
 def curve_sentences(result: results.CurveResult) -> list[str]:
-    """Return what contrast curves say, in sentences.
-
-    Parameters
-    ----------
-    result : CurveResult
-    """
+    """Return what contrast curves say, in sentences."""
     said = []
     for band in result.bands:
         rows = [row for row in result.points if row.band == band.band and row.contrast_limit_blind is not None]
@@ -59,12 +54,7 @@ def curve_sentences(result: results.CurveResult) -> list[str]:
 
 
 def roc_sentences(result: results.RocResult) -> list[str]:
-    """Return what an operating characteristic says, in sentences.
-
-    Parameters
-    ----------
-    result : RocResult
-    """
+    """Return what an operating characteristic says, in sentences."""
     said = []
     for band in result.bands:
         row = next((one for one in result.levels if one.band == band.band and one.sigma == result.sigma), None)

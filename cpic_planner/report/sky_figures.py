@@ -206,7 +206,7 @@ def sky_axes(figure: Figure) -> Axes:
     return axes
 
 
-def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int = 12) -> Picture:
+def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
     """Draw all ranked stars in equatorial coordinates (Mollweide).
 
     Parameters
@@ -214,8 +214,6 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
     rank : RankResult
     confirmed : tuple of str
         SIMBAD identifiers of targets that were simulated: ringed, and labelled first.
-    labelled : int
-        How many of the highest-ranked stars to label.
     """
     rows = [row for row in rank.targets if row.ra_deg is not None and row.dec_deg is not None]
     hidden = len(rank.targets) - len(rows)
@@ -239,7 +237,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
             handles.append(axes.scatter([], [], s=marker_area(v_mag), c="#555555", linewidths=0))
             texts.append(f"V = {v_mag}")
         figure.legend(handles, texts, loc="outside lower center", ncols=4, handletextpad=0.4, columnspacing=1.6)
-        chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
+        chosen = ringed + [row for row in rows[: drawing.MOST_LABELLED] if row.name not in confirmed]
         longitude, latitude = _map_positions(chosen)
         names = [literal(pretty_name(row.name)) for row in chosen]
         reach = [_radius_px(row.v_mag, row.name in confirmed) for row in chosen]

@@ -111,12 +111,7 @@ _BELOW: Look = {"loc": "upper center", "fontsize": 9}
 
 
 def visibility_figure(result: VisibilityResult) -> Figure:
-    """Draw minutes per orbit and angles of one star against the date, or minutes of several stars as a calendar.
-
-    Parameters
-    ----------
-    result : VisibilityResult
-    """
+    """Draw minutes per orbit and angles of one star against the date, or minutes of several stars as a calendar."""
     with style():
         figure = _year(result) if len(result.targets) == 1 else _calendar(result)
         figure.draw_without_rendering()

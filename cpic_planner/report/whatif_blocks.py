@@ -169,12 +169,7 @@ def _star_columns() -> list[doc.Column[results.SurveyTarget]]:
 
 
 def strategy_blocks(item: results.StrategyOutcome, reference: results.StrategyOutcome) -> Iterator[doc.Block]:
-    """Yield what there is to say of one strategy: how it differs from the reference, and its stars.
-
-    Parameters
-    ----------
-    item, reference : StrategyOutcome
-    """
+    """Yield what there is to say of one strategy: how it differs from the reference, and its stars."""
     if item.description:
         yield doc.Paragraph(f"{item.description}.")
     if item.name != reference.name:

@@ -29,12 +29,7 @@ _BUDGET_REACH = 1.3
 
 
 def curves_figure(result: WhatIfResult) -> Picture:
-    """Draw planets found against telescope time used, with the 90 % interval of the mean.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw planets found against telescope time used, with the 90 % interval of the mean."""
     strategies = result.strategies
     longest = max(item.hours.survey_high for item in strategies) or 1.0
     budgets = sorted({float(item.settings["time_budget_h"]) for item in strategies})
@@ -62,12 +57,7 @@ def curves_figure(result: WhatIfResult) -> Picture:
 
 
 def convergence_figure(result: WhatIfResult) -> Picture:
-    """Draw mean and interval against the number of universes.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw mean and interval against the number of universes."""
     with style():
         figure, shown = _panels(result, "convergence")
         for axes in figure.axes:
@@ -145,12 +135,7 @@ def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: s
 
 
 def sweep_figure(result: WhatIfResult) -> Picture | None:
-    """Draw yield against the varied key, a line for every base strategy; none where nothing is varied.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw yield against the varied key, a line for every base strategy; none where nothing is varied."""
     strategies, sweep = result.strategies, sweep_of(result.strategies)
     if sweep is None:
         return None

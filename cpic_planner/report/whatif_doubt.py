@@ -19,12 +19,7 @@ def _plan(item: DoubtChoice) -> str:
 
 
 def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
-    """Yield the table of all plans under all values, and what to take where one strategy is settled.
-
-    Parameters
-    ----------
-    found : DoubtRecord
-    """
+    """Yield the table of all plans under all values, and what to take where one strategy is settled."""
     cells = {(cell.strategy, cell.planned_for, cell.played_under): cell for cell in found.cells}
     what = found.quantity.replace("_", " ")
 
@@ -124,12 +119,7 @@ def _settled(found: DoubtRecord) -> doc.Table:
 
 
 def doubt_figure(result: WhatIfResult) -> Picture | None:
-    """Draw what every plan loses under every value; none where no number is in doubt.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw what every plan loses under every value; none where no number is in doubt."""
     found = result.doubt
     if found is None:
         return None

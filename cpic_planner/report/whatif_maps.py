@@ -148,12 +148,7 @@ def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
 
 
 def calendar_figure(result: WhatIfResult) -> Picture | None:
-    """Draw a mark for every planned visit: stars down, dates across; none where nothing is visited.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw a mark for every planned visit: stars down, dates across; none where nothing is visited."""
     stars = visited(result)
     rows = dict(list(stars.items())[:MOST_ROWS])
     if not rows:
@@ -227,12 +222,7 @@ def _counts(
 
 
 def stars_figure(result: WhatIfResult) -> Picture | None:
-    """Draw the visited stars on the sky, coloured by planets found for the time; none where nothing is visited.
-
-    Parameters
-    ----------
-    result : WhatIfResult
-    """
+    """Draw the visited stars on the sky, coloured by planets found for the time; none where nothing is visited."""
     from matplotlib.colors import LogNorm
 
     stars = visited(result)

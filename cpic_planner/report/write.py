@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,47 +33,6 @@ from simulator.target import scene_sources
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-
-def plan_html(
-    plan: results.PlanResult,
-    rank: results.RankResult,
-    *,
-    panels: Mapping[str, Panels],
-    limits: Sequence[LimitCurve] = (),
-    holes: Sequence[HoleEdges] = (),
-    sensitivity: results.SensitivityResult | None = None,
-    known: results.KnownResult | None = None,
-    top_rows: int = 50,
-) -> str:
-    """Draw the figures of a plan and render its report.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    rank : RankResult
-    panels : mapping of str to Panels
-        Images by ``BandConfirmation.image``; bands without are shown without.
-    limits : sequence of LimitCurve
-        Contrast limits for the diagram.
-    holes : sequence of HoleEdges
-        Corners of each band's dark hole on the diagonal.
-    sensitivity : SensitivityResult, optional
-        How the ranking depends on assumptions; shown on the first page.
-    known : KnownResult, optional
-        Known planets of the first stars, and when the dark hole covers them.
-    top_rows : int
-        Rows of the ranking to print.
-
-    Returns
-    -------
-    str
-        The whole file; the same bytes for the same input.
-    """
-    from cpic_planner.report.figures import panel_pictures, plan_figures
-
-    figures, images = plan_figures(plan, rank, limits=limits, holes=holes), panel_pictures(plan, panels)
-    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, known, top_rows)))
 
 
 def page_html(document: Document) -> str:
@@ -113,12 +72,6 @@ def limit_curves(plan: results.PlanResult, model: EtcModel, targets: Targets | N
     """Return the contrast limit against separation for the first confirmed targets, each in its ranked band and time.
 
     `targets` are the ranked stars; without them the stars are those of the snapshot.
-
-    Parameters
-    ----------
-    plan : PlanResult
-    model : EtcModel
-    targets : Targets, optional
     """
     curves = []
     for target in plan.targets[:MAX_LIMITS]:
@@ -158,10 +111,10 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     instrument, metrics = model.instrument, model.metrics[band]
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
-    offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
     roll_deg = model.strategy.rolls_deg[0]
     candidates = body["search"]["candidates"] if body["search"] else ()
-    marks = [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
+    marks = [] if scene is not None else [Mark(x, y) for x, y in body["planet_offsets_arcsec"][:1]]
+    marks += [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
     if scene is not None:
         sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
         several = sum(source.kind == "planet" for source in sources) > 1
@@ -169,22 +122,14 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
             label = source.name if several or source.kind == "star" else ""
             kind: MarkKind = "planet" if source.kind == "planet" else "star"
             marks.append(Mark(source.x_arcsec, source.y_arcsec, kind, label))
-        offsets = []
-    x, y = offsets[0] if offsets else (None, None)
     return Panels(
         band=band,
         science=np.where(nowhere, np.nan, images["science"]),
         reference=np.where(nowhere, np.nan, images["reference"]),
         residual=images["residual"],
         pixel_scale_arcsec=metrics.pixel_scale_arcsec,
-        planet_x_arcsec=x,
-        planet_y_arcsec=y,
         aperture_radius_arcsec=metrics.aperture_radius_arcsec,
-        hole_inner_arcsec=metrics.hole_inner_arcsec,
-        hole_outer_arcsec=metrics.hole_outer_arcsec,
-        mask_half_width_arcsec=metrics.mask_half_width_arcsec,
-        hole_mode=metrics.hole_mode,
-        hole_side=metrics.hole_side,
+        zone=metrics.zone,
         parity=instrument.detector.parity,
         roll_deg=roll_deg,
         marks=tuple(marks),
@@ -206,14 +151,15 @@ def write_report(
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
     the first of them.
     """
+    from cpic_planner.report.figures import panel_pictures, plan_figures
+
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
-    limits = limit_curves(plan, model, targets)
-    beside: dict[str, Any] = {"sensitivity": sensitivity, "known": known}
-    page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), **beside)
-    folder.write("report.html", page)
+    figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
+    report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
+    folder.write("report.html", page_html(plan_document(report)))
 
 
 def write_star_images(
@@ -297,13 +243,7 @@ def _albedo_picture(fitted: FittedAlbedo) -> Picture:
 
 
 def write_whatif(folder: RunFolder, result: results.WhatIfResult) -> None:
-    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result.
-
-    Parameters
-    ----------
-    folder : RunFolder
-    result : WhatIfResult
-    """
+    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result."""
     from cpic_planner.report.figures import whatif_figures
 
     folder.write("targets.csv", targets_csv(result))

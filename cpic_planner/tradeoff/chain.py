@@ -174,12 +174,8 @@ class Images:
         NotApplicable
             If nothing is left of the planet's place.
         """
-        if self.modelling.draw == "sums":
-            visits = self._visits
-            drawn = visits.draw(number)
-        else:
-            visits = validation.visit_pair(self.task, realisation=number, modelling=self.modelling)
-            drawn, _ = validation.realise_frames(visits)
+        sums = self._visits if self.modelling.draw == "sums" else None
+        visits, drawn, _ = next(validation.realisations(self.task, self.modelling, [number], sums))
         star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
         (one,), _ = validation.measure_planets(visits, drawn, list(self._planets), star, searched=False)
         if one is None:
@@ -304,13 +300,7 @@ def _infrared(observation: Observation) -> Drawn:
 
 
 def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:
-    """Return the science and reference visit, the light of field stars made anew: work that is timed begins without it.
-
-    Parameters
-    ----------
-    case : FixedScene
-    setup : Setup
-    """
+    """Return the science and reference visit, with new light of field stars: work that is timed begins without it."""
     forget_starlight()
     return visit(case, setup), visit(case, setup, role="reference")
 

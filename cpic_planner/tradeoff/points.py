@@ -248,13 +248,7 @@ def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s
 
 
 def light_without(case: FixedScene, setup: Setup) -> FloatArray:
-    """Return the electrons per second of everything but the central star and the planets.
-
-    Parameters
-    ----------
-    case : FixedScene
-    setup : Setup
-    """
+    """Return the electrons per second of everything but the central star and the planets."""
     return visit(case, setup, planets=False, n_frames=1, epochs=1).light.static_e_s
 
 
@@ -273,11 +267,6 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
 
     Frames that lose a pixel count for less: a pixel that was seen in the fraction ``c`` of the frames has ``1 / c``
     times the variance in their filled mean.
-
-    Parameters
-    ----------
-    places : Places
-    drawn : sequence of Drawn
     """
     weights, samples = places.weights, []
     for part in drawn:

@@ -281,26 +281,14 @@ def reference_setup(case: FixedScene) -> Setup:
 
 
 def choice_of(case: FixedScene, dial: Dial) -> Choice:
-    """Return what the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does.
-
-    Parameters
-    ----------
-    case : FixedScene
-    dial : Dial
-    """
+    """Return what the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does."""
     how: dict[str, Any] = {"scene_model": case.scene_model, "planets": (PLANET,), "reduced": True}
     predicted = forecast(case.scene, case.instrument, **case.frames, **how, full=dial.fidelity == "reference")
     return choose(predicted, dial.of("planet_flux", "snr"), fixed=("hole_region",))
 
 
 def chosen_by(case: FixedScene, choice: Choice) -> Setup:
-    """Return the setup of a choice of the effect ledger.
-
-    Parameters
-    ----------
-    case : FixedScene
-    choice : Choice
-    """
+    """Return the setup of a choice of the effect ledger."""
     own = {item.name: getattr(choice, item.name) for item in fields(Setup) if hasattr(choice, item.name)}
     region = "hole" if choice.draw == "sums" else choice.region
     return Setup(**own | {"region": region, "scene_model": case.scene_model})

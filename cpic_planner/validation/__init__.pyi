@@ -59,6 +59,7 @@ from cpic_planner.validation.realise import (
     Realisation as Realisation,
     VisitPair as VisitPair,
     cleaned as cleaned,
+    realisations as realisations,
     realise_frames as realise_frames,
     visit_pair as visit_pair,
 )

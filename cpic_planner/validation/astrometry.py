@@ -27,13 +27,7 @@ _ORDER = [1, 2, 0]
 
 
 def chi2_p_value(chi2: float, degrees_of_freedom: int) -> float | None:
-    """Return the chance of a chi2 at least this large if the model holds; None without degrees of freedom.
-
-    Parameters
-    ----------
-    chi2 : float
-    degrees_of_freedom : int
-    """
+    """Return the chance of a chi2 at least this large if the model holds; None without degrees of freedom."""
     from scipy.special import gammaincc
 
     return float(gammaincc(0.5 * degrees_of_freedom, 0.5 * chi2)) if degrees_of_freedom else None

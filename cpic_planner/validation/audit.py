@@ -194,12 +194,7 @@ def sequences(n_visits: int, length: int) -> Iterator[tuple[int, range]]:
 
 
 def without_frame_effects(observation: Observation) -> Observation:
-    """Return an observation of the same light and pixels without the effects that sums of frames cannot have.
-
-    Parameters
-    ----------
-    observation : Observation
-    """
+    """Return an observation of the same light and pixels without the effects that sums of frames cannot have."""
     detector = observation.channel.detector
     effects = (effect for effect in rows_of(detector.chain) if effect.stage != "light")
     off = (effect.switch for effect in effects if effect.in_sums not in ("added", "per_electron"))

@@ -3,7 +3,6 @@
 import base64
 import io
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from cpic_planner.validation.audit import audited
 from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.measure import Measurement, maps_of, measure_planets
 from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realise_frames, visit_pair
+from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realisations, visit_pair
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import PlanetTemplate, planet_templates
@@ -52,7 +51,8 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
     parts: list[FrameStatistics] = []
     false = 0
     record: SearchRecord | None = None
-    for at, realisation, statistics in _drawn(task, modelling, visits if sums else None):
+    numbers = range(task.realisations if sums else modelling.runs_by_frames(task.realisations))
+    for at, realisation, statistics in realisations(task, modelling, numbers, visits if sums else None):
         if not every:
             first = realisation
             planets = planet_templates(at)
@@ -97,15 +97,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
 def positions_of(
     visits: VisitPair, realisation: Realisation, blind: BlindSearch, planet: PlanetTemplate
 ) -> Astrometry | None:
-    """Return the fitted position of a planet that the search found; None where it did not.
-
-    Parameters
-    ----------
-    visits : VisitPair
-    realisation : Realisation
-    blind : BlindSearch
-    planet : PlanetTemplate
-    """
+    """Return the fitted position of a planet that the search found; None where it did not."""
     match = blind.strongest_near(*planet.places_arcsec[0], visits.geometry)
     if match is None or not match.detected:
         return None
@@ -149,18 +141,6 @@ def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetT
         sigma=visits.task.strategy["sigma"],
         candidates=records,
     )
-
-
-def _drawn(
-    task: ConfirmTask, modelling: Modelling, sums: VisitPair | None
-) -> Iterator[tuple[VisitPair, Realisation, FrameStatistics | None]]:
-    """Yield every realisation from sums of frames; without them frame by frame, one in memory at a time."""
-    if sums is not None:
-        yield from ((sums, sums.draw(number), None) for number in range(task.realisations))
-        return
-    for number in range(modelling.runs_by_frames(task.realisations)):
-        visits = visit_pair(task, realisation=number, modelling=modelling)
-        yield visits, *realise_frames(visits)
 
 
 def _audits(

@@ -58,9 +58,7 @@ class LibraryPlan:
     flags: tuple[str, ...] = ()
 
 
-def library_plan(
-    strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1, roll_deg: float = 0.0
-) -> LibraryPlan:
+def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1) -> LibraryPlan:
     """Return what to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
 
     Parameters
@@ -73,8 +71,6 @@ def library_plan(
         Science frames of a visit, at least 1; for ``roll`` those of each roll.
     visits : int
         Science visits, at least 1.
-    roll_deg : float
-        Roll of the science visit; the middle of the two rolls.
 
     Returns
     -------
@@ -83,15 +79,14 @@ def library_plan(
         of V science visits; without the factor ``V / R`` for a library whose visits are there already.
     """
     count = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
-    middle = check_number("roll_deg", roll_deg, "deg")
     library, rolls = strategy.reference_library, strategy.rolls_deg
     role: Role = "science" if library.noise_free else "reference"
     # Expectations are those of the very visits that they stand beside.
     number = visits if library.noise_free else strategy.references_of(visits)
     length = float(library.reference_length(np.asarray(float(visits)), np.asarray(float(number))))
     references = count if library.noise_free else max(round(count * strategy.reference_ratio * length), 1)
-    science: VisitSettings = {"role": "science", "roll_deg": middle + rolls[0], "n_frames": count}
-    reference: VisitSettings = {"role": role, "roll_deg": middle + rolls[-1], "n_frames": references}
+    science: VisitSettings = {"role": "science", "roll_deg": rolls[0], "n_frames": count}
+    reference: VisitSettings = {"role": role, "roll_deg": rolls[-1], "n_frames": references}
     return LibraryPlan(
         name=library.name,
         science_scene=scene,

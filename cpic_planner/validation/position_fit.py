@@ -301,13 +301,7 @@ class PositionFitter:
         return np.einsum("pkl,pl->pk", turn, theta), white, turn @ (inverse @ forms @ inverse) @ back
 
     def covariance(self, fit: PositionFit, speckles: SpeckleScatter) -> FloatArray:
-        """Return the covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles.
-
-        Parameters
-        ----------
-        fit : PositionFit
-        speckles : SpeckleScatter
-        """
+        """Return the covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles."""
         estimator = fit.inverse @ (fit.design * self.weights[fit.window])
         pixels = (estimator * self._variance(fit)) @ estimator.T
         turn = _to_radial(fit.place[:1], fit.place[1:])[0]

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -214,23 +214,18 @@ class VisitPair:
         return seen.smear_e[rows, columns]
 
 
-def visit_pair(
-    task: ConfirmTask, *, full: bool = False, realisation: int = 0, modelling: Modelling | None = None
-) -> VisitPair:
+def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling | None = None) -> VisitPair:
     """Set up the visits of a task.
 
     Parameters
     ----------
     task : ConfirmTask
-    full : bool
-        Every effect of the camera, to be run frame by frame (`realise_frames`), whatever the modelling says.
     realisation : int
         Of the frames.
     modelling : Modelling, optional
         How the images are made; what `modelling_of` the task says by default.
     """
     how = modelling or modelling_of(task)
-    how = how.whole() if full else how
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = how.scene(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
@@ -299,6 +294,18 @@ def _epochs(task: ConfirmTask, how: Modelling, drift: Drift) -> int:
     needed = math.ceil(math.sqrt(walk_nm2 / whole_nm2 / (2.0 * _VARIANCE_ERROR))) if walk_nm2 > 0 else 1
     swings = 1 if drift.orbital_nm == 0 else _LEAST_SWINGING
     return min(how.epochs, max(needed, swings))
+
+
+def realisations(
+    task: ConfirmTask, modelling: Modelling, numbers: Iterable[int], sums: VisitPair | None
+) -> Iterator[tuple[VisitPair, Realisation, FrameStatistics | None]]:
+    """Yield realisations from sums of frames; without them frame by frame, one in memory at a time."""
+    for number in numbers:
+        if sums is not None:
+            yield sums, sums.draw(number), None
+        else:
+            visits = visit_pair(task, realisation=number, modelling=modelling)
+            yield visits, *realise_frames(visits)
 
 
 def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:

@@ -16,7 +16,6 @@ MIN_SIGMA, MAX_SIGMA = 2.0, 20.0
 """Below 2 sigma excursions run together: their number is no longer that of their Euler characteristic."""
 _LOWEST, _HIGHEST = 1.0, 1e60  # thresholds: the density of maxima falls beyond 1
 _MOST_LEVEL = 1e100  # its square is finite
-_SERIES_FROM = 25.0
 
 
 @dataclass(frozen=True)
@@ -76,18 +75,16 @@ def searched_region(region: BoolArray, lambda_d_pixels: float) -> SearchedRegion
     return SearchedRegion(float(squares), half_perimeter, euler, points, points / lambda_d_pixels**2)
 
 
-def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float, dof: float = math.inf) -> FloatArray:
+def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float) -> FloatArray:
     """Return the expected number of noise peaks of a search at or above a level.
 
     Parameters
     ----------
     threshold : array_like
-        Signal over estimated noise, 1 to 1e100.
+        Signal over known noise, 1 to 1e100.
     region : SearchedRegion
     roughness : float
         Variance of the gradient of the significance map along one axis, per square pixel, above 0.
-    dof : float
-        Degrees of freedom of the noise estimate, above 0; infinite for known noise.
 
     Returns
     -------
@@ -99,57 +96,31 @@ def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float,
     The expected Euler characteristic of the part of a smooth Gaussian field above a level ``u``, which at high ``u`` is
     the number of its peaks, is ``sum_d L_d roughness^(d/2) rho_d(u)`` with the half perimeter and area of the region as
     ``L_1`` and ``L_2`` (Adler & Taylor 2007, Random Fields and Geometry, ch. 12). The densities ``rho_1 = exp(-u^2/2) /
-    (2 pi)`` and ``rho_2 = u exp(-u^2/2) / (2 pi)^(3/2)`` hold for known noise. Noise that is estimated once for the
-    whole field scales ``u`` by ``s`` with ``dof s^2`` a chi-square: with ``E[s^m exp(-u^2 s^2/2)] = (2/dof)^(m/2)
-    G((dof+m)/2) / G(dof/2) (1 + u^2/dof)^(-(dof+m)/2)`` the mean over ``s`` is closed; ``rho_0`` becomes the tail of
-    Student's t, as in `cpic_planner.etc.detection.detection_threshold`.
+    (2 pi)`` and ``rho_2 = u exp(-u^2/2) / (2 pi)^(3/2)`` hold for known noise.
     """
-    from scipy.special import ndtr, stdtr
+    from scipy.special import ndtr
 
     level = np.asarray(threshold, dtype=np.float64)
     if not ((level >= _LOWEST) & (level <= _MOST_LEVEL)).all():
         raise InputError("threshold", threshold, allowed=f"{_LOWEST:g} to {_MOST_LEVEL:g}")
-    _check_noise(roughness, dof)
-    slope = math.sqrt(roughness)
-    if math.isinf(dof):
-        tail, curve, grown = ndtr(-level), np.exp(-0.5 * level**2), level * np.exp(-0.5 * level**2)
-    else:
-        base = np.log1p(level**2 / dof)
-        tail, curve = stdtr(dof, -level), np.exp(-0.5 * dof * base)
-        grown = _mean_scale(dof) * level * np.exp(-0.5 * (dof + 1.0) * base)
+    check_positive("roughness", roughness, "1/px2")
+    slope, curve = math.sqrt(roughness), np.exp(-0.5 * level**2)
     return np.asarray(
-        region.euler * tail
+        region.euler * ndtr(-level)
         + region.half_perimeter_pixels * slope / (2.0 * math.pi) * curve
-        + region.area_pixels * slope**2 / (2.0 * math.pi) ** 1.5 * grown
+        + region.area_pixels * slope**2 / (2.0 * math.pi) ** 1.5 * (level * curve)
     )
 
 
-def _mean_scale(dof: float) -> float:
-    """Return the mean of ``s`` where ``dof s^2`` is a chi-square: ``(2/dof)^(1/2) G((dof+1)/2) / G(dof/2)``, to 1e-14.
-
-    Logarithms of the two functions agree in more and more digits as they grow; there the logarithm of their ratio is a
-    series in odd powers of ``1/dof`` (Tricomi & Erdelyi 1951, Pacific J. Math. 1, 133), below 1e-16 after five terms.
-    """
-    from scipy.special import gamma
-
-    half = 0.5 * dof
-    if half < _SERIES_FROM:
-        return math.sqrt(half) * float(gamma(half + 0.5) / gamma(half + 1.0))
-    tail = 0.0
-    for term in (-31.0 / 18432.0, 17.0 / 14336.0, -1.0 / 640.0, 1.0 / 192.0, -1.0 / 8.0):
-        tail = term + tail / half**2
-    return math.exp(tail / half)
-
-
 def search_threshold(
-    region: SearchedRegion, roughness: float, *, sigma: float = 5.0, dof: float = math.inf, per_search: bool = False
+    region: SearchedRegion, roughness: float, *, sigma: float = 5.0, per_search: bool = False
 ) -> Outcome[float]:
     """Return the level that noise alone reaches as rarely as asked anywhere in a searched region.
 
     Parameters
     ----------
     region : SearchedRegion
-    roughness, dof : float
+    roughness : float
         As in `false_alarms`.
     sigma : float
         Gaussian significance that states the false-alarm probability, 2 to 20.
@@ -161,7 +132,7 @@ def search_threshold(
     Returns
     -------
     Outcome of float
-        ``unreachable`` with reason ``too_few_resolution_elements`` below 3 elements or 1 degree of freedom.
+        ``unreachable`` with reason ``too_few_resolution_elements`` below 3 elements.
 
     Raises
     ------
@@ -182,25 +153,19 @@ def search_threshold(
 
     if not (MIN_SIGMA <= sigma <= MAX_SIGMA):
         raise InputError("sigma", sigma, unit="sigma", allowed=f"{MIN_SIGMA:g} to {MAX_SIGMA:g}")
-    _check_noise(roughness, max(dof, 1.0))
-    if region.n_elements < MIN_ELEMENTS or dof < 1.0:
-        text = f"{region.n_elements:.3g} resolution elements, {dof:.3g} degrees of freedom: too few to know the noise"
+    check_positive("roughness", roughness, "1/px2")
+    if region.n_elements < MIN_ELEMENTS:
+        text = f"{region.n_elements:.3g} resolution elements: too few to know the noise"
         return Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
     asked = math.log(float(ndtr(-sigma)) * (1.0 if per_search else region.n_elements))
 
     def excess(log_level: float) -> float:
-        return math.log(max(float(false_alarms(math.exp(log_level), region, roughness, dof)), 1e-320)) - asked
+        return math.log(max(float(false_alarms(math.exp(log_level), region, roughness)), 1e-320)) - asked
 
     low, high = math.log(_LOWEST), math.log(_HIGHEST)
     if excess(low) <= 0.0:  # a region whose few positions cannot give that many alarms
         return Outcome.ok(_LOWEST, unit="sigma")
     return Outcome.ok(math.exp(float(brentq(excess, low, high, xtol=1e-9))), unit="sigma")
-
-
-def _check_noise(roughness: float, dof: float) -> None:
-    check_positive("roughness", roughness, "1/px2")
-    if not dof > 0:
-        raise InputError("dof", dof, allowed="above 0")
 
 
 # What is believed before the residual is seen, as standard deviations of natural logarithms: white noise is computed

@@ -367,13 +367,7 @@ class SearchField:
         return [Peak(x, y, snr, level, share, free, flux) for (x, y, snr, flux, *_), level, share, free in places]
 
     def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
-        """Return the same sources in the noise that is known once all are out.
-
-        Parameters
-        ----------
-        peaks : sequence of Peak
-        state : FilteredState
-        """
+        """Return the same sources in the noise that is known once all are out."""
         places = [int(self._index[round(peak.y_pixel), round(peak.x_pixel)]) for peak in peaks]
         return self._judged(
             [

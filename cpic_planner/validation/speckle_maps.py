@@ -4,16 +4,13 @@ import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, announce, check_word, compute_once
-from cpic_planner.validation.apertures import aperture_weights
+from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
 from simulator.config import Drift, content_hash
 from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
-
-FilterName = Literal["matched", "aperture"]
 
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
@@ -56,22 +53,11 @@ class SpeckleMaps:
     kernel: FloatArray
 
 
-def filter_kernel(psf: AnyPsf, name: FilterName = "matched") -> FloatArray:
-    """Return the weights of a filter, odd shape, centred.
+def filter_kernel(psf: AnyPsf) -> FloatArray:
+    """Return the weights of the matched filter, odd shape, centred: a unit source, cut to a disc of 1.5 lambda/D.
 
-    ``matched`` is the image of a unit source, cut to a disc of 1.5 lambda/D. ``aperture`` is the photometric aperture,
-    for comparison: its sharp edge leaves more peaks of noise than the thresholds of a smooth field foresee.
-
-    Parameters
-    ----------
-    psf : Psf or ExternalPsf
-    name : FilterName, optional
+    The sharp edge of an aperture would leave more peaks of noise than the thresholds of a smooth field foresee.
     """
-    check_word("kernel", name, get_args(FilterName))
-    if name == "aperture":
-        radius = psf.geometry.aperture_radius_arcsec / psf.geometry.pixel_scale_arcsec
-        middle = int(np.ceil(radius + 0.5))
-        return aperture_weights((2 * middle + 1, 2 * middle + 1), middle, middle, radius)
     image, geometry = np.asarray(psf.off_axis, float), psf.geometry
     centre = len(image) // 2
     reach = KERNEL_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
@@ -101,7 +87,7 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     return np.asarray(sums[..., :rows, :columns])
 
 
-def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS) -> SpeckleMaps:
+def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> SpeckleMaps:
     """Return the maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache.
 
     Parameters
@@ -110,25 +96,23 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n
         Optics of one band; maps of an external PSF, which has no wavefront, are 0.
     drift : Drift
         Its ``visit_nm`` is the unit of offset, its slope that of the screens.
-    kernel : {"matched", "aperture"}
-        Filter of the residual; see `filter_kernel`.
     n_visits : int
         At least 32.
 
     Raises
     ------
     InputError
-        With fewer visits or another filter.
+        With fewer visits.
     """
     if n_visits < 32:
         raise InputError("n_visits", n_visits, allowed="at least 32")
     visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
-    weights = filter_kernel(psf, kernel)
+    weights = filter_kernel(psf)
     if isinstance(psf, ExternalPsf) or not visit_nm > 0:
         nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
-    unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits, kernel)), drift.psd_slope, n_visits, kernel)
+    unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
     return SpeckleMaps(
         linear=visit_nm**2 * unit["linear"],
         square=visit_nm**4 * unit["square"],
@@ -142,7 +126,7 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, kernel: FilterName = "matched", n
     )
 
 
-def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
+def _key(psf: Psf, slope: float, n_visits: int) -> str:
     """Return everything that decides the maps."""
     spectrum = None
     if psf.spectrum is not None:
@@ -156,7 +140,7 @@ def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
             "spectrum": spectrum,
             "slope": slope,
             "visits": n_visits,
-            "kernel": name,
+            "kernel": "matched",
         }
     )
 
@@ -170,18 +154,18 @@ class _KeyedPsf:
 
 
 @functools.lru_cache(maxsize=16)
-def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
+def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of an offset of 1 nm, from the cache or measured."""
 
     def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         return {item: found[item] for item in ("linear", "square", "nominal", "stray", "tails")}
 
-    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits, name), maps_of)
+    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits), maps_of)
 
 
-def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
+def _measured(psf: Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
-    kernel = filter_kernel(psf, name)
+    kernel = filter_kernel(psf)
     hole, imager = psf.geometry.hole, psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)

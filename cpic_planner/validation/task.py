@@ -278,14 +278,7 @@ def expected_of(
 
 
 def gap_s(model: etc.EtcModel, band: str, frames: Frames) -> float:
-    """Return the time from the start of a science visit to that of the next, s.
-
-    Parameters
-    ----------
-    model : EtcModel
-    band : str
-    frames : Frames
-    """
+    """Return the time from the start of a science visit to that of the next, s."""
     visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
     return float(model.time_s(visit_s)) + 3600.0 * model.strategy.visit_gap_h
 

@@ -193,13 +193,7 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
 
 
 def with_image(visits: VisitPair, place: PlanetPlace) -> PlanetTemplate:
-    """Return what the measurement of a planet at a place needs.
-
-    Parameters
-    ----------
-    visits : VisitPair
-    place : PlanetPlace
-    """
+    """Return what the measurement of a planet at a place needs."""
     pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
     templates = tuple(visits.optics.at(*offsets) for offsets in place.places_arcsec)
     cores = (np.sum(image * weights) for image, weights in zip(templates, place.apertures, strict=True))
@@ -258,14 +252,7 @@ def pixels_of(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tupl
 
 
 def obstacle(planet: PlanetPlace, geometry: BandGeometry, strategy: Strategy) -> tuple[Reason, str] | None:
-    """Return why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can.
-
-    Parameters
-    ----------
-    planet : PlanetPlace
-    geometry : BandGeometry
-    strategy : Strategy
-    """
+    """Return why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can."""
     for (x, y), weights in zip(planet.places_arcsec, planet.apertures, strict=True):
         # The pixels of an aperture that touches the edges may reach beyond them.
         inside = geometry.zone.contains(np.array(x), np.array(y), geometry.aperture_radius_arcsec)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from cases import FIVE_STARS, in_blocks, nominal, task_for
 
-from cpic_planner.validation import mean_snr, planet_templates, realise_frames, visit_pair
+from cpic_planner.validation import mean_snr, modelling_of, planet_templates, realise_frames, visit_pair
 from cpic_planner.validation.measure import forced_photometry
 
 SEEDS, BLOCK = 150, 50
@@ -23,7 +23,8 @@ def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, A
 
 def frames_block(star: str, band: str, number: int) -> list[dict[str, Any]]:
     """One realisation frame by frame, with all effects of the camera, calibration and rejection."""
-    visits = visit_pair(task_for(star, band, seed=22), full=True, realisation=number)
+    task = task_for(star, band, seed=22)
+    visits = visit_pair(task, realisation=number, modelling=modelling_of(task).whole())
     realised, story = realise_frames(visits)
     return [_row(visits, planet_templates(visits)[0], realised, star, band) | {"rejected": story.rejected_fraction}]
 

@@ -17,7 +17,7 @@ from catalogs import stellar_parameters
 from cpic_planner.etc import EtcModel, aperture_rates, build_model, stack_noise
 from cpic_planner.etc.noise import snr_paper
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.report.panels import Panels
+from cpic_planner.report.panels import Mark, Panels
 from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import (
@@ -304,11 +304,8 @@ def _panels(seen: Observation, science: FloatArray, reference: FloatArray, resid
         reference=reference,
         residual=residual,
         pixel_scale_arcsec=seen.pixel_scale_arcsec,
-        planet_x_arcsec=x,
-        planet_y_arcsec=y,
         aperture_radius_arcsec=config.aperture_radius_arcsec(seen.band),
-        hole_inner_arcsec=config.hole_inner_arcsec(seen.band),
-        hole_outer_arcsec=config.hole_outer_arcsec(seen.band),
-        mask_half_width_arcsec=config.mask_half_width_arcsec(seen.band),
+        zone=seen.psf.geometry.zone,
         parity=config.detector.parity,
+        marks=(Mark(x, y),),
     )

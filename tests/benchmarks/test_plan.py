@@ -11,10 +11,11 @@ from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import rank_targets
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.panel_figure import PanelSheet
-from cpic_planner.report.panels import Panels
+from cpic_planner.report.panels import Mark, Panels
 from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
+from simulator.imaging import HoleZone
 
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
 first,3.73,K2V,5080,4.6,-0.1,3.2,0.34,53.2,-9.5
@@ -54,7 +55,7 @@ def test_figures_of_the_catalogue(timed):
 def test_picture_of_three_panels(timed):
     rng = np.random.default_rng(1)
     images = rng.normal(1000.0, 30.0, (3, 137, 137))
-    panels = Panels("F662", *images, 0.016153, 0.35, 0.35, 0.0375, 0.18, 0.707, 0.155)
+    panels = Panels("F662", *images, 0.016153, 0.0375, HoleZone(0.18, 0.707), marks=(Mark(0.35, 0.35),))
     sheet = PanelSheet()
     turned = iter(np.linspace(0.0, 90.0, 100))
     picture = timed(

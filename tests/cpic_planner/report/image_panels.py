@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from cpic_planner.report.panels import Panels
+from cpic_planner.report.panels import Mark, Panels
 from cpic_planner.results import PlanResult
+from simulator.imaging import HoleZone
 
 PIXEL = 0.016153
 INNER = {"F520": 0.165, "F662": 0.18, "F720": 0.195, "F850": 0.21}
@@ -37,12 +38,9 @@ def make_panels(band: str = "F662", *, seed: int = 1, size: int = 137) -> Panels
         reference=reference,
         residual=np.where(inside, science - reference, np.nan),
         pixel_scale_arcsec=PIXEL,
-        planet_x_arcsec=px,
-        planet_y_arcsec=py,
         aperture_radius_arcsec=0.0375,
-        hole_inner_arcsec=inner,
-        hole_outer_arcsec=outer,
-        mask_half_width_arcsec=0.155,
+        zone=HoleZone(inner, outer),
+        marks=(Mark(px, py),),
     )
 
 

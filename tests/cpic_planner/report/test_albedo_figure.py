@@ -83,7 +83,7 @@ def test_it_says_what_is_open(model, fit):
 
 def test_nothing_overlaps_or_leaves_the_figure(model, spectrum):
     for fit in (fitted(model, 0.03), fitted(model, 0.5)):
-        figure = albedo_figure(fit, model, title="τ Cet $1", truth=TRUTH, spectrum=spectrum)
+        figure = albedo_figure(fit, model, truth=TRUTH, spectrum=spectrum)
         left, right = (axes.get_tightbbox() for axes in figure.axes)
         assert left.x1 < right.x0 + 1
         assert left.x0 >= -1
@@ -93,7 +93,7 @@ def test_nothing_overlaps_or_leaves_the_figure(model, spectrum):
 
 
 def test_picture_is_the_same_every_time(model, fit, tmp_path):
-    one, again = (albedo_picture(fit, model, title="tau Cet", truth=TRUTH) for _ in range(2))
+    one, again = (albedo_picture(fit, model, truth=TRUTH) for _ in range(2))
     assert one == again
     assert base64.b64decode(one.uri.split(",")[1]).startswith(b"<?xml")
     low, high = fit.interval("log10_mh")

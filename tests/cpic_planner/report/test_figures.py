@@ -117,8 +117,9 @@ def test_a_picture_in_both_lights_is_the_same_pixels_and_turns_all_but_the_image
 
 def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
     one, other = list(panels.values())[:2]
-    marked = replace(one, planet_x_arcsec=-0.5, marks=(Mark(-0.4, 0.3, "star", "a star"), Mark(0.3, -0.4, "candidate")))
-    small = replace(other, science=1e6 * other.science, hole_outer_arcsec=0.5, roll_deg=40.0)
+    marks = Mark(-0.5, 0.35), Mark(-0.4, 0.3, "star", "a star"), Mark(0.3, -0.4, "candidate")
+    marked = replace(one, marks=marks)
+    small = replace(other, science=1e6 * other.science, zone=replace(other.zone, outer_arcsec=0.5), roll_deg=40.0)
     sheet = PanelSheet()
     first, second, third, *again = [sheet.picture(each, "* tau Cet").uri for each in (marked, small, one, marked, one)]
     assert [first, second, third] == [panel_picture(each, "* tau Cet").uri for each in (marked, small, one)]
@@ -138,11 +139,11 @@ def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
 def test_words_of_the_panels_stay_inside_and_apart(panels, outer_arcsec, factor):
     one = next(iter(panels.values()))
     # a pixel scale of its own, so that the hole holds the same pixels
-    ratio = outer_arcsec / one.hole_outer_arcsec
-    lengths = ("pixel_scale_arcsec", "hole_inner_arcsec", "hole_outer_arcsec", "mask_half_width_arcsec")
+    ratio = outer_arcsec / one.zone.outer_arcsec
     scaled = replace(
         one,
-        **{name: ratio * getattr(one, name) for name in lengths},
+        pixel_scale_arcsec=ratio * one.pixel_scale_arcsec,
+        zone=replace(one.zone, inner_arcsec=ratio * one.zone.inner_arcsec, outer_arcsec=outer_arcsec),
         **{name: factor * getattr(one, name) for name in ("science", "reference", "residual")},
     )
     sheet, kept = PanelSheet(), []
@@ -227,12 +228,18 @@ def test_marks_are_drawn_where_they_are(panels):
     one = next(iter(panels.values()))
     plain = panel_picture(one, "* tau Cet")
     marked = replace(
-        one, marks=(Mark(-0.4, 0.3, "star", "a $tar"), Mark(0.3, -0.4, "candidate"), Mark(9.0, 9.0, "star"))
+        one, marks=(*one.marks, Mark(-0.4, 0.3, "star", "a $tar"), Mark(0.3, -0.4, "candidate"), Mark(9.0, 9.0, "star"))
     )
     assert panel_picture(marked, "* tau Cet").uri != plain.uri
-    outside = replace(one, marks=(Mark(9.0, 9.0, "star", "far"),))
+    outside = replace(
+        one,
+        marks=(
+            *one.marks,
+            Mark(9.0, 9.0, "star", "far"),
+        ),
+    )
     assert panel_picture(outside, "* tau Cet").uri == plain.uri
-    empty = replace(one, planet_x_arcsec=None, planet_y_arcsec=None)
+    empty = replace(one, marks=())
     assert "there is no planet" in panel_picture(empty, "* tau Cet").alt
     assert "the planet is at x 0.35, y 0.35 arcsec" in plain.alt
 

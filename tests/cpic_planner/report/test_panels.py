@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from cpic_planner.report.panel_figure import residual_limit, stack_scale
-from cpic_planner.report.panels import Mark, Panels, compass
+from cpic_planner.report.panels import Panels, compass
+from simulator.imaging import HoleZone
 
 
 def _panels(**changes):
@@ -13,12 +14,8 @@ def _panels(**changes):
         "reference": image,
         "residual": image,
         "pixel_scale_arcsec": 0.1,
-        "planet_x_arcsec": 0.1,
-        "planet_y_arcsec": 0.1,
         "aperture_radius_arcsec": 0.04,
-        "hole_inner_arcsec": 0.05,
-        "hole_outer_arcsec": 0.25,
-        "mask_half_width_arcsec": 0.03,
+        "zone": HoleZone(0.05, 0.25),
     }
     return Panels(**(values | changes))
 
@@ -59,7 +56,7 @@ def test_geometry():
         {"science": np.zeros(3)},
         {"residual": np.zeros((2, 2))},
         {"pixel_scale_arcsec": 0.0},
-        {"hole_outer_arcsec": float("nan")},
+        {"aperture_radius_arcsec": float("nan")},
         {"parity": 0},
     ],
 )
@@ -84,10 +81,3 @@ def test_scales_of_empty_and_constant_images_are_usable():
         assert low < high
         assert width > 0
         assert residual_limit(_panels(residual=image)) > 0
-
-
-def test_the_planet_is_the_first_mark_where_there_is_one():
-    star = Mark(0.2, 0.0, "star", "field star")
-    assert _panels(marks=(star,)).every_mark == (Mark(0.1, 0.1), star)
-    assert _panels(planet_x_arcsec=None, planet_y_arcsec=None, marks=(star,)).every_mark == (star,)
-    assert _panels(planet_x_arcsec=None, planet_y_arcsec=None).every_mark == ()

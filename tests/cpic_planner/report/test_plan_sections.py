@@ -12,11 +12,12 @@ from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.registry import LIBRARIES, SCORES, Library
 from cpic_planner.report.decision import summary_sentences
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.figures import panel_pictures, plan_figures
 from cpic_planner.report.numbers import duration_text
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.summary import calibration_sentence
 from cpic_planner.report.words import dec_text, ra_text
-from cpic_planner.report.write import page_html, plan_html
+from cpic_planner.report.write import page_html
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages, SeenRow
 from cpic_planner.targets import find_target
 from cpic_planner.validation import calibrate
@@ -27,7 +28,8 @@ HOSTILE = "<script>alert('x')</script>"
 
 @pytest.fixture(scope="module")
 def page(plan, rank, panels, limits, holes, sensitivity):
-    return plan_html(plan, rank, panels=panels, limits=limits, holes=holes, sensitivity=sensitivity)
+    figures = plan_figures(plan, rank, limits=limits, holes=holes)
+    return page_html(plan_document(PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity)))
 
 
 def test_nothing_is_loaded_from_outside(reader, page):

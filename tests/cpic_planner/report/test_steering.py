@@ -14,8 +14,10 @@ from cpic_core import dump_json
 from cpic_planner import report
 from cpic_planner.report import files
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
+from cpic_planner.report.figures import panel_pictures, plan_figures
+from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.report.write import page_html, plan_html
+from cpic_planner.report.write import page_html
 
 STEERS = "\x1b[31m\x07\x9b1m\u202e\u2066\u2028\x7f\x00α é "
 NAMES = {"name", "target", "star", "planet", "scene", "strategy", "reference", "catalogue", "description", "message"}
@@ -85,7 +87,9 @@ def test_files(rank, plan, confirmation, compared):
 
 @pytest.fixture(scope="module")
 def page(rank, plan, panels, limits):
-    return plan_html(renamed(plan), renamed(rank), panels=panels, limits=limits)
+    shown, order = renamed(plan), renamed(rank)
+    figures = plan_figures(shown, order, limits=limits)
+    return page_html(plan_document(PlanReport(shown, order, figures, panel_pictures(shown, panels))))
 
 
 def test_pages(page, confirmation, compared):

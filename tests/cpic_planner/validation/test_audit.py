@@ -36,7 +36,7 @@ def task_of(altered=""):
 @functools.cache
 def full_of(altered=""):
     task = task_of(altered)
-    return visit_pair(task, full=True, realisation=audit.REALISATION, modelling=modelling_of(task))
+    return visit_pair(task, realisation=audit.REALISATION, modelling=modelling_of(task).whole())
 
 
 @functools.cache

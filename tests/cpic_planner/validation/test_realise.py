@@ -10,7 +10,7 @@ from cpic_planner.etc import build_model
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.queries.shared import ReferenceStar
 from cpic_planner.targets import find_target
-from cpic_planner.validation import ConfirmTask, prepare_task, realise_frames, visit_pair
+from cpic_planner.validation import ConfirmTask, modelling_of, prepare_task, realise_frames, visit_pair
 from simulator import load_instrument
 
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
@@ -34,7 +34,10 @@ def test_sums_and_frames_reduce_to_the_same_image(n_sums, n_frames):
     task = replace(task_of(), n_frames=12)
     visits = visit_pair(task)
     assert visits.stackable.status.value == "ok"
-    every = [realise_frames(visit_pair(task, full=True, realisation=number))[0].reduced for number in range(n_frames)]
+    every = [
+        realise_frames(visit_pair(task, realisation=number, modelling=modelling_of(task).whole()))[0].reduced
+        for number in range(n_frames)
+    ]
     means = {
         "sums": np.mean([visits.draw(number).reduced.image_e for number in range(n_sums)], axis=0),
         "frames": np.mean([stack.image_e for stack in every], axis=0),
@@ -112,7 +115,7 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     target, _ = find_target("tau Cet")
     task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
     task = replace(task, n_frames=16)
-    visits = visit_pair(task, full=True)
+    visits = visit_pair(task, modelling=modelling_of(task).whole())
     realised, story = realise_frames(visits)
     assert story.hits > 100
     # Particles fill pixels too; the star's own light does not.
@@ -121,7 +124,7 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     flaws = visits.geometry.hole & ~realised.reduced.region
     assert np.count_nonzero(flaws) < 0.02 * visits.geometry.hole.sum()
     clean = replace(task, simulator=model.instrument.switched({"cosmic_rays": False}).model_dump(mode="json"))
-    other, _ = realise_frames(visit_pair(clean, full=True))
+    other, _ = realise_frames(visit_pair(clean, modelling=modelling_of(clean).whole()))
     both = realised.reduced.region & other.reduced.region
     grown = realised.reduced.white_variance_e2[both].mean() / other.reduced.white_variance_e2[both].mean()
     assert grown == pytest.approx(1.0 / (1.0 - story.rejected_fraction), rel=0.1)
@@ -150,7 +153,7 @@ def test_a_programme_is_the_mean_of_its_visits_less_that_of_the_references():
 def test_frames_of_a_programme_are_its_sums():
     task = replace(task_of(), n_frames=6, visits=2, reference_visits=2)
     visits = visit_pair(task)
-    realised, story = realise_frames(visit_pair(task, full=True))
+    realised, story = realise_frames(visit_pair(task, modelling=modelling_of(task).whole()))
     other = visits.draw(0).reduced
     assert story.lost_in == 0
     assert realised.reduced.integration_s == other.integration_s == pytest.approx(12 * task.exposure_s)

@@ -24,12 +24,10 @@ def maps(psf):
     return speckle_maps(psf, DRIFT, n_visits=256)
 
 
-def test_kernels_are_centred(refused, psf):
-    matched, aperture = filter_kernel(psf), filter_kernel(psf, "aperture")
-    assert matched.shape[0] % 2 == aperture.shape[0] % 2 == 1
+def test_the_kernel_is_centred(psf):
+    matched = filter_kernel(psf)
+    assert matched.shape[0] % 2 == 1
     assert np.unravel_index(matched.argmax(), matched.shape) == (len(matched) // 2, len(matched) // 2)
-    assert aperture.sum() == pytest.approx(psf.metrics.aperture_pixels)
-    refused("kernel", filter_kernel, psf, "box")
 
 
 def test_matched_sum_is_a_sum_of_products():
