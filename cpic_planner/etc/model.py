@@ -18,7 +18,7 @@ from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise, StarSettings
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
-from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
+from simulator.imaging import PsfMetrics, Unkeyed, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
@@ -282,7 +282,7 @@ def build_model(
     tree = instrument.model_dump(mode="json")
     tables = [found.sha256 for name in names if (found := instrument.table(name)) is not None]
     digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree))), "tables": tables})
-    return _model(digest, names, chosen, _Unkeyed(instrument))
+    return _model(digest, names, chosen, Unkeyed(instrument))
 
 
 def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
@@ -297,21 +297,8 @@ def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
             return
 
 
-class _Unkeyed:
-    """An instrument that counts as equal to any other: the digest beside it tells them apart."""
-
-    def __init__(self, instrument: Instrument) -> None:
-        self.instrument = instrument
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Unkeyed)
-
-
 @functools.lru_cache(maxsize=16)
-def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Unkeyed) -> EtcModel:
+def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: Unkeyed) -> EtcModel:
     instrument = held.instrument
     metrics = {name: psf_metrics(instrument, name) for name in bands}
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, strategy)

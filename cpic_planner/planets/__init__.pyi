@@ -26,11 +26,7 @@ from cpic_planner.planets.orbit_errors import (
     orbit_information as orbit_information,
     orbit_quality as orbit_quality,
 )
-from cpic_planner.planets.orbit_search import (
-    OrbitSearch as OrbitSearch,
-    ProgrammeMotion as ProgrammeMotion,
-    programme_motion as programme_motion,
-)
+from cpic_planner.planets.orbit_search import OrbitSearch as OrbitSearch
 from cpic_planner.planets.population import (
     OrbitingPlanets as OrbitingPlanets,
     Planets as Planets,

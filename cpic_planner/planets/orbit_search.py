@@ -13,14 +13,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, special
+from cpic_core import ArrayLike, FloatArray, special
 from cpic_planner.planets.motion import (
     MOST_SHIFT_LAMBDA_D,
     ORBIT_DUTY,
     aperture_track,
     in_range,
-    smeared,
-    span_days,
 )
 
 _SPEED_AU_DAY = 2.0 * math.pi / 365.25  # of a circular orbit of 1 au around 1 solar mass
@@ -58,46 +56,6 @@ def _levels_of_ways(sigma: float) -> FloatArray:
 def _squares(steps: FloatArray) -> FloatArray:
     """Return the squares that a disc touches whose radius is so many halves of their diagonals."""
     return 1.0 + 2.0 * math.sqrt(2.0) * steps + math.pi / 2.0 * steps**2
-
-
-@dataclass(frozen=True, eq=False)
-class ProgrammeMotion:
-    """Motion of a planet that nobody knows within a programme; arrays of one shape.
-
-    Attributes
-    ----------
-    span_days : ndarray
-        From the begin of the first visit to the end of the last.
-    shift_lambda_d : ndarray
-        Most that a planet on a circular orbit of that radius goes in this time: on an orbit seen from its pole.
-    planet_moves : ndarray of bool
-        Whether that is more than 0.3 lambda/D.
-    kept_at_rest : ndarray
-        Part of the signal that a stack keeps that does not follow the planet (`smeared`).
-    n_orbits : ndarray
-        Velocities that the search goes through, one where all are near enough to rest.
-    trials : ndarray
-        Number by which false alarms are more than in a search at rest, at the threshold ``sigma``.
-    kept : ndarray
-        Least part of the signal that the searched orbit next to the planet's own keeps.
-    sigma : ndarray
-        Gaussian significance with the false alarms of the one asked for, once every trial has its own.
-    longest_span_days : ndarray
-        Time in which a circular orbit bends from its best straight line by 0.3 lambda/D.
-    straight : ndarray of bool
-        Whether the span is not longer: beyond it a search over velocities loses ever more of the planet.
-    """
-
-    span_days: FloatArray
-    shift_lambda_d: FloatArray
-    planet_moves: BoolArray
-    kept_at_rest: FloatArray
-    n_orbits: FloatArray
-    trials: FloatArray
-    kept: FloatArray
-    sigma: FloatArray
-    longest_span_days: FloatArray
-    straight: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,8 +153,23 @@ class OrbitSearch:
         Returns
         -------
         ndarray
-            ``sigma / kept`` of `motion` over the significance at rest, for the threshold of any search: its law gives
-            the significance at rest. It grows with the span, without jumps.
+            The significance with the false alarms of the one at rest, over it and over the least part of the signal
+            that the searched orbit next to the planet's own keeps: for the threshold of any search, whose law gives the
+            significance at rest. It grows with the span, without jumps.
+
+        Notes
+        -----
+        A planet that is bound moves by at most ``sqrt(2 G M / r)`` with r the projected distance: the search covers
+        this disc of velocities with squares whose corners are off by 0.3 lambda/D at both ends of the programme, some
+        ``n(q) = 1 + 2 sqrt(2) q + pi q^2 / 2`` of them with q the way of the fastest from the middle date over 0.3
+        lambda/D. Neighbouring velocities share most of their noise. The mean number of peaks of a Gaussian field over
+        position and velocity is that over position alone times ``1 + sqrt(c) pi w (u^2 - 1) / (u sqrt(2 pi)) + c w^2
+        (u^2 - 3) / 2`` at a threshold u, with c the roughness of the noise and w the way of the fastest in the rms
+        distance of the light from its middle date (Adler & Taylor 2007, Random Fields and Geometry, section 11.8);
+        there are never more trials than ``n(q - 1)``, orbits beyond the one at rest. Simulated searches of noise have
+        0.7 to 1 times as many, a difference of a twentieth of a sigma. The threshold solves ``n(s') Phi(-s') =
+        Phi(-s)``. A parabola bends by ``b = a T^2 / 16`` from the best line, on which an aperture keeps the mean of its
+        light at ``b |8 t^2 / T^2 - 1|``: a search over straight lines loses planets that go round.
         """
         span = self.span_days(visits, visit_time_s)
         shift = self.speed * span
@@ -227,87 +200,8 @@ class OrbitSearch:
         steps = self.speed * self.span_days(visits, visit_time_s) / _RESTING
         return np.asarray(np.where(steps > 1.0, np.ceil(_squares(steps)), 1.0))
 
-    def motion(self, visits: ArrayLike, visit_time_s: ArrayLike) -> ProgrammeMotion:
-        """Return everything about the motion within programmes; parameters as of `threshold_factor`."""
-        span, longest = self.span_days(visits, visit_time_s), np.sqrt(16.0 * MOST_SHIFT_LAMBDA_D / self.bend)
-        shift = self.speed * span
-        level = self._level(np.asarray(visits, float), span, self.speed)
-        kept = smeared(np.minimum(shift, 2.0 * MOST_SHIFT_LAMBDA_D)) * _bent(self.bend * span**2 / 16.0)
-        values = np.broadcast_arrays(
-            span,
-            shift,
-            shift > MOST_SHIFT_LAMBDA_D,
-            smeared(shift),
-            self.n_orbits(visits, visit_time_s),
-            special().ndtr(-self.sigma) / special().ndtr(-level),
-            kept,
-            level,
-            longest,
-            span <= longest,
-        )
-        return ProgrammeMotion(*values)
-
 
 def _bent(bend_lambda_d: FloatArray) -> FloatArray:
     """Return the part of the light that is kept on the best line beside an arc that bends off it by so much."""
     near = np.minimum(bend_lambda_d, _BENDS[-1])
     return np.asarray(np.interp(near, _BENDS, _along_a_bend()) * near / np.maximum(bend_lambda_d, 1e-300))
-
-
-def programme_motion(
-    separation_arcsec: ArrayLike,
-    distance_pc: ArrayLike,
-    star_mass_msun: ArrayLike,
-    lambda_d_arcsec: ArrayLike,
-    time_s: ArrayLike,
-    visits: ArrayLike = 1.0,
-    *,
-    gap_h: float = 0.0,
-    duty: float = ORBIT_DUTY,
-    sigma: float = 5.0,
-) -> ProgrammeMotion:
-    """Return what a blind search in the stack of a programme does about the motion of planets.
-
-    Parameters
-    ----------
-    separation_arcsec, distance_pc, star_mass_msun, lambda_d_arcsec
-        As of `OrbitSearch.of`. All arrays broadcast.
-    time_s, visits, gap_h, duty
-        As of `cpic_planner.planets.motion.span_days`.
-    sigma : float
-        Gaussian significance whose false alarms a search at rest may have, 1 to 20.
-
-    Returns
-    -------
-    ProgrammeMotion
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-
-    Notes
-    -----
-    A planet that is bound moves by at most ``sqrt(2 G M / r)`` with r the projected distance: the search covers this
-    disc of velocities with squares whose corners are off by 0.3 lambda/D at both ends of the programme, some
-    ``n(q) = 1 + 2 sqrt(2) q + pi q^2 / 2`` of them with q the way of the fastest from the middle date over 0.3
-    lambda/D. Neighbouring velocities share most of their noise. The mean number of peaks of a Gaussian field over
-    position and velocity is that over position alone times ``1 + sqrt(c) pi w (u^2 - 1) / (u sqrt(2 pi)) + c w^2 (u^2 -
-    3) / 2`` at a threshold u, with c the roughness of the noise and w the way of the fastest in the rms distance of the
-    light from its middle date (Adler & Taylor 2007, Random Fields and Geometry, section 11.8); there are never more
-    trials than ``n(q - 1)``, orbits beyond the one at rest. Simulated searches of noise have 0.7 to 1 times as many, a
-    difference of a twentieth of a sigma. The threshold solves ``n(s') Phi(-s') = Phi(-s)``. A parabola bends by ``b = a
-    T^2 / 16`` from the best line, on which an aperture keeps the mean of its light at ``b |8 t^2 / T^2 - 1|``: a search
-    over straight lines loses planets that go round.
-
-    Examples
-    --------
-    >>> from cpic_planner.planets.orbit_search import programme_motion
-    >>> tau_cet = programme_motion(0.5, 3.65, 0.78, 0.0536, 36000.0, 16, gap_h=24.0)
-    >>> round(float(tau_cet.span_days), 1), round(float(tau_cet.shift_lambda_d), 2), round(float(tau_cet.sigma), 2)
-    (15.9, 0.91, 5.35)
-    """
-    span_days(time_s, visits, gap_h, duty)
-    how = {"gap_h": gap_h, "duty": duty, "sigma": sigma}
-    search = OrbitSearch.of(separation_arcsec, distance_pc, star_mass_msun, lambda_d_arcsec, **how)
-    return search.motion(visits, np.asarray(time_s, float) / np.asarray(visits, float))

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from catalogs import ECCENTRICITY_MAX
-from cpic_core import FloatArray, InputError, IntArray, Provenance, faults_by_line, split_sourced
+from cpic_core import FloatArray, InputError, IntArray, faults_by_line
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.mass_radius import least_mass
 from cpic_planner.queries import ReferencePlanet
@@ -102,7 +102,7 @@ class PlanetKind(_Quantities):
     weight: Annotated[config.Real, Field(gt=0, le=1e6)] = 1.0
 
 
-class PopulationConfig(_Quantities):
+class PopulationConfig(_Quantities, config.Sourced):
     """A population: all that is assumed of planets.
 
     Attributes
@@ -132,8 +132,6 @@ mean_anomaly_deg : Law
     planets_per_star: Annotated[config.Real, Field(gt=0, le=1000)] | None = None
     kinds: tuple[PlanetKind, ...] = ()
 
-    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
-
     @model_validator(mode="after")
     def _complete(self) -> "PopulationConfig":
         for key in _LAWS:
@@ -144,11 +142,6 @@ mean_anomaly_deg : Law
             if getattr(self, key) is not None and own and all(own):
                 raise InputError(key, "given", allowed="nothing here: every kind has its own")
         return self
-
-    @property
-    def provenance(self) -> dict[str, Provenance]:
-        """Source and confidence of each sourced number, by dotted key."""
-        return dict(self._provenance)
 
     @property
     def mixture(self) -> tuple[PlanetKind, ...]:
@@ -238,10 +231,7 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
     if isinstance(source, PopulationConfig):
         return source
     with faults_by_line(source):
-        values, provenance = split_sourced(_tree(source))
-        population = config.validate(PopulationConfig, values, where="population")
-    population._provenance.update(provenance)
-    return population
+        return PopulationConfig.read(_tree(source), "population")
 
 
 def _tree(source: Any) -> dict[str, Any]:

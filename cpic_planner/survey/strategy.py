@@ -6,12 +6,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
-from cpic_core import FloatArray, InputError, Provenance
+from cpic_core import FloatArray, InputError
 from cpic_planner.etc import DetectionLaw
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import Strategy as Reduction, read_value
 from cpic_planner.results import VariedSetting
-from simulator.config import FrozenModel, Real, validate
+from simulator.config import FrozenModel, Real, Sourced, validate
 
 
 def _listed(value: Any) -> Any:
@@ -295,7 +295,7 @@ def _population(value: Any) -> Any:
     return value if value is None else load_population(value)
 
 
-class SurveyStrategy(FrozenModel):
+class SurveyStrategy(FrozenModel, Sourced):
     """A survey.
 
     Attributes
@@ -335,13 +335,7 @@ class SurveyStrategy(FrozenModel):
     scheduler: SchedulerRule = SchedulerRule()
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
-    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
     _varied: tuple[VariedSetting, ...] = PrivateAttr(default=())
-
-    @property
-    def provenance(self) -> dict[str, Provenance]:
-        """Dotted keys whose values were stated with a source, with that source."""
-        return dict(self._provenance)
 
     @property
     def varied(self) -> tuple[VariedSetting, ...]:

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, by_line, is_file, load_yaml, split_sourced
 from cpic_planner.queries import EXCLUSIONS, changed_instrument, get, read_exclusions
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
-from simulator.config import FrozenModel, Instrument, Real, Utc, deep_merge, preset_path, preset_tree, validate
+from simulator.config import FrozenModel, Instrument, Real, Sourced, Utc, deep_merge, preset_path, preset_tree, validate
 from simulator.config.scene import paths_beside
 
 PACKAGE = "cpic_planner"
@@ -27,7 +27,7 @@ _BUDGETS = ("time_budget_h", "share_of_time")
 _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
-class UniverseConfig(FrozenModel):
+class UniverseConfig(FrozenModel, Sourced):
     """The settings that strategies share: calendar, instrument, stars, and number of universes.
 
     Attributes
@@ -75,12 +75,6 @@ class UniverseConfig(FrozenModel):
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
-
-    @property
-    def provenance(self) -> dict[str, Provenance]:
-        """Keys whose values were stated with a source, with that source."""
-        return dict(self._provenance)
 
     @property
     def n_slots(self) -> int:

@@ -1,6 +1,7 @@
 from cpic_core.quantities import unit_of as unit_of
 from simulator.config.base import (
     FrozenModel as FrozenModel,
+    Sourced as Sourced,
     at as at,
     bounds_of as bounds_of,
     canonical_json as canonical_json,

@@ -11,10 +11,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from cpic_core import InputError, in_unit, is_quantity, number_and_unit, unit_of, units_like
+from cpic_core import (
+    InputError,
+    Provenance,
+    in_unit,
+    is_quantity,
+    number_and_unit,
+    split_sourced,
+    unit_of,
+    units_like,
+)
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -53,6 +62,25 @@ class FrozenModel(BaseModel, metaclass=_Refusing):
     def content_hash(self) -> str:
         """Hash of the values (16 hex digits): equal content, equal hash, whatever the order of keys."""
         return content_hash(self.model_dump(mode="json"))
+
+
+class Sourced(BaseModel):
+    """A configuration that knows where its values come from."""
+
+    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+
+    @property
+    def provenance(self) -> dict[str, Provenance]:
+        """Source and confidence of each value that was stated with a source, by dotted key."""
+        return dict(self._provenance)
+
+    @classmethod
+    def read(cls, tree: Any, where: str) -> Self:
+        """Return the configuration of plain data whose leaves may say their source; `validate` refuses its faults."""
+        values, provenance = split_sourced(tree)
+        made = validate(cls, values, where=where)
+        made._provenance.update(provenance)
+        return made
 
 
 class SpelledModel(FrozenModel):

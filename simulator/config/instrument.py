@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from catalogs import band_from_file, band_provenance, load_bands
-from cpic_core import InputError, Provenance, by_line, is_file, load_mapping, load_yaml, split_sourced
-from simulator.config.base import FrozenModel, deep_merge, validate
+from cpic_core import InputError, by_line, is_file, load_mapping, load_yaml, split_sourced
+from simulator.config.base import FrozenModel, Sourced, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
 from simulator.config.detector import AnyDetector, Detector, assume_converter
 from simulator.config.optics import Coronagraph, NearInfrared, Telescope, drop_bands
@@ -47,7 +47,7 @@ class BandConfig(FrozenModel):
     transmission_file: str | None = None
 
 
-class Instrument(FrozenModel):
+class Instrument(FrozenModel, Sourced):
     """The whole instrument; frozen, hashed by content.
 
     ``provenance`` tells, per dotted key, where the number comes from and how sure it is.
@@ -128,13 +128,6 @@ class Instrument(FrozenModel):
             aperture_arcsec=own.aperture_radius_lambda_d * unit,
             star_diameter_mas=own.star_diameter_mas,
         )
-
-    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
-
-    @property
-    def provenance(self) -> dict[str, Provenance]:
-        """Source and confidence of each sourced default, by dotted key."""
-        return dict(self._provenance)
 
     def band(self, name: str) -> BandConfig:
         """Return the configuration of one band.
@@ -296,11 +289,7 @@ def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Ins
     >>> load_instrument({"detector": {"read_noise_e": 160}}).detector.read_noise_e
     160.0
     """
-    tree = _tree(source)
-    values, provenance = split_sourced(tree)
-    instrument = validate(Instrument, values, where="instrument")
-    instrument._provenance.update(provenance)
-    return instrument
+    return Instrument.read(_tree(source), "instrument")
 
 
 def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:

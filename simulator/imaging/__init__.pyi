@@ -41,7 +41,12 @@ from simulator.imaging.mirror_states import (
 )
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
-from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics, shipped_file as shipped_file
+from simulator.imaging.store import (
+    Unkeyed as Unkeyed,
+    metrics_key as metrics_key,
+    psf_metrics as psf_metrics,
+    shipped_file as shipped_file,
+)
 from simulator.imaging.table_metrics import TableMetrics as TableMetrics
 from simulator.imaging.zones import (
     HoleMode as HoleMode,

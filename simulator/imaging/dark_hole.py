@@ -80,11 +80,6 @@ class HoleState:
     own: HoleScore
     limit_contrast: float
 
-    @property
-    def commands_rms_nm(self) -> float:
-        """Rms of the commands."""
-        return float(self.commands_nm.std())
-
 
 class DarkHole(HoleState):
     """A hole as dark as asked."""

@@ -110,10 +110,6 @@ class DeformableMirror:
         """
         return 2.0 * self.surface_nm(commands_nm, samples)
 
-    def within_stroke(self, commands_nm: FloatArray) -> bool:
-        """Return whether every command is within reach."""
-        return bool(np.abs(self._checked(commands_nm)).max() <= self.stroke_nm / 2)
-
     def realise(self, commands_nm: FloatArray, rng: np.random.Generator | None = None) -> FloatArray:
         """Return what the mirror does when asked: clipped to the stroke, rounded, noisy, dead actuators at zero.
 

@@ -306,7 +306,7 @@ class SharedTerms:
 ALONE = SharedTerms()
 
 
-def iter_visit_frames(
+def visit_frames(
     optics: Imager | Psf | FocalGrid,
     drift: Drift,
     n_frames: int,
@@ -316,8 +316,8 @@ def iter_visit_frames(
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
     shared: SharedTerms = ALONE,
-) -> Iterator[FloatArray]:
-    """Yield the masked on-axis stamps of the frames of one visit, one at a time.
+) -> FloatArray:
+    """Return the masked on-axis stamps of the frames of one visit, shape (n_frames, stamp, stamp).
 
     Parameters
     ----------
@@ -339,9 +339,9 @@ def iter_visit_frames(
     shared : SharedTerms
         What the visit shares with others; by default it stands alone.
 
-    Yields
-    ------
-    ndarray, shape (stamp, stamp)
+    Returns
+    -------
+    ndarray
         Fraction of the energy on the clear disc in every pixel.
 
     Raises
@@ -353,21 +353,17 @@ def iter_visit_frames(
         raise InputError("n_frames", n_frames, allowed="at least 1")
     if not (math.isfinite(cadence_s) and cadence_s > 0):
         raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
-
-    def frames() -> Iterator[FloatArray]:
-        grid = optics
-        if not isinstance(grid, FocalGrid):
-            imager = grid if isinstance(grid, Imager) else grid.imager
-            axis = imager.stamp_axis(masked=True)
-            grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
-        screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
-        last, stamp = None, None
-        for opd_nm in wavefronts(screens, drift, n_frames, cadence_s, rng_visit, rng_walk, shared):
-            if stamp is None or opd_nm is not last:
-                last, stamp = opd_nm, grid.image(opd_nm)
-            yield stamp
-
-    return frames()
+    grid = optics
+    if not isinstance(grid, FocalGrid):
+        imager = grid if isinstance(grid, Imager) else grid.imager
+        axis = imager.stamp_axis(masked=True)
+        grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
+    screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
+    last, stamps = None, []
+    for opd_nm in wavefronts(screens, drift, n_frames, cadence_s, rng_visit, rng_walk, shared):
+        stamps.append(stamps[-1] if opd_nm is last else grid.image(opd_nm))
+        last = opd_nm
+    return np.stack(stamps)
 
 
 def wavefronts(
@@ -386,7 +382,7 @@ def wavefronts(
     screens : Screens
         Maps of the pupil (`ScreenModel`), or the numbers of an expansion (`simulator.imaging.light_expansion`).
     drift, n_frames, cadence_s, rng_visit, rng_walk, shared
-        As of `iter_visit_frames`.
+        As of `visit_frames`.
     """
     step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
     still = shared.frozen(screens, drift, screens.draw(rng_visit, drift.visit_nm))
@@ -396,38 +392,3 @@ def wavefronts(
             # The first stamp stands for the middle of its interval: half a step after the start of the visit.
             still = still + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
         yield still if swing is None else still + swing[1][frame] * swing[0]
-
-
-def visit_frames(
-    optics: Imager | Psf | FocalGrid,
-    drift: Drift,
-    n_frames: int,
-    cadence_s: float,
-    rng_visit: np.random.Generator,
-    rng_walk: np.random.Generator,
-    *,
-    star_arcsec: tuple[float, float] = (0.0, 0.0),
-    shared: SharedTerms = ALONE,
-) -> FloatArray:
-    """Return the frames of `iter_visit_frames` stacked, shape (n_frames, stamp, stamp).
-
-    Parameters
-    ----------
-    optics : Imager, Psf or FocalGrid
-    drift : Drift
-    n_frames : int
-        Number of frames.
-    cadence_s : float
-        Time from the begin of a frame to that of the next, s.
-    rng_visit : numpy.random.Generator
-        Source of the visit's offset.
-    rng_walk : numpy.random.Generator
-        Source of the walk.
-    star_arcsec : tuple of float, optional
-        Offset (x, y) of the star from the mask's centre, arcsec.
-    shared : SharedTerms, optional
-    """
-    frames = iter_visit_frames(
-        optics, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec=star_arcsec, shared=shared
-    )
-    return np.stack(list(frames))

@@ -19,7 +19,7 @@ import numpy as np
 from cpic_core import InputError, NDArray, read_npz
 from simulator.config import Instrument, load_instrument
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import metrics_key, psf_metrics, shipped_file, unpacked
+from simulator.imaging.store import Unkeyed, metrics_key, psf_metrics, shipped_file, unpacked
 
 LEVELS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Mean square errors of sensing of the states, over those of the preset ``as_published``."""
@@ -88,7 +88,7 @@ def measured_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]
         hint = "of a table no states of a mirror are known, on which an ensemble of instruments draws the contrast"
         raise InputError("coronagraph.table", instrument.name, allowed="modelled optics", hint=hint)
     own = sensed_with(instrument, band, 0.0)
-    return _states(metrics_key(own, band), band, _Instrument(own))
+    return _states(metrics_key(own, band), band, Unkeyed(own))
 
 
 def at_contrast(states: Sequence[PsfMetrics], contrast: float) -> PsfMetrics:
@@ -134,21 +134,8 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
     return PsfMetrics(**{field.name: between(field.name) for field in fields(PsfMetrics)})
 
 
-class _Instrument:
-    """An instrument that counts as equal to any other: the key beside it tells the optics apart."""
-
-    def __init__(self, instrument: Instrument) -> None:
-        self.instrument = instrument
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Instrument)
-
-
 @functools.lru_cache(maxsize=32)
-def _states(key: str, band: str, held: _Instrument) -> tuple[PsfMetrics, ...]:
+def _states(key: str, band: str, held: Unkeyed) -> tuple[PsfMetrics, ...]:
     own = psf_metrics(held.instrument, band)
     states = [own]
     for level in LEVELS[1:]:

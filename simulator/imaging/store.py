@@ -279,7 +279,7 @@ def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> st
 
 
 @functools.lru_cache(maxsize=32)
-def _table_metrics(key: str, band: str, held: _Held) -> PsfMetrics:
+def _table_metrics(key: str, band: str, held: Unkeyed) -> PsfMetrics:
     from simulator.imaging.table_metrics import table_metrics
 
     table = held.instrument.table(band)
@@ -287,7 +287,7 @@ def _table_metrics(key: str, band: str, held: _Held) -> PsfMetrics:
     return table_metrics(held.instrument, band, table)
 
 
-class _Held:
+class Unkeyed:
     """An instrument that counts as equal to any other: the key beside it tells them apart."""
 
     def __init__(self, instrument: Instrument) -> None:
@@ -297,7 +297,7 @@ class _Held:
         return 0
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Held)
+        return isinstance(other, Unkeyed)
 
 
 @numeric_context()
@@ -317,7 +317,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     """
     key = metrics_key(instrument, band)
     if instrument.coronagraph.table is not None:
-        return _table_metrics(key, band, _Held(instrument))
+        return _table_metrics(key, band, Unkeyed(instrument))
     path = _shipped("metrics", key, band)
     if path is not None:
         return _shipped_metrics(path)

@@ -27,7 +27,6 @@ from simulator.signal.speckle_modes import (
     BandModes as BandModes,
     ModeFactors as ModeFactors,
     SpeckleModes as SpeckleModes,
-    modes_around as modes_around,
 )
 from simulator.signal.speckle_visits import (
     REGION_LAMBDA_D as REGION_LAMBDA_D,
@@ -49,6 +48,5 @@ from simulator.signal.speckles import (
 from simulator.signal.whitening import (
     Whitening as Whitening,
     speckle_covariance as speckle_covariance,
-    whitened_gain as whitened_gain,
     with_noise as with_noise,
 )

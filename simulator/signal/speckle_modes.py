@@ -72,7 +72,7 @@ class ModeFactors(NamedTuple):
 
 
 class SpeckleModes:
-    """Covariance of visits around one place, in its own leading modes; made by `modes_around`.
+    """Covariance of visits around one place, in its own leading modes; made by `BandModes.around`.
 
     Parameters
     ----------
@@ -214,57 +214,12 @@ class SpeckleModes:
         # Draws of small fields may end one mode apart: the last stands for what is missing.
         return np.stack([np.pad(part, (0, most - n), "edge") for part in (speckle, white, throughput)])
 
-    def best_modes(self, reference_visits: int, noise_over_speckle: float, programme_noise: float | None = None) -> int:
-        """Return the number of modes of least limit, 0 where none pays.
-
-        Parameters
-        ----------
-        reference_visits, noise_over_speckle
-            As of `factors`.
-        programme_noise : float, optional
-            White noise over speckles, as rms, in the mean of the whole programme; that of a visit by default, which it
-            is where white noise and speckles average alike.
-        """
-        found = self.factors(reference_visits, noise_over_speckle)
-        return int(np.argmin(found.limit(noise_over_speckle if programme_noise is None else programme_noise)))
-
 
 def _nodes_around(place: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
     """Yield the node below and above each place on an axis, with their shares."""
     low = np.floor(place).astype(int)
     for step in (0, 1):
         yield low + step, 1.0 - np.abs(place - low - step)
-
-
-def modes_around(instrument: Instrument, band: str, separation_arcsec: float, offset_nm: float) -> SpeckleModes:
-    """Return the speckle field around a separation, for visits whose wavefronts are off by so much.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    separation_arcsec : float
-        Within the hole.
-    offset_nm : float
-        Rms of the wavefront of one visit, above 0.
-
-    Returns
-    -------
-    SpeckleModes
-        The last 16 are kept; visits of the optical model are measured once, some ten seconds for a band, and kept in
-        the cache.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or the band has no optical model.
-    """
-    offset = float(check_finite("offset_nm", offset_nm, "nm"))
-    if offset <= 0.0:
-        raise InputError("offset_nm", offset, unit="nm", allowed="above 0")
-    separation = float(check_finite("separation_arcsec", separation_arcsec, "arcsec"))
-    return _made(OpticalBand.of(instrument, band), separation, offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +229,7 @@ class BandModes:
     Attributes
     ----------
     offset_nm : float
-        As of `modes_around`; without an offset there are no speckles, and no mode changes anything.
+        Rms of the wavefront of one visit; without an offset there are no speckles, and no mode changes anything.
     nearest_arcsec, farthest_arcsec, step_arcsec : float
         Separations whose apertures fit into the quadrants, on the diagonal, and the step between fields: half a
         lambda/D.
@@ -288,7 +243,16 @@ class BandModes:
 
     @classmethod
     def of(cls, instrument: Instrument, band: str, offset_nm: float) -> Self:
-        """Return the modes of a band; parameters as of `modes_around`, the offset at least 0."""
+        """Return the modes of a band.
+
+        Parameters
+        ----------
+        instrument : Instrument
+        band : str
+            Name of a band of the instrument, such as ``F520``.
+        offset_nm : float
+            Rms of the wavefront of one visit, at least 0.
+        """
         metrics, optics = psf_metrics(instrument, band), OpticalBand.of(instrument, band)
         margin = metrics.aperture_radius_arcsec
         low, high = metrics.hole_inner_corner_arcsec + 2.0 * margin, metrics.owa_arcsec - margin

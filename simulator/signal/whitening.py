@@ -9,10 +9,10 @@ import functools
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, check_finite
+from cpic_core import ArrayLike, FloatArray, InputError
 from simulator.config import Instrument
 from simulator.imaging import single_band_psf
-from simulator.signal.speckle_visits import REGION_LAMBDA_D, OpticalBand, stamps_around, visit_changes
+from simulator.signal.speckle_visits import REGION_LAMBDA_D, OpticalBand, visit_changes
 
 LEAST_NOISE = 0.01
 """White noise of a pixel over the rms of its speckles, at least: below, chance in the visits would pass for order."""
@@ -148,63 +148,3 @@ def with_noise(covariance: FloatArray, white_variance: ArrayLike) -> FloatArray:
     white = np.maximum(np.broadcast_to(white_variance, len(whole)), least)
     whole[np.diag_indices_from(whole)] += white if white.any() else 1.0
     return whole
-
-
-def whitened_gain(
-    instrument: Instrument,
-    band: str,
-    separation_arcsec: float,
-    offset_nm: float,
-    noise_over_speckle: float,
-    *,
-    model: Instrument | None = None,
-) -> float:
-    """Return the SNR of a whitened sum over that of an aperture sum, expected of planets at a separation.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    separation_arcsec : float
-        Within the hole.
-    offset_nm : float
-        Rms of the wavefront of one visit, at least 0.
-    noise_over_speckle : float
-        Rms of white noise in aperture sums over that of the speckles, of a visit or of the mean of many; above 0.
-    model : Instrument, optional
-        Whose covariance the filter takes for that of the instrument; its own by default.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or the band has no optical model.
-
-    Notes
-    -----
-    Both sums have the background of their surroundings taken off: the mean of the apertures around, and a level that is
-    fitted with the planet. The covariance is that of 1500 visits: at a noise of 0.3 and more the gain is at most 3 %
-    too large, since the filter knows these visits; the more, the less noise.
-    """
-    offset, noise = check_finite("offset_nm", offset_nm, "nm"), check_finite("noise_over_speckle", noise_over_speckle)
-    if offset < 0.0:
-        raise InputError("offset_nm", float(offset), unit="nm", allowed="at least 0")
-    if noise <= 0.0:
-        raise InputError("noise_over_speckle", float(noise), allowed="above 0")
-    separation = float(check_finite("separation_arcsec", separation_arcsec, "arcsec"))
-    around = stamps_around(single_band_psf(band, instrument=instrument), separation)
-    squares = float(offset) ** 2, float(offset) ** 4
-    truth = speckle_covariance(instrument, band, separation, *squares)
-    speckle = float(((around.apertures @ truth) * around.apertures).sum(axis=1).mean())
-    white = noise**2 * speckle / float((around.apertures**2).sum(axis=1).mean())
-    truth = with_noise(truth, white)
-    taken = truth
-    if model is not None:
-        taken = with_noise(speckle_covariance(model, band, separation, *squares), white)
-    planets, level = around.planets, np.ones((1, len(truth)))
-    whitening = Whitening(taken, level)
-
-    def snr(weights: FloatArray) -> FloatArray:
-        return np.asarray((weights * planets).sum(axis=1) / np.sqrt(((weights @ truth) * weights).sum(axis=1)))
-
-    return float(np.mean(snr(whitening.weights(planets)) / snr(around.own - around.mean)))

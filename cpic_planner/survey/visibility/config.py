@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import PrivateAttr
 
-from cpic_core import FloatArray, InputError, Provenance, by_line, split_sourced
+from cpic_core import FloatArray, InputError, by_line
 from cpic_planner.results import PointingRecord
-from simulator.config import at, canonical_keys, load_instrument, tree_over_preset, validate
+from simulator.config import Sourced, at, canonical_keys, load_instrument, tree_over_preset
 
 _TINY = 1e-300
 
@@ -69,17 +68,10 @@ _WITH_UNIT = ("sun_deg", "moon_deg", "dark_limb_deg", "bright_limb_deg", "roll_d
 _ALIASES = {key.rpartition("_")[0]: key for key in _WITH_UNIT}
 
 
-class VisibilityConfig(PointingRecord):
+class VisibilityConfig(PointingRecord, Sourced):
     """Limits of pointing, and what a slew costs, as configuration; its fields are those of the result's record."""
 
     description: str = ""
-
-    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
-
-    @property
-    def provenance(self) -> dict[str, Provenance]:
-        """Source and confidence of each sourced value, by key."""
-        return dict(self._provenance)
 
     @property
     def turn_deg(self) -> float:
@@ -121,10 +113,7 @@ def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
     """
     if isinstance(source, VisibilityConfig):
         return source
-    values, provenance = split_sourced(_tree(source))
-    config = validate(VisibilityConfig, values, where="visibility")
-    config._provenance.update(provenance)
-    return config
+    return VisibilityConfig.read(_tree(source), "visibility")
 
 
 def _tree(source: Any) -> dict[str, Any]:

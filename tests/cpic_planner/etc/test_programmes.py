@@ -14,10 +14,11 @@ from cpic_planner.etc.frames import best_in_visit, least_time
 from cpic_planner.etc.planet import planets_of
 from cpic_planner.etc.questions import groups_of
 from cpic_planner.etc.together import CameraCases, Wanted
-from cpic_planner.planets import programme_motion, star_masses_msun
+from cpic_planner.planets import star_masses_msun
 from cpic_planner.queries import MAX_VISITS, Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
+from tests.programme_motion import programme_motion
 
 STARS = {name: find_target(name)[0] for name in ("tau Cet", "eps Ind", "bet Hyi")}
 BANDS = ("F520", "F850")

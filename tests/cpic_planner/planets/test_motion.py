@@ -9,7 +9,6 @@ from catalogs import load_known_planets
 from cpic_core import InputError
 from cpic_planner.planets import (
     OrbitSearch,
-    programme_motion,
     smeared,
     span_days,
     star_masses_msun,
@@ -18,6 +17,7 @@ from cpic_planner.planets.known_draws import draw_known, known_uniforms, places_
 from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D
 from cpic_planner.planets.orbit_search import _SMEARS
 from simulator.imaging import single_band_psf
+from tests.programme_motion import motion_of, programme_motion
 
 LAMBDA_D = 0.0536  # arcsec, F520
 G_AU3_MSUN_DAY2 = 0.01720209895**2
@@ -153,7 +153,7 @@ def test_trials_cost_what_they_add_in_false_alarms():
 def test_factor_on_the_threshold_is_that_of_trials_and_lost_light_and_never_jumps():
     search = OrbitSearch.of(np.array([0.3, 0.6]), 1.33, 1.08, LAMBDA_D, gap_h=12.0)
     each = np.geomspace(1e2, 1e7, 4000)[:, None]
-    factor, motion = search.threshold_factor(4, each), search.motion(4, each)
+    factor, motion = search.threshold_factor(4, each), motion_of(search, 4, each)
     np.testing.assert_allclose(factor, motion.sigma / 5.0 / motion.kept, rtol=1e-5)
     assert factor.min() >= 1.0
     assert 1.0 < np.exp(np.diff(np.log(factor), axis=0)).max() < 1.02

@@ -26,7 +26,6 @@ from cpic_planner.planets import (
     StarLimits,
     draw_population,
     load_population,
-    programme_motion,
     star_masses_msun,
 )
 from cpic_planner.queries import Strategy
@@ -36,6 +35,7 @@ from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
 from simulator.imaging import HoleZone
 from simulator.target import albedo_source, lambert_phase
+from tests.programme_motion import programme_motion
 
 BANDS = ("F520", "F850")
 AU_KM, RJUP_KM = 149597870.7, 71492.0

@@ -104,7 +104,7 @@ def test_dead_actuators_and_stroke_are_respected():
     optics, settings = problem(mirror, max_iterations=6)
     found = conjugate(optics, settings)
     assert found.commands_nm[7, 7] == 0 == found.commands_nm[3, 12]
-    assert mirror.within_stroke(found.commands_nm)
+    assert np.abs(found.commands_nm).max() <= mirror.stroke_nm / 2
     free = conjugate(*problem(max_iterations=6))
     assert np.abs(free.commands_nm).max() > 4.0
     assert min(found.history) > min(free.history)

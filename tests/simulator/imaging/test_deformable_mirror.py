@@ -58,8 +58,6 @@ def test_noise_stroke_and_dead_actuators():
     assert done[1, 1] == pytest.approx(-50, abs=0.3)
     rest = done[mirror.alive & (asked == 0)]
     assert abs((rest**2).mean() - 0.05**2) < 4 * (rest**2).std() / np.sqrt(rest.size)
-    assert not mirror.within_stroke(asked)
-    assert mirror.within_stroke(np.clip(asked, -50, 50))
     np.testing.assert_array_equal(done, mirror.realise(asked, np.random.default_rng(3)))
     perfect = DeformableMirror()
     np.testing.assert_array_equal(perfect.realise(asked), asked)
