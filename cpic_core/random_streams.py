@@ -8,7 +8,7 @@ off, therefore leaves the numbers of every other stage unchanged.
 
 import functools
 import hashlib
-from typing import TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
@@ -24,13 +24,13 @@ _PARTS = (str, *_INTEGERS)
 def _words(seed: int, path: tuple[PathPart, ...]) -> NDArray[np.uint32]:
     if isinstance(seed, bool) or not isinstance(seed, _INTEGERS) or not 0 <= int(seed) <= MAX_SEED:
         raise InputError("seed", seed, allowed=f"an integer from 0 to {MAX_SEED}")
-    text = f"seed:{int(seed)}" + "".join([_text(type(part), part) for part in path])
+    text = f"seed:{int(seed)}" + "".join([_text(cast(Any, type(part)), part) for part in path])
     digest = hashlib.sha256(text.encode()).digest()
     return np.frombuffer(digest, dtype="<u4").astype(np.uint32, copy=False)
 
 
 @functools.lru_cache(maxsize=4096)
-def _text(kind: type, part: PathPart) -> str:
+def _text(kind: Any, part: PathPart) -> str:
     """Return a name with its kind and length, so that no two paths read alike."""
     if kind is bool or not issubclass(kind, _PARTS):
         raise InputError("stream path", part, allowed="strings and integers")

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -115,7 +115,6 @@ class VisitPair:
     scale: float
     stackable: Outcome[float]
     _stacks: tuple[HoleStacks, HoleStacks] | None
-    _seen: Callable[[Role, int], Observation]
 
     @property
     def geometry(self) -> BandGeometry:
@@ -134,7 +133,8 @@ class VisitPair:
 
     def visit(self, role: Role, number: int) -> Observation:
         """Return a visit of the programme, to be run frame by frame."""
-        return self._seen(role, number)
+        first = self.science if role == "science" else self.reference
+        return first.at_visit(number) if number else first
 
     def with_light(self, extra_e_s: FloatArray) -> "VisitPair":
         """Return the same with more light in the science visit (an injected planet), electrons per second and pixel."""
@@ -232,7 +232,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
     sums = how.draw == "sums"
 
-    def seen(shown: Scene, visit: VisitSettings, number: int = 0) -> Observation:
+    def seen(shown: Scene, visit: VisitSettings) -> Observation:
         return observe(
             shown,
             band=task.band,
@@ -242,7 +242,6 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
             fidelity=how.knobs,
             instrument=chosen,
             realisation=realisation,
-            visit=number,
             timing=task.timing,
             window="hole" if sums else how.region,
             max_epochs=1 if sums else how.epochs,  # sums draw their own drift
@@ -251,12 +250,6 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
 
     science = seen(plan.science_scene, plan.science)
     reference = seen(plan.reference_scene, plan.reference)
-
-    def later(role: Role, number: int) -> Observation:
-        if number == 0:
-            return science if role == "science" else reference
-        shown = (plan.science_scene, plan.science) if role == "science" else (plan.reference_scene, plan.reference)
-        return seen(*shown, number)
 
     stacks = None
     answer = hole_stackable(science)
@@ -278,7 +271,6 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
         scale=scale,
         stackable=answer,
         _stacks=stacks,
-        _seen=later,
     )
 
 

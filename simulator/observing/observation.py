@@ -1,5 +1,6 @@
 """The only composer: scene + instrument + settings -> frames, with expectation, truth and ledger."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence as Several
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,6 +87,30 @@ class Observation(Sequence):
     def header(self) -> dict[str, Any]:
         """Keywords of the sequence."""
         return self.camera_keywords | self.keywords
+
+    def at_visit(self, number: int) -> "Observation":
+        """Return the same observation in another visit of its programme, with a wavefront and noise of its own.
+
+        Parameters
+        ----------
+        number : int
+            Of the visit, from 0.
+        """
+        one = dataclasses.replace(self.visit, number=check_whole("visit", number, 0, MAX_VISIT))
+        light, star = self.light, self.light.star
+        if star is not None and not isinstance(self.psf, ExternalPsf):
+            stamps = visit_stamps(
+                self.psf.imager,
+                self.instrument.drift,
+                len(star.rate_e_s),
+                (self.exposure_s + self.readout_s) * self.n_frames,
+                self.seed,
+                one,
+                star_arcsec=self.star_offset_arcsec,
+            )
+            rate_e_s = self.truth.sources[0].rate_e_s * stamps
+            light = dataclasses.replace(light, star=dataclasses.replace(star, rate_e_s=rate_e_s))
+        return dataclasses.replace(self, visit=one, path=one.path, light=light)
 
     @property
     def calibration_files(self) -> list[str]:

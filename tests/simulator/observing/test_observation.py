@@ -352,3 +352,23 @@ def test_a_tolerance_for_the_infrared_camera_but_no_psf_from_a_file(tmp_path):
     kernel = load_psf(tmp_path / "psf.fits")
     with pytest.raises(InputError, match="tolerance = 0.1.*PSF from a file"):
         observe(scene(planet(45)), band="F662", exposure_s=1.0, window="hole", psf=kernel, tolerance=0.1)
+
+
+def test_another_visit_is_the_observation_of_that_visit():
+    """The set-up of the first serves for all: the same light and frames as made anew."""
+    settings = {
+        "band": "F850",
+        "exposure_s": 2.0,
+        "n_frames": 3,
+        "em_gain": 50.0,
+        "fidelity": "quick",
+        "window": "hole",
+    }
+    first, third = (observe("paper_example", visit=number, **settings) for number in (0, 2))
+    again = first.at_visit(2)
+    assert again.path == third.path
+    np.testing.assert_array_equal(again.rate_map(1), third.rate_map(1))
+    np.testing.assert_array_equal(again.frame(2).adu, third.frame(2).adu)
+    assert np.any(again.rate_map(1) != first.rate_map(1))
+    with pytest.raises(InputError, match="visit"):
+        first.at_visit(-1)
