@@ -78,7 +78,12 @@ def priority_blocks(
 
 
 def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
-    """Yield how the ranking depends on assumptions."""
+    """Yield how the ranking depends on assumptions.
+
+    Parameters
+    ----------
+    sensitivity : SensitivityResult
+    """
     columns = doc.row_columns(
         results.SensitivityRow,
         "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
@@ -236,17 +241,19 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
     )
 
 
-def ensemble_figure(rank: results.RankResult) -> Figure:
+def ensemble_figure(rank: results.RankResult, n_stars: int = N_STARS) -> Figure:
     """Draw the ranks of the first stars over an ensemble, and what the number of planets hangs on.
 
     Parameters
     ----------
     rank : RankResult
         With an ensemble.
+    n_stars : int
+        How many stars are drawn, at most 100.
     """
     ensemble = rank.ensemble
     assert ensemble is not None
-    rows, bars = rank.targets[:N_STARS], ensemble.bars[:N_BARS]
+    rows, bars = rank.targets[: min(n_stars, 100)], ensemble.bars[:N_BARS]
     with style():
         figure = new_figure(max(4.2, 1.4 + 0.24 * max(len(rows), len(bars))))
         left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.05))
