@@ -48,7 +48,7 @@ def checked_answers(
     planets : sequence of ReferencePlanet or None
         The planet of each answer; None for a given contrast and for a contrast limit, whose planet is grey.
     dial : Dial
-        `cpic_planner.etc.fidelity.etc_dial`.
+        `simulator.knobs.dial_of`.
     seed : int
         Of the images, 0 to 2**63 - 1.
     realisations : int, optional

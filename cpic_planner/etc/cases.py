@@ -11,7 +11,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, threshold_array
-from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
+from cpic_planner.etc.fidelity import etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
 from cpic_planner.etc.model import (
     ONE_VISIT,
@@ -43,7 +43,7 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
-from simulator.knobs import Dial
+from simulator.knobs import Dial, dial_of
 from simulator.signal import ProgrammeLaw, programme_parts, quadrant_of
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
@@ -394,5 +394,5 @@ def etc_result(
         reference_planet=record,
         best_band=best_band(answers),
         answers=list(answers),
-        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed, of_table=model.of_table),
+        fidelity=etc_fidelity(answers, dial or dial_of("quick"), seed=seed, of_table=model.of_table),
     )

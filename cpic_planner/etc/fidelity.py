@@ -1,6 +1,8 @@
 """Stated errors of the closed forms: how far answers may lie from images of the same frames, as measured.
 
-The dial of the exposure-time calculator asks for it, and its records say it.
+The dial of the exposure-time calculator asks for it, and its records say it: ``quick`` are the closed forms alone,
+``standard`` checks every answer in sums of frames, ``reference`` frame by frame. A tolerance takes the closed forms
+where their stated error meets it, and images elsewhere.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,27 +11,7 @@ from typing import Any
 import numpy as np
 
 from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity
-from simulator.knobs import Dial, Quantity, dial_of
-
-
-def etc_dial(fidelity: str | None = None, tolerance: float | None = None) -> Dial:
-    """Return the dial of the exposure-time calculator: as `simulator.knobs.dial_of`, but ``quick`` without any.
-
-    ``quick`` are the closed forms alone, ``standard`` checks every answer in sums of frames, ``reference`` frame by
-    frame. A tolerance takes the closed forms where their stated error meets it, and images elsewhere.
-
-    Parameters
-    ----------
-    fidelity : {"quick", "standard", "reference"}, optional
-    tolerance : float, optional
-        Largest relative error, 0 to 0.5.
-
-    Raises
-    ------
-    InputError
-        If both are given, the name is unknown, or the tolerance is out of range.
-    """
-    return dial_of("quick" if fidelity is None and tolerance is None else fidelity, tolerance)
+from simulator.knobs import Dial, Quantity
 
 
 def closed_form_fidelity(index: int, answer: EtcAnswer, *, of_table: bool = False) -> AnswerFidelity:

@@ -20,14 +20,7 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 from simulator.signal import quadrant_of
-from simulator.target import (
-    albedo_notes,
-    albedo_source,
-    contrast_at,
-    needs_insolation,
-    phase_value,
-    sin_phase,
-)
+from simulator.target import albedo_notes, albedo_source, contrast_at, needs_insolation, phase_value, sin_phase
 
 NEAREST_ARCSEC, FARTHEST_ARCSEC = 1e-6, 120.0
 """Where a planet can be asked for, and the nearest place at which the light of a modelled one is worked out: inside

@@ -20,12 +20,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.frames import (
-    FrameProblem,
-    best_exposure_s,
-    peak_visit_s,
-    smooth_least_visit_s,
-)
+from cpic_planner.etc.frames import FrameProblem, best_exposure_s, peak_visit_s, smooth_least_visit_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
 from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
 from cpic_planner.queries import MAX_VISITS, check_visits

@@ -14,12 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, special
-from cpic_planner.planets.motion import (
-    MOST_SHIFT_LAMBDA_D,
-    ORBIT_DUTY,
-    aperture_track,
-    in_range,
-)
+from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D, ORBIT_DUTY, aperture_track, in_range
 
 _SPEED_AU_DAY = 2.0 * math.pi / 365.25  # of a circular orbit of 1 au around 1 solar mass
 _BENDS = np.concatenate([[0.0], np.geomspace(1e-2, 40.0, 200)])

@@ -10,13 +10,7 @@ import numpy as np
 
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
-from cpic_planner.planets import (
-    OrbitQuality,
-    PublishedOrbit,
-    astrometric_error_arcsec,
-    orbit_quality,
-    published_orbit,
-)
+from cpic_planner.planets import OrbitQuality, PublishedOrbit, astrometric_error_arcsec, orbit_quality, published_orbit
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place

@@ -12,13 +12,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.planets import StarLimits
 from cpic_planner.survey.alarms import faintest_by_way
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import (
-    ExpectedSignals,
-    Setting,
-    detection_chance,
-    expected_signals,
-    reach_au,
-)
+from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.history import StarHistory
 from cpic_planner.survey.observed import ObservationLog, missed, resampled

@@ -14,16 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast,
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from cpic_core import (
-    InputError,
-    Provenance,
-    in_unit,
-    is_quantity,
-    number_and_unit,
-    split_sourced,
-    unit_of,
-    units_like,
-)
+from cpic_core import InputError, Provenance, in_unit, is_quantity, number_and_unit, split_sourced, unit_of, units_like
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass

@@ -9,12 +9,12 @@ from cpic_core import Outcome, Reason, Status
 from cpic_planner import validation
 from cpic_planner.confirm import checked_answers, etc_images, needs_images
 from cpic_planner.etc import build_model, closed_form_fidelity, contrast_limit
-from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
+from cpic_planner.etc.fidelity import etc_fidelity
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
-from simulator.knobs import FIDELITIES
+from simulator.knobs import FIDELITIES, dial_of
 from simulator.target import scene_sources
 
 HOUR_S = 3600.0
@@ -26,7 +26,7 @@ def model_of(*bands, **strategy):
 
 
 def check(model, star, answers, planet=None, dial="standard", tolerance=None, **options):
-    dial = etc_dial(None if tolerance is not None else dial, tolerance)
+    dial = dial_of(None if tolerance is not None else dial, tolerance)
     every = len(answers)
     return checked_answers(model, [star] * every, answers, [planet] * every, dial, **options)
 
@@ -125,8 +125,8 @@ def test_a_tolerance_takes_the_cheapest_that_meets_it(answer, tau_ceti):
     assert (loose.fidelity, loose.status, loose.images) == ("quick", "ok", None)
     assert (least.fidelity, least.status, least.reason) == ("quick", "invalid", "tolerance_not_met")
     assert "realisations" in least.message or "sums of frames" in least.message
-    assert not needs_images(answer, etc_dial(tolerance=1.01 * stated))
-    assert needs_images(answer, etc_dial(tolerance=0.99 * stated))
+    assert not needs_images(answer, dial_of(tolerance=1.01 * stated))
+    assert needs_images(answer, dial_of(tolerance=0.99 * stated))
 
 
 @pytest.mark.long
@@ -191,7 +191,7 @@ def test_answers_without_frames_stay_as_they_are(tau_ceti):
     assert found[1].fidelity.answer == 1
     assert sum(n for _, n in steps) == 100
     assert {text for text, _ in steps} == {"tau Cet F520"}
-    record = etc_fidelity(found, etc_dial("standard"), seed=1)
+    record = etc_fidelity(found, dial_of("standard"), seed=1)
     assert (record.seed, [item.answer for item in record.answers]) == (1, [1])
 
 

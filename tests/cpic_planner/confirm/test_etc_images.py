@@ -7,10 +7,10 @@ import pytest
 
 from cpic_planner.confirm.etc_images import check_in_images
 from cpic_planner.etc import build_model
-from cpic_planner.etc.fidelity import etc_dial
 from cpic_planner.etc.questions import contrast_limit, signal_to_noise
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
+from simulator.knobs import dial_of
 
 STARS = (
     "70 Oph A",
@@ -39,7 +39,7 @@ def predicted_over_recovered(name, roll_deg, band="F520", *, separation_arcsec=0
     (answer,) = signal_to_noise(MODEL, star, contrast=limit.value, **asked)
     assert answer.value == pytest.approx(SNR, rel=0.01)
     assert "companion_light_on" in answer.flags
-    outcome = check_in_images(MODEL, star, answer, None, etc_dial("standard"), realisations=realisations)
+    outcome = check_in_images(MODEL, star, answer, None, dial_of("standard"), realisations=realisations)
     images = outcome.value
     assert images is not None, outcome.message
     assert images.realisations == realisations

@@ -17,7 +17,6 @@ from cpic_planner.etc.fidelity import (
     SPECKLE_SEPARATION_ARCSEC,
     WHITE_SNR_ERROR,
     WINGS_ERROR,
-    etc_dial,
     etc_fidelity,
     speckle_error,
     speckle_error_extrapolated,
@@ -30,6 +29,7 @@ from cpic_planner.targets import find_target
 from cpic_planner.validation import aperture_weights
 from simulator.config import load_instrument
 from simulator.imaging import single_band_psf
+from simulator.knobs import dial_of
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,10 @@ def answers():
     return signal_to_noise(model, star, time_s=7200.0, separation_arcsec=[0.1, 0.6], bands=["F520", "F850"])
 
 
-def test_the_dial_is_quick_without_any(refused):
-    assert etc_dial().fidelity == etc_dial("quick").fidelity == "quick"
-    assert etc_dial("standard").fidelity == "standard"
-    assert etc_dial(tolerance=0).fidelity == "reference"
-    assert etc_dial(tolerance=0.02).tolerance["snr"] == 0.02
+def test_a_dial_is_a_tier_or_a_tolerance(refused):
+    assert [dial_of(name).fidelity for name in ("quick", "standard", None)] == ["quick", "standard", "standard"]
+    assert dial_of(tolerance=0).fidelity == "reference"
+    assert dial_of(tolerance=0.02).tolerance["snr"] == 0.02
     for wrong in (
         {"fidelity": "fast"},
         {"tolerance": 0.6},
@@ -50,15 +49,15 @@ def test_the_dial_is_quick_without_any(refused):
         {"tolerance": float("nan")},
         {"fidelity": "quick", "tolerance": 0.1},
     ):
-        refused(next(iter(wrong)), etc_dial, **wrong)
+        refused(next(iter(wrong)), dial_of, **wrong)
 
 
 def test_answers_without_frames_are_passed_over(answers):
     assert [answer.n_frames is None for answer in answers] == [True, False, True, False]
-    record = etc_fidelity(answers, etc_dial(), seed=3)
+    record = etc_fidelity(answers, dial_of("quick"), seed=3)
     assert [item.answer for item in record.answers] == [1, 3]
     assert (record.fidelity, record.tolerance, record.seed) == ("quick", None, None)
-    assert etc_fidelity(answers, etc_dial(tolerance=0.3)).tolerance == 0.3
+    assert etc_fidelity(answers, dial_of(tolerance=0.3)).tolerance == 0.3
 
 
 def test_the_error_is_that_of_the_budget(answers):
