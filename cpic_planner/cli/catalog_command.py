@@ -195,15 +195,7 @@ def _column_rows(kind: Literal["stars", "planets"]) -> list[dict[str, Any]]:
 
 
 def table(screen: Console, title: str, headings: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> None:
-    """Print a table of texts; columns of counts are set to the right.
-
-    Parameters
-    ----------
-    screen : rich.console.Console
-    title : str
-    headings : tuple of str
-    rows : iterable of tuple of str
-    """
+    """Print a table of texts; columns of counts are set to the right."""
     from rich.table import Table
     from rich.text import Text
 

@@ -281,13 +281,7 @@ def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray
 
 
 def programme_floor(cases: CameraCases, visits: float) -> FloatArray:
-    """Return the highest significance of any number of frames in so many visits, whatever their length.
-
-    Parameters
-    ----------
-    cases : CameraCases
-    visits : float
-    """
+    """Return the highest significance of any number of frames in so many visits, whatever their length."""
     endless = np.ones(1), np.full(1, np.inf), np.ones(1)
     law = residual_law(cases.rates, cases.with_modes(Programme.of(cases.model.strategy, visits), *endless))
     with np.errstate(divide="ignore"):

@@ -181,11 +181,6 @@ def default_law() -> DetectionLaw:
 def law_of(model: EtcModel, band: str) -> DetectionLaw | None:
     """Return the law that holds for a band of a model.
 
-    Parameters
-    ----------
-    model : EtcModel
-    band : str
-
     Returns
     -------
     DetectionLaw or None

@@ -214,11 +214,6 @@ def residual_law(rates: ApertureRates, programme: Programme) -> SpeckleLaw:
     """Return everything that a programme leaves and that frames do not average, before two rolls are averaged.
 
     Wings of companions are no speckles of the star: modes of its references leave them as they are.
-
-    Parameters
-    ----------
-    rates : ApertureRates
-    programme : Programme
     """
     law = programme.law(rates.speckle)
     wings = rates.wings_e2_s2 if programme.by_mean else rates.wings_e2_s2 * programme.planet_factor2

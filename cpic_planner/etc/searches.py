@@ -45,13 +45,7 @@ def spread(array: Any, shape: tuple[int, ...]) -> Any:
 
 
 def whole_steps(most: float, n: int) -> FloatArray:
-    """Return whole numbers from 1 to the most, evenly in the logarithm, each once: ``n`` of them or fewer.
-
-    Parameters
-    ----------
-    most : float
-    n : int
-    """
+    """Return whole numbers from 1 to the most, evenly in the logarithm, each once: ``n`` of them or fewer."""
     every = np.rint(np.geomspace(1.0, most, n))
     return np.asarray(every[np.diff(every, prepend=0.0) > 0.0])  # `numpy.unique` would load masked arrays
 

@@ -150,12 +150,6 @@ def star_e_s(model: EtcModel, band: str, targets: Targets, v_mag: FloatArray, te
 def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:
     """Return the electrons per second of sky, earthshine and stray light in an aperture of the hole.
 
-    Parameters
-    ----------
-    model : EtcModel
-    targets : Targets
-    band : str
-
     Returns
     -------
     ndarray, shape (n_targets,)

@@ -97,14 +97,7 @@ def get(tree: Mapping[str, Any], key: str) -> Any:
 
 
 def put(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Return a copy of nested mappings with the value of a dotted key; what is above it is made.
-
-    Parameters
-    ----------
-    tree : mapping
-    key : str
-    value : object
-    """
+    """Return a copy of nested mappings with the value of a dotted key; what is above it is made."""
     head, _, rest = key.partition(".")
     return dict(tree) | {head: put(tree.get(head, {}), rest, value) if rest else value}
 

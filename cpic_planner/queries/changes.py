@@ -177,11 +177,6 @@ class Alteration:
 def alterations(nominal: Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
     """Return every number and word of an instrument that some changes alter, by key.
 
-    Parameters
-    ----------
-    nominal : Instrument
-    changes : iterable of Change
-
     Raises
     ------
     InputError
@@ -212,13 +207,7 @@ def tree_of(items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lam
 
 
 def changed(nominal: Instrument, changes: Iterable[Change]) -> Instrument:
-    """Return the instrument after some changes; the same object without any.
-
-    Parameters
-    ----------
-    nominal : Instrument
-    changes : iterable of Change
-    """
+    """Return the instrument after some changes; the same object without any."""
     tree = tree_of(alterations(nominal, changes))
     return nominal.changed(tree) if tree else nominal
 

@@ -37,13 +37,7 @@ KNOWN_ONLY = "those with known planets only"
 
 
 def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
-    """Return the rows of the counted planets of each star, by any of its names; empty where it has none.
-
-    Parameters
-    ----------
-    table : KnownPlanetTable
-    targets : Targets
-    """
+    """Return the rows of the counted planets of each star, by any of its names; empty where it has none."""
     return [table.rows_of(str(name)) for name in targets.name]
 
 

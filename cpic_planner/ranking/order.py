@@ -244,13 +244,7 @@ def _numbers(
 
 
 def ranked_order(found: Ranked, targets: Targets) -> list[int]:
-    """Return the stars from best to worst: by score, ties by the reference planet's margin, then by name.
-
-    Parameters
-    ----------
-    found : Ranked
-    targets : Targets
-    """
+    """Return the stars from best to worst: by score, ties by the reference planet's margin, then by name."""
     return sorted(range(len(targets)), key=lambda i: (-found.score[i], -found.best.margin[i], str(targets.name[i])))
 
 

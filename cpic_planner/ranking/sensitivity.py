@@ -109,13 +109,7 @@ ASSUMPTIONS: tuple[Assumption, ...] = (
 
 
 def in_turn(setting: RankSetting, assumptions: Sequence[Assumption] = ASSUMPTIONS) -> Iterator[Assumption]:
-    """Yield the assumptions that apply to a setting, each announced before the work under it begins.
-
-    Parameters
-    ----------
-    setting : RankSetting
-    assumptions : sequence of Assumption
-    """
+    """Yield the assumptions that apply to a setting, each announced before the work under it begins."""
     assumptions = [item for item in assumptions if item.applies(setting)]
     for done, assumption in enumerate(assumptions, 1):
         announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
@@ -125,14 +119,7 @@ def in_turn(setting: RankSetting, assumptions: Sequence[Assumption] = ASSUMPTION
 def under_others(
     setting: RankSetting, targets: Targets, assumptions: Sequence[Assumption] = ASSUMPTIONS
 ) -> Iterator[tuple[Assumption, Order]]:
-    """Yield the assumptions that apply to a setting, each with the order of stars under it.
-
-    Parameters
-    ----------
-    setting : RankSetting
-    targets : Targets
-    assumptions : sequence of Assumption
-    """
+    """Yield the assumptions that apply to a setting, each with the order of stars under it."""
     counts = CountedPlanets.of(setting.population, targets, keep=True)
     for assumption in in_turn(setting, assumptions):
         other = assumption.change(setting)

@@ -216,11 +216,6 @@ def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[
     (`OptimalSetting.needed_margin`). The reason ``speckle_floor`` says that no length of the given number of visits
     reaches it, ``common_speckle_floor`` that no number of visits does either, up to 1000; neither says that the drift
     decides: `limits_of` says that.
-
-    Parameters
-    ----------
-    best : OptimalSetting
-    model : EtcModel
     """
     floor = Reason.COMMON_SPECKLE_FLOOR if model.strategy.visits is None else Reason.SPECKLE_FLOOR
     return [_verdict(best, i, model.camera(str(best.band[i])), floor) for i in range(len(best.margin))]

@@ -188,13 +188,7 @@ class Library:
         return LibraryNoise(one, one, one, 1.0, one, 1.0, 1.0 / len(self.rolls_deg(settings)))
 
     def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
-        """Return what reference frames show of the science scene.
-
-        Parameters
-        ----------
-        settings : LibrarySettings
-        scene : Scene
-        """
+        """Return what reference frames show of the science scene."""
         return scene.without_planets()
 
 
@@ -229,13 +223,7 @@ class OtherStar(Library):
         return LibraryNoise(1.0 / ratio, 1.0 / ratio**2, 1.0 / ratio**2, 0.0, np.maximum(ratio, 1.0), 1.0, 1.0)
 
     def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
-        """Return the other star with its copy of the dust.
-
-        Parameters
-        ----------
-        settings : LibrarySettings
-        scene : Scene
-        """
+        """Return the other star with its copy of the dust."""
         own, name = scene.cstar, f"reference star of {scene.name}"
         dust = tuple(
             source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
@@ -305,13 +293,7 @@ class TwoRolls(Library):
         return self.rolls_deg(settings)
 
     def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
-        """Return the scene itself.
-
-        Parameters
-        ----------
-        settings : LibrarySettings
-        scene : Scene
-        """
+        """Return the scene itself."""
         return scene
 
 

@@ -78,12 +78,7 @@ def priority_blocks(
 
 
 def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
-    """Yield how the ranking depends on assumptions.
-
-    Parameters
-    ----------
-    sensitivity : SensitivityResult
-    """
+    """Yield how the ranking depends on assumptions."""
     columns = doc.row_columns(
         results.SensitivityRow,
         "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",

@@ -193,13 +193,6 @@ def make_calendar(
 ) -> Calendar:
     """Return the visibility of stars over the slots of a survey, sampled six times a slot.
 
-    Parameters
-    ----------
-    universe : UniverseConfig
-    instrument : Instrument
-    pointing : VisibilityConfig
-    targets : Targets
-
     Raises
     ------
     InputError

@@ -90,13 +90,7 @@ def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
 
 
 def doubt_record(config: StrategiesConfig, runner: Runner) -> results.DoubtRecord | None:
-    """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule.
-
-    Parameters
-    ----------
-    config : StrategiesConfig
-    runner : Runner
-    """
+    """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule."""
     rule, universe = config.doubt, config.universe
     if rule is None:
         return None

@@ -244,13 +244,7 @@ class Events:
 
     @staticmethod
     def counts(stars: Mapping[int, StarHistory], clock: Clock) -> dict[str, NDArray[Any]]:
-        """Return planets found, visits made and hours used in each universe.
-
-        Parameters
-        ----------
-        stars : mapping of int to StarHistory
-        clock : Clock
-        """
+        """Return planets found, visits made and hours used in each universe."""
         found: dict[str, NDArray[Any]] = {name: np.zeros(len(clock.left), np.int64) for name in PLANETS}
         for star in stars.values():
             for name, new in zip(PLANETS, (True, False), strict=True):

@@ -181,13 +181,7 @@ class Room:
 
     @classmethod
     def of(cls, problem: Problem, booked: Iterable[tuple[int, Visit]] = ()) -> "Room":
-        """Return all of a strategy's time, less that of visits of stars.
-
-        Parameters
-        ----------
-        problem : Problem
-        booked : iterable of (star, visit), optional
-        """
+        """Return all of a strategy's time, less that of visits of stars."""
         room = cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
         for star, visit in booked:
             room.take(star, visit, problem.cost_h(star, visit))
@@ -216,13 +210,7 @@ class Room:
 def in_order(
     stars: Sequence[Candidate], booked: Sequence[tuple[int, Visit, float]], spare: Sequence[tuple[int, Visit, float]]
 ) -> tuple[PlannedVisit, ...]:
-    """Return the visits in the order of the calendar: by slot, those within the budget first, then as booked.
-
-    Parameters
-    ----------
-    stars : sequence of Candidate
-    booked, spare : sequence of tuple
-    """
+    """Return the visits in the order of the calendar: by slot, those within the budget first, then as booked."""
     every = [(*item, False) for item in booked] + [(*item, True) for item in spare]
     numbers, planned = Counter[int](), []
     for star, visit, gain, reserve in sorted(every, key=lambda item: (item[1][1], item[3])):

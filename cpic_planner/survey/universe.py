@@ -137,11 +137,6 @@ def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> Boo
 
     Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
     (`catalogs.known_planet_table.PLACE_DEG`): such planets are searched for as unknown ones are.
-
-    Parameters
-    ----------
-    planets : PlanetSample
-    table : KnownPlanetTable or None
     """
     placed = np.zeros(len(planets), bool)
     if table is not None:

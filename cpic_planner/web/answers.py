@@ -91,11 +91,6 @@ def etc_answer(pairs: Pairs) -> Answered:
 def fresh_etc(pairs: Pairs, sent: Sent | None = None) -> Answered:
     """Return the answer of the calculator with files that were sent, which are the only ones that are read.
 
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-
     Raises
     ------
     InputError
@@ -222,25 +217,13 @@ def _image(made: Figure, form: Literal["svg", "png"]) -> bytes:
 
 
 def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
-    """Return a ranking with files that were sent; as `fresh_etc`.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-    """
+    """Return a ranking with files that were sent; as `fresh_etc`."""
     with _asked(RANK, pairs, sent) as question:
         return prepared(question).ranked()
 
 
 def figure_inside(figure: Callable[[], Figure], alt: str, caption: str) -> list[report.Block]:
-    """Return the figure of an answer with files that were sent, which has no address, and its values.
-
-    Parameters
-    ----------
-    figure : callable
-    alt, caption : str
-    """
+    """Return the figure of an answer with files that were sent, which has no address, and its values."""
     with _PENCIL, report.style():
         made = figure()
         panels, picture = _panels(made), report.save(made, "svg", alt=alt, caption=caption)

@@ -77,10 +77,6 @@ class Asking(Generic[Q]):
     def canonical(self, given: Iterable[tuple[str, str]]) -> Pairs:
         """Return parameters by the names of the fields, in the order of the question, without empty ones.
 
-        Parameters
-        ----------
-        given : iterable of (str, str)
-
         Raises
         ------
         InputError
@@ -140,10 +136,6 @@ class Asking(Generic[Q]):
 
     def question(self, pairs: Pairs) -> Q:
         """Return the question of an address; `canonical` has its parameters.
-
-        Parameters
-        ----------
-        pairs : sequence of (str, str)
 
         Raises
         ------
@@ -271,12 +263,7 @@ IMAGES = Asking(
 
 
 def image_lines(pairs: Pairs) -> str:
-    """Return lines of Python that give the result of images.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    """
+    """Return lines of Python that give the result of images."""
     tree, made = dict(IMAGES.tree(pairs)), _parts(IMAGES, pairs)
     imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
     words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]

@@ -26,13 +26,7 @@ _ABOUT = {
 
 
 def columns_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form that takes a table; parameters as of `cpic_planner.web.forms.etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
+    """Return the form that takes a table; parameters as of `cpic_planner.web.forms.etc_form`."""
     values, key = dict(given), "" if error is None else error.key
     wrong = {_KIND: str(error)} if key == _KIND else {_TABLE: str(error)} if error is not None else {}
     chosen = (values[_KIND],) if values.get(_KIND) else ()
@@ -45,10 +39,6 @@ def columns_form(given: Sequence[tuple[str, str]], error: InputError | None = No
 
 def columns_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
     """Return the parameters in order, without empty ones.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
 
     Raises
     ------
@@ -88,13 +78,7 @@ def columns_result(pairs: Pairs, sent: Sent | None = None) -> ColumnsResult:
 
 
 def columns_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
-    """Return what `columns_result` says as blocks of a page; parameters as there.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-    """
+    """Return what `columns_result` says as blocks of a page; parameters as there."""
     result = columns_result(pairs, sent)
     kind = f" --as {dict(pairs)[_KIND]}" if _KIND in dict(pairs) else ""
     same = [("Command", report.code(f"cpic catalog columns {result.file}{kind}"))]

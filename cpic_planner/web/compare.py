@@ -30,13 +30,7 @@ def _choice(name: str, told: tuple[str, str], given: str, error: str) -> Field:
 
 
 def compare_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form of two instruments and a question; parameters as of `cpic_planner.web.forms.etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
+    """Return the form of two instruments and a question; parameters as of `cpic_planner.web.forms.etc_form`."""
     values, wrong = dict(given), ""
     if error is not None and error.key == OTHER:
         wrong, error = str(error), None
@@ -116,24 +110,12 @@ def compared(pairs: Pairs, sent: Sent | None = None) -> Compared:
 
 
 def compare_result(pairs: Pairs, sent: Sent | None = None) -> TwoInstrumentsResult:
-    """Return what `compared` says as a result; parameters as there.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-    """
+    """Return what `compared` says as a result; parameters as there."""
     return compared(pairs, sent).result
 
 
 def compare_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
-    """Return what `compared` says as blocks of a page; parameters as there.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-    """
+    """Return what `compared` says as blocks of a page; parameters as there."""
     found = compared(pairs, sent)
     differing = found.result.differences
     blocks = blocks_of(partial(report.print_instrument, differing, "key value other unit"))

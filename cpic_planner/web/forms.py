@@ -182,13 +182,7 @@ def etc_form(given: Sequence[tuple[str, str]], error: InputError | None = None) 
 
 
 def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form of the ranking; parameters as of `etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
+    """Return the form of the ranking; parameters as of `etc_form`."""
     form = _form(RANK, RANK_GROUPS, "Rank", given, error)
     texts = tuple(text for name, text in given if name == "limit" and text)[:1]
     wrong = str(error) if error is not None and error.key == "limit" else ""
@@ -307,11 +301,5 @@ def _label(option: Option) -> str:
 
 
 def image_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form that asks for images; parameters as of `etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
+    """Return the form that asks for images; parameters as of `etc_form`."""
     return replace(_form(IMAGES, IMAGE_GROUPS, "Simulate", given, error), method="post")

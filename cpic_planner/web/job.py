@@ -26,10 +26,6 @@ _NICE = 10
 def job_of(pairs: Pairs) -> Job[StarImagesResult]:
     """Return the job that an address asks for.
 
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-
     Raises
     ------
     InputError
@@ -43,12 +39,7 @@ def job_of(pairs: Pairs) -> Job[StarImagesResult]:
 
 @functools.lru_cache(maxsize=256)
 def expected(pairs: Pairs) -> tuple[str, Mapping[str, float]]:
-    """Return the hash of the job that an address asks for, and its expected cost; errors as of `job_of`.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    """
+    """Return the hash of the job that an address asks for, and its expected cost; errors as of `job_of`."""
     job = job_of(pairs)
     with called_as(IMAGES.names):
         return job.digest, estimate(job)

@@ -235,10 +235,6 @@ class JobQueue:
     def withdraw(self, name: str, token: str) -> bool:
         """Take back that one asked; the job ends when all who asked have.
 
-        Parameters
-        ----------
-        name, token : str
-
         Returns
         -------
         bool

@@ -117,12 +117,7 @@ class Run:
 
 
 def runs_of(folder: Path) -> list[Run]:
-    """Return the runs beneath a folder, the latest first; links are not followed.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """Return the runs beneath a folder, the latest first; links are not followed."""
     found = []
     for place in _folders(folder):
         if (place / written_files.LIST_NAME).is_file():

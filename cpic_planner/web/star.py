@@ -67,13 +67,7 @@ class View:
 
 
 def star_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    """Return the form that asks for a star; parameters as of `cpic_planner.web.forms.etc_form`.
-
-    Parameters
-    ----------
-    given : sequence of (str, str)
-    error : InputError, optional
-    """
+    """Return the form that asks for a star; parameters as of `cpic_planner.web.forms.etc_form`."""
     values, key = dict(given), "" if error is None else error.key
     fields = tuple(
         Field(name, label, hint, "text", (), (values[name],) if values.get(name) else (), wrong, example)
@@ -205,23 +199,13 @@ def _followed(known: KnownResult) -> bool:
 
 
 def star_blocks(pairs: Pairs) -> list[report.Block]:
-    """Return what is known of the star of an address as blocks of a page.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    """
+    """Return what is known of the star of an address as blocks of a page."""
     answer = star_answer(pairs)
     return [*_star(answer), *_priority(answer), *_planets(answer, pairs), *_seasons(answer, pairs), *_same(answer)]
 
 
 def star_result(pairs: Pairs) -> StarResult:
-    """Return what is known of the star of an address as a result.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    """
+    """Return what is known of the star of an address as a result."""
     answer = star_answer(pairs)
     return StarResult.of(answer, answer.star, at=0, hip=int(answer.star.hip[0]) or None)
 

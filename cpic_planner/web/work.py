@@ -45,14 +45,7 @@ class Kept(Generic[K]):
             return found
 
     def put(self, key: K, body: bytes, media: str) -> None:
-        """Keep an answer; those that nobody asked for again for longest make place.
-
-        Parameters
-        ----------
-        key : hashable
-        body : bytes
-        media : str
-        """
+        """Keep an answer; those that nobody asked for again for longest make place."""
         with self._lock:
             if key in self._answers or len(body) > self._most:
                 return

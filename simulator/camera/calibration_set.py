@@ -146,10 +146,6 @@ class CalibrationSet:
     def window(self, rows: slice, columns: slice) -> "CalibrationSet":
         """Return the set of a window, without copying.
 
-        Parameters
-        ----------
-        rows, columns : slice
-
         Raises
         ------
         InputError

@@ -204,14 +204,7 @@ def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequenc
 
 
 def run(effects: Sequence[Effect], work: Work, exposure: Exposure) -> None:
-    """Draw effects on a frame in their order, each from the stream of its switch.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-    work : Work
-    exposure : Exposure
-    """
+    """Draw effects on a frame in their order, each from the stream of its switch."""
     for effect in effects:
         effect.draw(work, exposure, work.stream(effect.switch))
 

@@ -44,11 +44,6 @@ MAX_FRAMES = 1_000_000
 def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
     """Return whether frames of an exposure add up to one draw.
 
-    Parameters
-    ----------
-    camera : VisibleCamera
-    exposure : Exposure
-
     Returns
     -------
     Outcome of float

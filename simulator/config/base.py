@@ -367,13 +367,7 @@ def required(key: str, allowed: str) -> InputError:
 
 
 def at(path: str, error: InputError) -> InputError:
-    """Return the same refusal with its key under a dotted path.
-
-    Parameters
-    ----------
-    path : str
-    error : InputError
-    """
+    """Return the same refusal with its key under a dotted path."""
     return InputError(f"{path}.{error.key}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 

@@ -192,12 +192,7 @@ def _folder() -> Path:
 
 
 def table_path(name: str) -> str:
-    """Return the file of a table: a shipped one by its name, else the name itself.
-
-    Parameters
-    ----------
-    name : str
-    """
+    """Return the file of a table: a shipped one by its name, else the name itself."""
     return str(_folder() / f"{name}.csv") if name in shipped_tables() else name
 
 

@@ -243,26 +243,14 @@ def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[Physic
 
 
 def generated_projection_um(config: TemplateTracks, physical: PhysicalTracks) -> float:
-    """Return the mean length, projected on the detector, of the tracks that `generated_templates` draws.
-
-    Parameters
-    ----------
-    config : TemplateTracks
-    physical : PhysicalTracks
-    """
+    """Return the mean length, projected on the detector, of the tracks that `generated_templates` draws."""
     _, tracks, _ = _generated(config, physical)
     return float(tracks.projected_um.mean())
 
 
 @functools.lru_cache(maxsize=8)
 def generated_templates(config: TemplateTracks, physical: PhysicalTracks) -> TemplateSet:
-    """Make the set that stands in for a file: tracks of the physical model, sampled finely; always the same.
-
-    Parameters
-    ----------
-    config : TemplateTracks
-    physical : PhysicalTracks
-    """
+    """Make the set that stands in for a file: tracks of the physical model, sampled finely; always the same."""
     model, tracks, rng = _generated(config, physical)
     charge = model.charges(tracks, rng)
     azimuth = 2.0 * np.pi * rng.random(config.generated_tracks)

@@ -89,11 +89,6 @@ def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
     """Open fraction of every pixel behind the cross.
 
     There is no Lyot stop, so a uniform sky passes the focal-plane mask by geometry alone.
-
-    Parameters
-    ----------
-    psf : AnyPsf
-    window : Window
     """
     axes = [pixel_axis(axis, psf.pixel_scale_arcsec, 1, _half_width(psf)) for axis in (window.rows, window.columns)]
     return np.outer(axes[0].open_fraction, axes[1].open_fraction)

@@ -49,11 +49,6 @@ def read_stamps(path: str | Path) -> StampFile:
 def write_stamps(stamps: StampFile, path: Path) -> Path:
     """Write stamps to ``.npz`` or ``.fits``, whole or not at all; the same bytes for the same content.
 
-    Parameters
-    ----------
-    stamps : StampFile
-    path : Path
-
     Raises
     ------
     InputError

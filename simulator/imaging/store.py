@@ -122,13 +122,6 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
     star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    solver : Imager
-    static : Aberrations
-    mirror : DeformableMirror
     """
     key = hole_key(instrument, solver)
     path = _shipped("hole", key, solver.band)
@@ -151,15 +144,7 @@ def _warn(key: str, reason: str) -> None:
 
 
 def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
-    """Dig the hole of one band now.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    solver : Imager
-    aberrations : Aberrations
-    mirror : DeformableMirror
-    """
+    """Dig the hole of one band now."""
     from simulator.imaging.dark_hole import solve_dark_hole
 
     zone = solver.zone

@@ -112,12 +112,7 @@ class Chosen:
 
 
 def choice_rows(chosen: Chosen) -> tuple[EffectRow, ...]:
-    """Return the rows of what the configuration contains, of the sources one by one, and of the settings.
-
-    Parameters
-    ----------
-    chosen : Chosen
-    """
+    """Return the rows of what the configuration contains, of the sources one by one, and of the settings."""
     rows, forecast = [], chosen.forecast
     for row in forecast.rows:
         sizes = forecast.sizes.get(row.key)

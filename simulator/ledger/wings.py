@@ -30,12 +30,7 @@ _SIGMA = 5.0
 
 
 class Spill:
-    """Blooming and tails of the register on the stamp of a case.
-
-    Parameters
-    ----------
-    case : CameraCase
-    """
+    """Blooming and tails of the register on the stamp of a case."""
 
     def __init__(self, case: CameraCase) -> None:
         self.case = case

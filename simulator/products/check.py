@@ -41,13 +41,7 @@ _MAPS = ("EXPECTED_ADU", "EXPECTED_E")
 
 
 def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
-    """Check one truth file against what a check learned of its Level-0 file.
-
-    Parameters
-    ----------
-    path : Path
-    facts : FileFacts
-    """
+    """Check one truth file against what a check learned of its Level-0 file."""
     report = Report(path)
     with open_units(report, raw=True) as units:
         if units is not None:

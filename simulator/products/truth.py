@@ -47,13 +47,6 @@ def sequence_values(
     Keywords that the sequence supplies replace those that follow from its configuration, but not names, times and
     counts, which are the writer's. Supplied keywords that the table does not know go to the images.
 
-    Parameters
-    ----------
-    sequence : FrameSequence
-    name : ProductName
-    times : SequenceTimes
-    sky : Ephemeris
-
     Raises
     ------
     InputError

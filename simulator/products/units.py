@@ -89,13 +89,7 @@ def header_cards(values: Mapping[str, Value], table: KeywordTable, profile: Prof
 
 
 def append_primary(file: IO[bytes], cards: Iterable[Card]) -> None:
-    """Write a primary unit without data.
-
-    Parameters
-    ----------
-    file : IO[bytes]
-    cards : iterable of Card
-    """
+    """Write a primary unit without data."""
     structure: list[Card] = [
         ("SIMPLE", True, "conforms to FITS standard"),
         ("BITPIX", 8, _TYPE),

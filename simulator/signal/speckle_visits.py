@@ -41,10 +41,6 @@ class OpticalBand:
 def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Return how the star's image in the dark hole changes with visits whose wavefronts are off by 1 nm.
 
-    Parameters
-    ----------
-    wanted : OpticalBand
-
     Returns
     -------
     linear, square : ndarray, shape (n, p)
@@ -126,11 +122,6 @@ class Stamps(NamedTuple):
 
 def stamps_around(psf: Psf, separation_arcsec: float) -> Stamps:
     """Return sums and planets around a separation.
-
-    Parameters
-    ----------
-    psf : Psf
-    separation_arcsec : float
 
     Raises
     ------
