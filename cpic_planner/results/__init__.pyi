@@ -56,6 +56,8 @@ from cpic_planner.results.known import (
     KnownWindow as KnownWindow,
     PointingRecord as PointingRecord,
     SeasonRecord as SeasonRecord,
+    StarResult as StarResult,
+    TwoInstrumentsResult as TwoInstrumentsResult,
     VisibilityResult as VisibilityResult,
     VisibleDays as VisibleDays,
     VisibleTarget as VisibleTarget,
@@ -120,10 +122,6 @@ from cpic_planner.results.searched import (
     RocRow as RocRow,
     SearchedProgramme as SearchedProgramme,
     SearchedResult as SearchedResult,
-)
-from cpic_planner.results.shown import (
-    StarResult as StarResult,
-    TwoInstrumentsResult as TwoInstrumentsResult,
 )
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,

@@ -36,7 +36,7 @@ from simulator.observing import Observation, Role
 REALISATION = 1_000_000
 """Number of the realisation that is audited: far from those of the sums."""
 MOST_SHARE = 0.5
-"""Of the variance of the whole programme, what may come from the frames that stand for the others."""
+"""Largest part of the variance of the whole programme that may come from the frames that stand for the others."""
 _SEQUENCE_FRAMES = 24  # a pixel is compared with itself in as many: more tell its level no better than its drift
 _LEAST_SEQUENCES = 2
 _EPOCHS = 3  # the drift within a visit matters to the rejection alone: frame and twin share it

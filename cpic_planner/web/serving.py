@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from cpic_core import cache_dir
+from cpic_core import cache_dir, parse_json
+from cpic_planner.schemas import openapi_text
+from cpic_planner.version import __version__
 from cpic_planner.web import pages
 from cpic_planner.web.answers import etc_figure
 from cpic_planner.web.commands import Commands
 from cpic_planner.web.guard import Guard
 from cpic_planner.web.job_pages import JobPages
 from cpic_planner.web.job_queue import JobQueue
-from cpic_planner.web.openapi import openapi
 from cpic_planner.web.runs import RunPages
 from cpic_planner.web.server import HANDLERS, Site
 from cpic_planner.web.work import Workers
@@ -34,6 +38,18 @@ UVICORN: dict[str, Any] = {
     "h11_max_incomplete_event_size": 16_384,
 }
 """How the server is run."""
+
+
+@functools.cache
+def described() -> dict[str, Any]:
+    """Return the OpenAPI document of all addresses as shipped, with the version of the package."""
+    tree: dict[str, Any] = parse_json(openapi_text())
+    return tree | {"info": tree["info"] | {"version": __version__}}
+
+
+async def openapi(request: Request) -> Response:
+    """Send the document."""
+    return JSONResponse(described(), headers={"Cache-Control": "private, max-age=3600"})
 
 
 def application(

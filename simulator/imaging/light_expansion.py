@@ -39,22 +39,16 @@ sums, at the worst place of the hole of any band (`reports/speed_accuracy`)."""
 BEYOND_LAMBDA_D = 3.0  # degrees of freedom that a side of the hole has beyond its length
 FIELD_NODES, LIGHT_NODES = 8, 12  # of a side, beyond those that a band-limited function of its length needs
 EVENNESS = 0.5
-"""How much dark places count: 0 for the light that they hold, 1 as much as bright ones."""
+"""Weight of dark places in the choice of waves: 0 counts the light that they hold, 1 as much as bright ones."""
 _SEED, _BATCH, _BLOCK, _SCHEMA = 7, 64, 50, 2
 Single = NDArray[np.float32]
 
 
 class _Side(NamedTuple):
-    """An open side of an axis: its nodes of the field and of the light, and how they are read.
+    """An open side of an axis: its parts of the nodes of the field, of those of the light, and of the pixels.
 
-    Attributes
-    ----------
-    field, light, pixels : slice
-        Its part of the axis: nodes of the field, nodes of the light, pixels.
-    up : ndarray, shape (m, k)
-        Field at the nodes of the light.
-    bare, sums : ndarray, shape (w, p, m)
-        Pixels of the light of each wavelength at its nodes; and of the middle one's, stretched and weighted.
+    ``up`` (m, k) reads the field at the nodes of the light; ``bare`` (w, p, m) the pixels of the light of each
+    wavelength at its own nodes, ``sums`` those of the middle one's, stretched and weighted.
     """
 
     field: slice
@@ -238,17 +232,6 @@ def _add_pixels(image: Single, light: Single, y: _Axis, x: _Axis) -> Single:
     return image
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """Optics, pixels and screens that equal any others of the same key."""
-
-    key: str
-    imager: Imager = field(compare=False)
-    y: PixelAxis = field(compare=False)
-    x: PixelAxis = field(compare=False)
-    psd_slope: float = field(compare=False)
-
-
 def expands(drift: Drift, visit_s: float) -> bool:
     """Return whether the expansion holds for all that moves the wavefront in a visit of so many seconds."""
     return drift.rms_nm(visit_s) <= LARGEST_NM
@@ -265,13 +248,7 @@ def visit_light(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) ->
     psd_slope : float
         Exponent of the power spectrum of the screens, ``f^-slope``.
     """
-    digest = hashlib.sha256(imager.content_key.encode())
-    for axis in (y, x):
-        for part in (axis.nodes_arcsec, axis.weights, axis.owners.astype(np.int64)):
-            digest.update(part.tobytes())
-    sizes = [BEYOND_LAMBDA_D, FIELD_NODES, LIGHT_NODES, EVENNESS, _SEED, _SCHEMA]
-    key = content_hash({"optics": digest.hexdigest(), "slope": psd_slope, "sizes": sizes})
-    return _kept(_Wanted(key, imager, y, x, psd_slope))
+    return _kept(_Builder.of(imager, y, x, psd_slope))
 
 
 def waves_of(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> Single:
@@ -286,38 +263,45 @@ def waves_of(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> Si
 
 
 @functools.lru_cache(maxsize=4)
-def _kept(wanted: _Wanted) -> VisitLight:
-    builder = _Builder.of(wanted.imager, wanted.y, wanted.x, wanted.psd_slope)
-
+def _kept(builder: "_Builder") -> VisitLight:
     def made() -> dict[str, Any]:
-        announce(f"finding the waves that move the light in {wanted.imager.band}, once: some seconds")
+        announce(f"finding the waves that move the light in {builder.imager.band}, once: some seconds")
         return builder.arrays(builder.waves())
 
     def read(found: Mapping[str, NDArray[Any]]) -> VisitLight:
         low_order = np.zeros(len(found["linear"]))
         low_order[-1] = 1.0
-        static = wanted.imager.focal_grid(wanted.y, wanted.x).image()
+        static = builder.imager.focal_grid(*builder.pixels).image()
         return VisitLight(static, found["linear"], found["field"], low_order, builder.y, builder.x)
 
-    return compute_once(f"light-{wanted.key}", made, read)
+    return compute_once(f"light-{builder.key}", made, read)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Builder:
-    """The transforms from screens to nodes of the field, and back."""
+    """The transforms from screens to nodes of the field, and back; equal to any other of its key."""
 
-    imager: Imager
-    y: _Axis
-    x: _Axis
-    middle_m: float
-    screens: ScreenModel
+    key: str
+    imager: Imager = field(compare=False)
+    pixels: tuple[PixelAxis, PixelAxis] = field(compare=False)
+    y: _Axis = field(compare=False)
+    x: _Axis = field(compare=False)
+    middle_m: float = field(compare=False)
+    screens: ScreenModel = field(compare=False)
 
     @classmethod
     def of(cls, imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> "_Builder":
         """Return those of a grid of pixels."""
+        digest = hashlib.sha256(imager.content_key.encode())
+        for axis in (y, x):
+            for part in (axis.nodes_arcsec, axis.weights, axis.owners.astype(np.int64)):
+                digest.update(part.tobytes())
+        sizes = [BEYOND_LAMBDA_D, FIELD_NODES, LIGHT_NODES, EVENNESS, _SEED, _SCHEMA]
+        key = content_hash({"optics": digest.hexdigest(), "slope": psd_slope, "sizes": sizes})
         middle_m = float((imager.weights * imager.wavelengths_m).sum())
         axes = [_Axis.of(axis, imager, middle_m) for axis in (y, x)]
-        return cls(imager, axes[0], axes[1], middle_m, screen_model(len(imager.transmission), psd_slope))
+        screens = screen_model(len(imager.transmission), psd_slope)
+        return cls(key, imager, (y, x), axes[0], axes[1], middle_m, screens)
 
     def arrays(self, waves: Single) -> dict[str, Single]:
         """Return what 1 nm of each combination of waves changes, and of the low-order map."""
