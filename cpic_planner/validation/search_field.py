@@ -5,7 +5,6 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the
 _TABLED_SNR, _TABLE = 12.0, (60, 30)
 _SMALL_CHANGE = 0.1  # of a logarithm, whose square is the error of one step
 _EVERYWHERE = slice(None)
+_ROUNDS = 4  # of weights, after which they change by less than 1 %
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
@@ -415,8 +415,18 @@ def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
     -------
     ndarray, shape (p,)
         Not below a quarter of the median of ``measured``.
+
+    Notes
+    -----
+    A measured variance errs in proportion to itself: each position weighs by the inverse square of the fit, found in
+    rounds (iteratively reweighted least squares, the quasi-likelihood of McCullagh & Nelder 1989, Generalized Linear
+    Models, ch. 9). Without weights the core of a star in the field decides the fit everywhere.
     """
     scales = patterns.mean(axis=1)
     used = patterns[scales > 0] / scales[scales > 0][:, None]
-    weights, *_ = np.linalg.lstsq(used.T, measured, rcond=None)
-    return np.asarray(np.maximum(weights @ used, 0.25 * math.fabs(float(np.median(measured)))))
+    least = 0.25 * math.fabs(float(np.median(measured)))
+    fit = np.full(measured.shape, max(float(measured.mean()), least))
+    for _ in range(_ROUNDS if least > 0.0 else 1):
+        weights, *_ = np.linalg.lstsq((used / fit).T, measured / fit, rcond=None)
+        fit = np.maximum(weights @ used, least)
+    return np.asarray(fit)
