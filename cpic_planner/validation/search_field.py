@@ -22,7 +22,7 @@ _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the
 _TABLED_SNR, _TABLE = 12.0, (60, 30)
 _SMALL_CHANGE = 0.1  # of a logarithm, whose square is the error of one step
 _EVERYWHERE = slice(None)
-_ROUNDS = 4  # of weights, after which they change by less than 1 %
+_ROUNDS = 5  # of a fit whose weights are its own, after which it changes by less than 1 %
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
@@ -424,9 +424,9 @@ def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
     """
     scales = patterns.mean(axis=1)
     used = patterns[scales > 0] / scales[scales > 0][:, None]
-    least = 0.25 * math.fabs(float(np.median(measured)))
-    fit = np.full(measured.shape, max(float(measured.mean()), least))
-    for _ in range(_ROUNDS if least > 0.0 else 1):
-        weights, *_ = np.linalg.lstsq((used / fit).T, measured / fit, rcond=None)
-        fit = np.maximum(weights @ used, least)
-    return np.asarray(fit)
+    scale = math.fabs(float(np.median(measured)))
+    relative, fit = measured / (scale or 1.0), np.ones(measured.shape)
+    for _ in range(_ROUNDS if scale else 1):
+        weights, *_ = np.linalg.lstsq((used / fit).T, relative / fit, rcond=None)
+        fit = np.maximum(weights @ used, 0.25 if scale else 0.0)
+    return np.asarray(fit * (scale or 1.0))
