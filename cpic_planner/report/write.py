@@ -233,7 +233,7 @@ def write_confirm_report(
 
 def _albedo_picture(fitted: FittedAlbedo) -> Picture:
     """Return the posterior, with the planet of the scene where it is one of the model's."""
-    from cpic_planner.report.albedo_figures import albedo_picture
+    from cpic_planner.report.confirm_sections import albedo_picture
 
     light, truth = fitted.light, None
     albedo = light.planet.albedo

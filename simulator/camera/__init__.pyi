@@ -1,8 +1,8 @@
-from simulator.camera.calibration_files import write_calibration_set as write_calibration_set
 from simulator.camera.calibration_set import (
     CalibrationSet as CalibrationSet,
     bias_level_adu as bias_level_adu,
     load_calibration_set as load_calibration_set,
+    write_calibration_set as write_calibration_set,
 )
 from simulator.camera.camera import earlier_frames as earlier_frames
 from simulator.camera.emccd import (
