@@ -1,6 +1,6 @@
 from catalogs.known_planets import load_known_planets as load_known_planets
 from cpic_core.errors import InputError as InputError
-from cpic_planner.api.etc import (
+from cpic_planner.api.one_star import (
     contrast_limit as contrast_limit,
     exposure_time as exposure_time,
     optimise as optimise,

@@ -13,14 +13,11 @@ from cpic_planner.report.console import (
     print_planned as print_planned,
     print_simulation as print_simulation,
 )
-from cpic_planner.report.console_etc import (
+from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
+from cpic_planner.report.console_runs import (
     best_row as best_row,
     print_both as print_both,
     print_etc as print_etc,
-    question_text as question_text,
-)
-from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
-from cpic_planner.report.console_runs import (
     print_explanation as print_explanation,
     print_fidelity as print_fidelity,
     print_moves as print_moves,
@@ -28,6 +25,7 @@ from cpic_planner.report.console_runs import (
     print_sensitivity as print_sensitivity,
     print_tradeoff as print_tradeoff,
     print_whatif as print_whatif,
+    question_text as question_text,
 )
 from cpic_planner.report.document import (
     Block as Block,

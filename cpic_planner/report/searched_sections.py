@@ -15,9 +15,9 @@ from cpic_planner.jobs import RunFolder
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc, drawing
 from cpic_planner.report.cells import print_note, print_table, row_cells
-from cpic_planner.report.console_etc import flag_lines
-from cpic_planner.report.contrast_figure import contrast_axes, separation_ticks
+from cpic_planner.report.console_runs import flag_lines
 from cpic_planner.report.drawing import Look, Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.figures import contrast_axes, separation_ticks
 from cpic_planner.report.numbers import duration_text, full_name, pretty_name, share_text, significant, star_text
 from cpic_planner.report.words import prose, status_text, terms
 from cpic_planner.report.write import page_html

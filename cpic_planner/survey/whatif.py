@@ -14,14 +14,13 @@ from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSetting
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.detection import rolled
 from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
 from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.facts import Counts, counts_of, facts_record, taken_back
 from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
 from cpic_planner.survey.planning import albedos_of
-from cpic_planner.survey.prepare import Ground, Prepared, planned, read_ground
+from cpic_planner.survey.prepare import Ground, Prepared, imaged_model, planned, read_ground
 from cpic_planner.survey.simulate import Survey, count_block, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of

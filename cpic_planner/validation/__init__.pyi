@@ -1,6 +1,10 @@
 from cpic_planner.etc.detection import detection_threshold as detection_threshold, threshold_array as threshold_array
-from cpic_planner.validation.albedo_fit import AlbedoFit as AlbedoFit, fit_albedo as fit_albedo
-from cpic_planner.validation.albedo_model import AlbedoModel as AlbedoModel, planet_albedo_model as planet_albedo_model
+from cpic_planner.validation.albedo_fit import (
+    AlbedoFit as AlbedoFit,
+    AlbedoModel as AlbedoModel,
+    fit_albedo as fit_albedo,
+    planet_albedo_model as planet_albedo_model,
+)
 from cpic_planner.validation.apertures import (
     aperture_sum as aperture_sum,
     aperture_weights as aperture_weights,
@@ -78,8 +82,8 @@ from cpic_planner.validation.roll import (
     roll_photometry as roll_photometry,
     roll_subtract as roll_subtract,
 )
+from cpic_planner.validation.search_field import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.searched import SearchTask as SearchTask, search_task as search_task
-from cpic_planner.validation.speckle_maps import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
     observe_off_mask as observe_off_mask,
