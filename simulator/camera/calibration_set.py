@@ -1,4 +1,4 @@
-"""What makes the pixels of a camera differ: response, dark current, clock-induced charge, bias; seeded or from files.
+"""Differences of the pixels of a camera: response, dark current, clock-induced charge, bias; seeded or from files.
 
 Every flaw draws from its own stream of ``flaws.seed``, so that changing one leaves the others as they are. Files are
 calibration maps in FITS, read and written one by one or as a whole set.
