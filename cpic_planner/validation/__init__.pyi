@@ -82,8 +82,8 @@ from cpic_planner.validation.roll import (
     roll_photometry as roll_photometry,
     roll_subtract as roll_subtract,
 )
-from cpic_planner.validation.search_field import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.searched import SearchTask as SearchTask, search_task as search_task
+from cpic_planner.validation.speckle_maps import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
     observe_off_mask as observe_off_mask,

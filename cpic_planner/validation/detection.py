@@ -13,7 +13,8 @@ from cpic_planner.validation.apertures import check_positive, checked_image
 from cpic_planner.validation.noise_law import snr_at
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
-from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchedProgramme, SearchField, SpeckleMaps
+from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchedProgramme, SearchField
+from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.imaging import AnyPsf, BandGeometry
 
 MATCH_LAMBDA_D = 0.5
@@ -244,7 +245,7 @@ def searcher(
     psf : Psf
         Its unmasked image is the template of a source.
     maps : SpeckleMaps
-        Of this PSF, with the filter (`cpic_planner.validation.search_field.speckle_maps`).
+        Of this PSF, with the filter (`cpic_planner.validation.speckle_maps.speckle_maps`).
     star_rate_e_s : float
         Detected rate of the star on the clear pupil, above 0.
     sigma : float

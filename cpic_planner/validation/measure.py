@@ -10,7 +10,7 @@ from cpic_planner.validation.rdi import paying_modes, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.search_field import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
+from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, radius_pixel
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter

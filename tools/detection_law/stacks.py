@@ -25,7 +25,7 @@ from cpic_planner.validation import (
 )
 from cpic_planner.validation.detection import BlindSearch, search
 from cpic_planner.validation.measure import forced_photometry
-from cpic_planner.validation.search_field import SpeckleMaps, speckle_maps
+from cpic_planner.validation.speckle_maps import SpeckleMaps, speckle_maps
 from simulator.config import load_instrument
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import Psf, PsfMetrics

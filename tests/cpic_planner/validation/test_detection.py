@@ -15,7 +15,8 @@ from cpic_planner.validation.detection import _candidate, search, searcher
 from cpic_planner.validation.injection import inject, recovered
 from cpic_planner.validation.noise_law import equivalent_sigma
 from cpic_planner.validation.search import SearchedRegion
-from cpic_planner.validation.search_field import Peak, filter_kernel, speckle_maps
+from cpic_planner.validation.search_field import Peak
+from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
 from simulator.imaging import visit_frames

@@ -13,7 +13,7 @@ from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
 from cpic_planner.validation.measure import forced_photometry, measure_planets
 from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.search_field import matched_sum
+from cpic_planner.validation.speckle_maps import matched_sum
 from cpic_planner.validation.templates import obstacle
 from simulator import load_instrument, load_scene
 from simulator.signal import REGION_LAMBDA_D
