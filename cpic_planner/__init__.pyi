@@ -1,6 +1,6 @@
 from catalogs.known_planets import load_known_planets as load_known_planets
 from cpic_core.errors import InputError as InputError
-from cpic_planner.api.etc import (
+from cpic_planner.api.one_star import (
     contrast_limit as contrast_limit,
     exposure_time as exposure_time,
     optimise as optimise,
@@ -11,14 +11,15 @@ from cpic_planner.api.runs import (
     compare_strategies as compare_strategies,
     confirm_scene as confirm_scene,
     confirm_targets as confirm_targets,
+    contrast_curve as contrast_curve,
     explain_rank as explain_rank,
     make_plan as make_plan,
     rank_sensitivity as rank_sensitivity,
     rank_targets as rank_targets,
+    roc_curve as roc_curve,
     simulate_products as simulate_products,
     star_visibility as star_visibility,
 )
-from cpic_planner.api.searches import contrast_curve as contrast_curve, roc_curve as roc_curve
 from cpic_planner.etc.from_rates import (
     CONVENTIONS as CONVENTIONS,
     RateConvention as RateConvention,

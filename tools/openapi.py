@@ -19,7 +19,7 @@ from cpic_planner.web.forms import Field
 from cpic_planner.web.job_pages import JobAnswer
 from cpic_planner.web.runs import RunAnswer, RunsAnswer
 from cpic_planner.web.sent import FILE_FIELDS
-from cpic_planner.web.server import VIEWS
+from cpic_planner.web.serving import VIEWS
 from cpic_planner.web.star import FIGURES, STAR
 
 _VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments", COLUMNS.path: "columns"}

@@ -1,5 +1,15 @@
-from cpic_planner.api.etc import as_asked as as_asked, checked as checked, closed_forms as closed_forms
 from cpic_planner.api.keywords import model_of as model_of
-from cpic_planner.api.one_star import Answered as Answered, answered as answered
-from cpic_planner.api.runs import compared as compared, prepared as prepared, visibility_of as visibility_of
-from cpic_planner.api.searches import curve_job_of as curve_job_of, roc_job_of as roc_job_of
+from cpic_planner.api.one_star import (
+    Answered as Answered,
+    answered as answered,
+    as_asked as as_asked,
+    checked as checked,
+    closed_forms as closed_forms,
+)
+from cpic_planner.api.runs import (
+    compared as compared,
+    curve_job_of as curve_job_of,
+    prepared as prepared,
+    roc_job_of as roc_job_of,
+    visibility_of as visibility_of,
+)

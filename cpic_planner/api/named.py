@@ -76,7 +76,7 @@ class NamedPlanet:
         star : Targets
             The planet's, as asked for.
         """
-        from cpic_planner.api.etc import closed_forms
+        from cpic_planner.api.one_star import closed_forms
         from cpic_planner.ranking.known_answer import planets_contrast
 
         plain = self.question(question)

@@ -1,25 +1,349 @@
-"""Answer ``cpic etc`` whole about one star or known planet, for the command line and for pages alike."""
+"""Questions to the exposure-time calculator, by star names and plain numbers, and ``cpic etc`` whole about one star."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from catalogs import open_catalogue
-from cpic_planner import report
-from cpic_planner.api.etc import as_asked, checked, closed_forms
-from cpic_planner.api.keywords import catalogue_of, model_of
+from cpic_core import FloatArray, InputError
+from cpic_planner import etc, report
+from cpic_planner.api.keywords import catalogue_of, model_of, stars_named, takes
 from cpic_planner.api.named import named
-from cpic_planner.etc import EtcModel, etc_result
-from cpic_planner.queries import EtcQuestion
+from cpic_planner.etc import EtcModel, etc_result, questions
+from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet
 from cpic_planner.queries.etc import PLACES
+from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, EtcResult
 from cpic_planner.targets import Targets
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
     from rich.console import Console
+
+
+_ENDLESS_S = 1e12
+_VISITS = ("visits", "reference_visits")
+
+
+def as_asked(question: EtcQuestion, star: Targets) -> Targets:
+    """Return a star at the roll of a question, and at its distance if it has one.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+        The star's luminosity follows the square of its ``distance_pc``.
+    star : Targets
+        One star.
+    """
+    if star.roll_deg is not question.observation_roll_deg and star.roll_deg != question.observation_roll_deg:
+        star = replace(star, roll_deg=question.observation_roll_deg)
+    if question.distance_pc is None:
+        return star
+    brighter = (question.distance_pc / star.distance_pc) ** 2
+    return replace(star, distance_pc=np.array([question.distance_pc]), luminosity_lsun=star.luminosity_lsun * brighter)
+
+
+def closed_forms(question: EtcQuestion, model: etc.EtcModel, star: Targets) -> list[EtcAnswer]:
+    """Return the answers of the closed forms about one star, or about several at given separations.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+        Of the question's instrument, bands and strategy.
+    star : Targets
+
+    Returns
+    -------
+    list of EtcAnswer
+        Stars in order, bands within each, then separations and planets.
+    """
+    places = places_of(question, star)
+    if places is not None and question.n_frames is None:
+        return _ask(question, model, star, model.bands, places)
+    answers = []
+    for band in model.bands:
+        there = best_places(question, model, star, band) if places is None else places
+        answers += _ask(question, model, star, [band], there)
+    return answers
+
+
+def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
+    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones."""
+    pc = float(star.distance_pc[0])
+    if question.separation_au is not None:
+        largest = pc * etc.FARTHEST_ARCSEC
+        return [etc.check_range("separation_au", place, 0.0, largest, "au") / pc for place in question.separation_au]
+    if question.semi_major_axis_au is None:
+        return question.separation_arcsec
+    planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
+    across = math.sin(math.radians(planet.phase_deg)) / pc
+    largest = min(etc.FARTHEST_ARCSEC / across, 1e5)
+    return [etc.check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, largest, "au") * across]
+
+
+def _ask(
+    question: EtcQuestion, model: etc.EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
+) -> list[EtcAnswer]:
+    frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
+    common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
+    given: dict[str, Any] = {"exact": question.exact} | questions.times_of(question, model, bands[0])
+    if question.contrast_limit:
+        return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
+    planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
+    common |= {"planet": planet, "contrast": None if question.contrast is None else list(question.contrast)}
+    if question.asks_time:
+        level: dict[str, Any] = {"snr": question.snr, "sigma": question.sigma, "detect": question.detect}
+        return questions.exposure_time(model, star, visit_time_s=question.visit_time_s, **level, **common)
+    return questions.signal_to_noise(model, star, **given, **common)
+
+
+def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band: str) -> list[float]:
+    """Return the separation of least time, of clearest detection or of faintest limit, for each contrast or planet.
+
+    Where the level is out of reach it is the separation that comes nearest to it. Frames need not be whole in this
+    search, which is on the grid of the ranking.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+    star : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    grid = separation_grid(model, band)
+    fixed = etc.fixed_frames(model, [band], question.exposure_s, question.em_gain)
+    planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
+    ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
+    best = []
+    questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
+    for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
+        objective: etc.Objective = "significance" if question.snr is None else "snr"
+        them = etc.planets_of(list(grid), planet, contrast)
+        (group,) = etc.groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
+        best.append(float(grid[int(np.argmin(_cost(question, model, group)))]))
+    return best
+
+
+def _cost(question: EtcQuestion, model: etc.EtcModel, group: etc.Group) -> FloatArray:
+    """Return what to make small, one number a separation; places outside the field cost ``inf``."""
+    cases, every, given = group.cases, group.programmes, model.strategy.visits
+    if not question.asks_time:
+        times = questions.times_of(question, model, cases.bands[0].band)
+        return group.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
+    fixed = np.full(cases.contrast.shape, float(given or 1))
+    if question.visit_time_s is not None:
+        time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
+    else:
+        visits = every.quickest() if given is None else fixed
+        time_s = visits * model.time_s(every.solved(visits)[0])
+    cost = np.where(group.possible, time_s, np.inf)
+    endless = etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)
+    return cost if np.isfinite(cost).any() else group.missed_in(endless)
+
+
+def checked(
+    question: EtcQuestion,
+    model: etc.EtcModel,
+    stars: Sequence[Targets],
+    answers: Sequence[EtcAnswer],
+    *,
+    advance: Callable[[str, int], None] = lambda text, steps: None,
+) -> list[EtcAnswer]:
+    """Return the answers with their stated errors, checked in images where the question asks for it.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+    stars : sequence of Targets
+        One star each, as many answers for each as for the others.
+    answers : sequence of EtcAnswer
+    advance : callable
+        As of `cpic_planner.confirm.etc_check.checked_answers`.
+    """
+    from cpic_planner.confirm import checked_answers
+
+    each = len(answers) // len(stars)
+    around = [star for star in stars for _ in range(each)]
+    bodies: list[ReferencePlanet | None] = [None] * len(answers)
+    if not question.contrast_limit and question.contrast is None:
+        planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
+        bodies = [planets[index % len(planets)] for index in range(len(answers))]
+    settings = {"seed": question.seed, "realisations": question.realisations}
+    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
+    return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
+
+
+def _answered(question: EtcQuestion) -> list[EtcAnswer]:
+    """Return the answers about all stars of a question."""
+    from cpic_planner.api.named import named
+
+    model, plain = model_of(question), question.fidelity is None and question.tolerance is None
+    try:
+        stars = stars_named(question)
+    except InputError:
+        # A name that no star has may be that of a planet.
+        answers, catalogue = [], catalogue_of(question)
+        for name in question.target:
+            star, _, planet = named(question, name, catalogue)
+            if planet is None:
+                answers += _answered(question.model_copy(update={"target": (str(star.name[0]),)}))
+                continue
+            one, star = planet.question(question), as_asked(question, star)
+            found = planet.answers(one, star)
+            answers += found if plain else checked(one, model_of(one), [star], found)
+        return answers
+    if not stars:
+        return []
+    stars = [as_asked(question, star) for star in stars]
+    together = question.separation_arcsec is not None and question.n_frames is None
+    groups = [Targets.joined(stars)] if together else stars
+    answers = [answer for group in groups for answer in closed_forms(question, model, group)]
+    return answers if plain else checked(question, model, stars, answers)
+
+
+def _timed(question: EtcQuestion) -> EtcQuestion:
+    """Return the question; it is refused where it gives no time."""
+    if question.time_s is None and None in (question.strategy.visits, question.visit_time_s):
+        raise InputError("time_s", "missing", allowed="a wall time, or visits and visit_time_s")
+    return question
+
+
+@takes(
+    EtcQuestion,
+    first=("target",),
+    needs=("target",),
+    without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
+    of_strategy=_VISITS,
+)
+def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
+    """Return the SNR of a planet in a given wall time, which ``visits`` of ``visit_time_s`` give as well.
+
+    Without a number of visits the best one is chosen. How firm the answers have to be is said by ``fidelity``:
+    ``quick`` closed forms alone (the default), ``standard`` each checked in sums of simulated frames, ``reference``
+    frame by frame; or by ``tolerance``, the largest error of planet flux and SNR, for which images are made only where
+    the stated error of the closed forms is larger. ``answer.fidelity`` then holds errors and checks; values stay those
+    of the closed forms.
+
+    Returns
+    -------
+    list of EtcAnswer
+        Targets in the given order, bands in theirs within each (by wavelength if none are given), then planets.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, band or a value out of range.
+
+    Examples
+    --------
+    >>> from cpic_planner import signal_to_noise
+    >>> answer = signal_to_noise("tau Cet", time_s=36000, separation_arcsec=0.5, bands=["F520"])[0]
+    >>> answer.status.value
+    'ok'
+    """
+    return _answered(_timed(question))
+
+
+@takes(
+    EtcQuestion,
+    first=("target",),
+    needs=("target",),
+    without=("time_s", "contrast_limit", "n_frames", "exact"),
+    of_strategy=_VISITS,
+)
+def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
+    """Return the least wall time of a programme that reaches a level: an SNR, a plain significance, or a detection.
+
+    Returns
+    -------
+    list of EtcAnswer
+        As `signal_to_noise`.
+
+    Raises
+    ------
+    InputError
+        As `signal_to_noise`; and where no level is given.
+    """
+    if not question.asks_time:
+        raise InputError("snr", "missing", allowed="one of snr, sigma, detect")
+    return _answered(question)
+
+
+@takes(
+    EtcQuestion,
+    first=("target",),
+    needs=("target",),
+    without=("detect", "contrast", "contrast_limit", "planet", "n_frames"),
+    defaults={"contrast_limit": True},
+    of_strategy=_VISITS,
+)
+def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
+    """Return the faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
+
+    Returns
+    -------
+    list of EtcAnswer
+        As `signal_to_noise`.
+
+    Raises
+    ------
+    InputError
+        As `signal_to_noise`.
+    """
+    return _answered(_timed(question))
+
+
+@takes(OptimiseQuestion, first=("target",), of_strategy=_VISITS)
+def optimise(question: OptimiseQuestion) -> pd.DataFrame:
+    """Return the best band, separation, exposure, number of frames and EM gain per target.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per target; columns of `cpic_planner.ranking.optimiser.OptimalSetting`, units in their names, and
+        ``verdict`` of the planet (``detected``, ``measured_not_detected``, ``unreachable``); with
+        ``time_s`` also ``limited_by`` (`cpic_planner.etc.budget`), and with ``n_modes`` the flag ``modes_not_counted``
+        in ``flags``.
+
+    Raises
+    ------
+    InputError
+        For an unknown star or band, a value out of range, or more than one goal.
+    """
+    import pandas as pd
+
+    from cpic_core import Status
+    from cpic_planner.etc import MODES_NOT_COUNTED, verdict_of
+    from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of, timed_model
+
+    model, time_s = model_of(question), None
+    if question.snr is None and not question.detect:
+        model, time_s = timed_model(model, question)
+    stars = Targets.joined(stars_named(question))
+    names = ("snr", "detect", "separation_arcsec", "planet")
+    goal: dict[str, Any] = {name: getattr(question, name) for name in names}
+    best = best_of(model, stars, time_s=time_s, **goal)
+    standings = detection_statuses(best, model)
+    statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
+    verdicts = [verdict_of(*pair) for pair in zip(statuses, best.detected.tolist(), strict=True)]
+    said: dict[str, Any] = {"verdict": verdicts}
+    if time_s is not None:
+        said["limited_by"] = limits_of(standings, best)
+    if model.strategy.n_modes:
+        said["flags"] = MODES_NOT_COUNTED
+    shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
+    columns = {name: getattr(best, name) for name in shown} | {"span_days": best.span_days(model)}
+    return pd.DataFrame({"name": stars.name} | columns | said)
+
 
 Check = Callable[[EtcQuestion, EtcModel, Sequence[Targets], Sequence[EtcAnswer]], Sequence[EtcAnswer]]
 """Checks answers in images, as `cpic_planner.api.checked`."""

@@ -15,9 +15,8 @@ import catalogs
 from catalogs import POSITION_ERROR_ARCSEC, data_dir
 from cpic_core import InputError, listed, visible
 from cpic_planner import report
-from cpic_planner.cli.asking import Commands
+from cpic_planner.cli.asking import Commands, RejectsOption, check_rejects, write_rejects
 from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
-from cpic_planner.cli.own_tables import RejectsOption, check_rejects, write_rejects
 from cpic_planner.cli.progress import heard
 
 if TYPE_CHECKING:

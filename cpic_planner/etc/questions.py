@@ -11,19 +11,401 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, NDArray, Reason, Status
+from cpic_planner.etc import budget
 from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
-from cpic_planner.etc.frames import FrameChoice, best_in_visit
+from cpic_planner.etc.chances import Chances
+from cpic_planner.etc.detection import law_of, verdict_of
+from cpic_planner.etc.fidelity import speckle_error_extrapolated
+from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
-from cpic_planner.etc.noise import Objective
+from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
+from cpic_planner.etc.motion import motion_factor, programme_days
+from cpic_planner.etc.noise import Objective, StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.planet import Planets, planets_of
-from cpic_planner.etc.programmes import Span
-from cpic_planner.etc.solved import Solved
+from cpic_planner.etc.programmes import Programmes, Span
+from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.etc.together import CameraCases, Wanted
-from cpic_planner.queries import ConfirmQuestion, EtcQuestion, ReferencePlanet
-from cpic_planner.results import EtcAnswer, Question
+from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet
+from cpic_planner.results import DetectionMode, EtcAnswer, Question
 from cpic_planner.targets import Targets
+from simulator.signal import frame_limit
+
+_NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
+_MOVES = (
+    "the planet moves: a search over its orbits asks for more than {visits} visits reach; if it stood still it would "
+    "take {time_s:.3g} s"
+)
+_FLOORS = (Reason.SPECKLE_FLOOR, Reason.COMMON_SPECKLE_FLOOR)
+_LONGEST_S = 1e12
+_ROUNDING = 1e-6
+_ENDLESS = 1e12
+_MOST_VISITS, _N_VISITS, _HALVINGS = 1e5, 64, 40
+_FEW_OR_MANY = whole_steps(_MOST_VISITS, _N_VISITS).reshape(-1, 1, 1, 1)
+_SHARES = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
+_UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Frames that answer a question in bands of one camera, planets within stars within bands.
+
+    Attributes
+    ----------
+    cases, problem, choice
+        What was asked, and the frames found.
+    question : str
+    value : ndarray
+        The answers; ``inf`` where a contrast limit lies above 1.
+    span : Span
+        Times and visits that were given.
+    level : ndarray, optional
+        SNR or significance to reach.
+    with_planet : bool
+        Whether the level is an SNR, with the planet's own noise.
+    searched : bool
+        Whether the level is that of a detection.
+    """
+
+    cases: CameraCases
+    problem: FrameProblem
+    choice: FrameChoice
+    question: Question
+    value: FloatArray
+    span: Span
+    level: FloatArray | None = None
+    with_planet: bool = True
+    searched: bool = False
+
+    def answers(self) -> list[EtcAnswer]:
+        """Return the answers, planets within stars within bands."""
+        cases, problem, choice, question = self.cases, self.problem, self.choice, self.question
+        model, time_s, limit = cases.model, self.span.time_s, question == "contrast_limit"
+        strategy, programme, camera = model.strategy, cases.programme, cases.free_camera
+        noise = cases.noise(choice)
+        factors = budget.remedies(cases, choice, noise)
+        setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
+        paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
+        visits, others, used = (
+            spread(number, choice.visit_s.shape)
+            for number in (programme.visits, programme.reference_visits, programme.n_modes)
+        )
+        wall, left_s = model.time_s(choice.visit_s), np.zeros_like(choice.visit_s)
+        if time_s is not None:  # never more than what was given, not even by rounding
+            left_s = model.visit_s(time_s / visits) - choice.visit_s
+            wall = np.minimum(wall, time_s / visits)
+        paid, alone = (
+            spread(part, choice.visit_s.shape)
+            for part in (
+                motion_factor(cases.motion, programme, choice.visit_s),
+                cases.rates.speckle.independent(programme.visits, programme.gap_s),
+            )
+        )
+        orbits = None if cases.motion is None else cases.motion.orbits(programme, choice.visit_s)
+        shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
+        shown |= {"snr": noise.snr, "significance": noise.significance}
+        lost = (choice.n_frames < 1) & cases.usable
+        most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
+        still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
+        detection = None if limit else _Detection.of(cases, choice, noise, self)
+        inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
+        unmeasured = strategy.search == "blind" and law_of(model, cases.bands[0].band) is None
+        answers = []
+        for case in np.ndindex(*cases.contrast.shape):
+            own, place = cases.bands[case[0]], case[1:]
+            head = own.head(*place) | {"question": question, "unit": _UNIT[question]}
+            head["contrast"] = None if limit else float(cases.contrast[case])
+            level = None if self.level is None else float(self.level[case])
+            head["level"] = level if level is not None and math.isfinite(level) else None
+            status, reason, message = self._standing(most, case, level)
+            if still_s is not None and reason in _FLOORS and still_s[case] <= budget.LONGEST_TIME_S:
+                reason, message = Reason.PLANET_MOVES, _MOVES.format(visits=int(visits[case]), time_s=still_s[case])
+            if detection is not None:
+                head |= detection.fields(status, reason, most, case)
+            head |= {"status": status, "reason": reason, "message": message, "n_modes": int(used[case])}
+            obstacle = modes_obstacle(model, own.band)
+            if obstacle is not None:
+                head["flags"] += (obstacle,)
+            elif used[case] < strategy.n_modes and not strategy.choose_modes and choice.n_frames[case] >= 1:
+                head["flags"] += (MODES_LIMITED,)
+            if unmeasured:
+                head["flags"] += ("blind_law_not_measured",)
+            if status is not Status.OK:
+                answers.append(EtcAnswer(value=None, **head))
+                continue
+            if not limit:
+                head["flags"] += own.planet_notes(*place)
+            room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
+            if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
+                head["flags"] += ("shorter_visit_is_better",)
+            head["flags"] += tuple(filter(None, (str(inherited[case]),)))
+            if self.span.visits is None and (
+                visits[case] >= MAX_VISITS or (choice.n_frames[case] == 1 and visits[case] > 1)
+            ):
+                head["flags"] += ("visits_at_limit",)
+            if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
+                head["flags"] += ("exposure_beyond_max",)
+            if not model.of_table and speckle_error_extrapolated(own.band, head["separation_arcsec"]):
+                head["flags"] += ("speckle_error_extrapolated",)
+            binding = budget.binding_limits(problem, cases.rates, choice, case)
+            value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])
+            terms = {f"{name}_e2": float(term[case]) for name, term in noise.terms.items()}
+            fields: dict[str, Any] = head | {name: float(array[case]) for name, array in shown.items()}
+            time_of_all_s = many * fields["visit_time_s"]
+            fields |= {
+                "contrast": value if limit else head["contrast"],
+                "visits": many,
+                "reference_visits": int(others[case]),
+                "frames_per_visit": frames,
+                "n_frames": many * frames,
+                "time_s": time_of_all_s,
+                "unused_s": None if self.span.given_s is None else max(self.span.given_s - time_of_all_s, 0.0),
+                "span_days": float(programme_days(model, many, time_of_all_s)),
+                "orbits_searched": None if orbits is None else int(orbits[case]),
+                "motion_factor": float(paid[case]),
+                "independent_visits": float(alone[case]),
+                "integration_s": many * frames * fields["exposure_s"],
+                "exposure_limited_by": binding.exposure,
+                "gain_limited_by": binding.gain,
+                "gain_caps": binding.caps,
+                "budget": {"signal_e": float(noise.signal_e[case])} | terms,
+                "dominant": budget.largest_term(noise, case),
+                "remedies": {name: float(factor[case]) for name, factor in factors.items()},
+            }
+            answers.append(EtcAnswer(value=value if question != "exposure_time" else time_of_all_s, **fields))
+        return answers
+
+    def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
+        """Return the status of one case, with the reason and a sentence where it is not ok."""
+        place = self.cases.bands[index[0]].places[index[2]]
+        if place[0] is not Status.OK:
+            return place
+        if self.question != "contrast_limit" and self.cases.contrast[index] <= 0.0:
+            return Status.UNREACHABLE, Reason.NO_LIGHT, "the planet sends no light in this band and phase"
+        if level is not None and not math.isfinite(level):
+            return Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, _NO_THRESHOLD
+        if self.choice.n_frames[index] >= 1:
+            if not math.isfinite(self.value[index]):
+                return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME, "no contrast below 1 is detected in this time"
+            return Status.OK, Reason.NONE, ""
+        camera, fixed = self.problem.camera, self.cases.fixed
+        gain = self.problem.fixed_gain() or 1.0
+        saturated = frame_limit(*self.problem.peaks_e_s(index), camera.exposure_min_s, gain, camera)
+        if saturated is not Reason.NONE:
+            longest = float(most.longest_s[index])
+            shorter = fixed.exposure_s is not None or longest > 0
+            advice = f"up to {longest:.3g} s does not" if shorter else "no exposure does"
+            text = f"a frame of {camera.exposure_min_s:g} s at EM gain {gain:g} saturates; {advice}"
+            return Status.SATURATED, saturated, text
+        if math.isinf(most.cost[index]):
+            text = f"at EM gain {gain:g} every pixel of the aperture counts in each frame: photons cannot be told apart"
+            return Status.SATURATED, Reason.TOO_BRIGHT_TO_COUNT, text
+        if self.question == "exposure_time" and _LONGEST_S < most.visit_s[index] < math.inf:
+            text = "it takes more frames than can be planned"
+            return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
+        if self.question == "exposure_time" and level is not None:
+            return self._floor(most, index, level)
+        text = "the time does not hold one science frame of every visit with its share of reference frames"
+        return Status.UNREACHABLE, Reason.NO_TIME, text
+
+    def _floor(self, most: "_Most", index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
+        """Return why no time reaches the level: the residual of so many visits, or of any number."""
+        name, wanted = "SNR" if self.with_planet else "significance", f"{level:.4g}" if level < 1e4 else f"{level:g}"
+        many = int(spread(self.cases.programme.visits, self.choice.n_frames.shape)[index])
+        visits = "one visit" if many == 1 else f"{many} visits"
+        length = f" of {self.span.visit_time_s:g} s" if self.span.visit_time_s is not None else ", whatever the length"
+        common, what, where = most.endless[index] <= level, "the speckle residual", f"in {visits}{length}"
+        if common:
+            what, where = "what science and references differ by in every visit", "however many visits there are"
+        calm_s = many * float(self.cases.model.time_s(most.calm_visit_s[index]))
+        calm = "the planet would still be too faint"
+        if calm_s <= budget.LONGEST_TIME_S:
+            calm = f"it would take {calm_s:.3g} s"
+        top = most.endless[index] if common else most.snr[index]
+        text = f"{what} keeps the {name} below {wanted} {where}; the most is {top:.4g}, and without drift of the "
+        reason = Reason.COMMON_SPECKLE_FLOOR if common else Reason.SPECKLE_FLOOR
+        return Status.UNREACHABLE, reason, f"{text}wavefront {calm}"
+
+
+@dataclass(frozen=True)
+class _Most:
+    """The most that cases without an answer could reach, solved together; 0 for the others.
+
+    Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
+    visit, of any number of visits, and the visits for the level without speckles and without background.
+    """
+
+    longest_s: FloatArray
+    cost: FloatArray
+    visit_s: FloatArray
+    snr: FloatArray
+    endless: FloatArray
+    calm_visit_s: FloatArray
+    dark_visit_s: FloatArray
+
+    @classmethod
+    def of(
+        cls, cases: CameraCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None
+    ) -> "_Most":
+        parts = np.zeros((7, *lost.shape))
+        parts[5:] = np.inf
+        if lost.any():
+            part = problem.at(lost)
+            cost = best_exposure_s(part)[1]
+            parts[0, lost], parts[1, lost] = part.longest_s, cost
+            if level is not None:
+                wanted = np.where(np.isfinite(level), level, 1.0)[lost]
+                parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
+                best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
+                parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
+                endless = budget.programme_floor(cases, _ENDLESS)
+                parts[4, lost] = spread(endless, lost.shape)[lost]
+                parts[5, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
+                own = spread(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
+                parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
+        return cls(*parts)
+
+
+@dataclass(frozen=True)
+class _Detection:
+    """The detection of planets: whether, how likely, and what would make it so; arrays of the cases."""
+
+    mode: DetectionMode
+    detected: NDArray[np.bool_]
+    chances: Chances
+    calm: NDArray[np.bool_]
+    common: NDArray[np.bool_]
+    dark: NDArray[np.bool_]
+    moving: NDArray[np.bool_]
+    longest_s: float
+    required: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, cases: CameraCases, choice: FrameChoice, noise: StackNoise, solved: Solved) -> "_Detection":
+        model, programme, strategy = cases.model, cases.programme, cases.model.strategy
+        possible = (choice.n_frames >= 1) & cases.usable & np.isfinite(cases.threshold)
+        wanted = cases.search
+        with np.errstate(invalid="ignore", divide="ignore"):
+            margin = np.where(possible, noise.significance / cases.threshold, 0.0)
+            inverse = np.where(possible, noise.significance**-2.0, np.inf)
+        visit = np.where(possible, choice.visit_s, 1.0)
+        level = wanted(programme, solved.problem)(visit, inverse)
+        detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
+        chances, paid = wanted.chances(programme, visit, noise, margin), motion_factor(cases.motion, programme, visit)
+        calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
+        lost, required = possible & ~detected, {}
+        if lost.any():
+            problem, chosen, time_s = cases.problem("significance"), solved.span.visits is None, solved.span.time_s
+            # Without speckles one visit is best, unless the number is given, and no mode pays.
+            alone = cases.problem("significance", programme=Programme.of(strategy, 1 if chosen else programme.visits))
+            total_s = programme.visits * model.time_s(visit) if time_s is None else np.array(time_s)
+            visits = spread(programme.visits, margin.shape)
+            each = spread(model.visit_s(total_s / visits), margin.shape)
+            whole = spread(model.visit_s(total_s), margin.shape) if chosen else each
+            own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
+            least = wanted.of_tails(programme)(np.zeros_like(level), visit)
+            calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
+            dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
+            floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
+            common = calm & (floor <= least)
+            moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
+            required = _required(cases, choice, noise, wanted, level, lost)
+        mode: DetectionMode = "known_place" if wanted.law is None or wanted.at_place else "blind"
+        return cls(
+            mode, detected, chances, calm, common, dark, moving, float(model.visit_s(budget.LONGEST_TIME_S)), required
+        )
+
+    def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, ...]) -> dict[str, Any]:
+        """Return the fields of one answer."""
+        answered, detected = status is Status.OK, bool(self.detected[index])
+        blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
+        calm, common, dark, moving = (part[index] for part in (self.calm, self.common, self.dark, self.moving))
+        if not answered:
+            calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
+            common, moving = reason is Reason.COMMON_SPECKLE_FLOOR, reason is Reason.PLANET_MOVES
+        changes = {"without_speckles": bool(calm), "common": bool(common), "without_background": bool(dark)}
+        changes |= {"without_motion": bool(moving)}
+        return {
+            "verdict": verdict_of(status, detected),
+            "verdict_mode": self.mode,
+            "detection_probability": blind if answered and math.isfinite(blind) else None,
+            "detection_probability_known_place": known if answered and math.isfinite(known) else None,
+            "limited_by": budget.limit_of(status, reason, detected=detected, **changes),
+        } | {
+            f"required_{name}": (int if name == "visits" else float)(part[index])
+            for name, part in self.required.items()
+            if answered and not detected and math.isfinite(part[index])
+        }
+
+
+def _required(
+    cases: CameraCases,
+    choice: FrameChoice,
+    noise: StackNoise,
+    wanted: Wanted,
+    level: FloatArray,
+    lost: NDArray[np.bool_],
+) -> dict[str, FloatArray]:
+    """Return the changes that would make planets detected, one at a time; ``inf`` where no value does."""
+    model, programme, required = cases.model, cases.programme, {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        brighter = level / noise.significance
+        required["contrast_factor"] = np.where(brighter * cases.contrast <= 1.0, brighter, np.inf)
+    required["drift_factor"] = _calmer(cases, choice, noise, wanted)
+    required["visits"] = _more_visits(cases, choice, wanted)
+
+    def problem(made: Programme) -> FrameProblem:
+        return cases.problem("significance", programme=made)
+
+    every = Programmes(model, problem, wanted, modes=cases.with_modes)
+    visits = spread(programme.visits, level.shape)
+    required["time_s"] = visits * model.time_s(every.solved(visits)[0])
+    return {name: np.where(lost, value, np.inf) for name, value in required.items()}
+
+
+def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
+    """Return the largest factor on the drift at which the same frames detect the planet; ``inf`` if not even 0 does."""
+    programme, laws = cases.programme, cases.residual_parts
+    crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
+    beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
+    speckle, of_tails = noise.speckle, wanted.of_tails(programme)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        whole = speckle + noise.terms["common_speckle"]
+        lit = np.nan_to_num(whole * light / (crossed + light))
+        tailed = np.nan_to_num(speckle * shining / (beating + shining))
+
+    def reached(square: FloatArray) -> NDArray[np.bool_]:
+        quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tails = np.nan_to_num(square * np.sqrt(tailed / quiet))
+            return np.asarray(noise.signal_e / np.sqrt(quiet) >= of_tails(tails, choice.visit_s))
+
+    low = last_true(reached, noise.quiet.shape, _HALVINGS)
+    return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)
+
+
+def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
+    """Return the fewest visits of these frames that detect the planet, to 0.3 % beyond some 300, or ``inf``."""
+    model, camera = cases.model, cases.free_camera
+    wall_s, problem = model.time_s(choice.visit_s), cases.problem("significance")
+    frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
+
+    def enough(visits: FloatArray) -> NDArray[np.bool_]:
+        programme = cases.programme_of(visits, wall_s, choice)
+        significance = stack_noise(cases.rates, *frames, programme).significance
+        with np.errstate(divide="ignore"):
+            inverse = significance**-2.0
+        return np.asarray(significance >= wanted(programme, problem)(choice.visit_s, inverse) * (1.0 - _ROUNDING))
+
+    grid = _FEW_OR_MANY
+    reached = enough(grid)
+    first = np.argmax(reached, axis=0)
+    high, low = grid[first, 0, 0, 0], grid[np.maximum(first - 1, 0), 0, 0, 0]
+    fine = np.ceil(low + _SHARES * (high - low))
+    first = np.argmax(enough(fine), axis=0)[None]
+    return np.where(reached.any(axis=0), np.take_along_axis(fine, first, axis=0)[0], np.inf)
+
 
 _LIMIT_STEPS, _MODE_ROUNDS, _STILL = 60, 10, 1e-11
 _CLOSE, _START = 1e-14, 1e-9

@@ -10,6 +10,6 @@ from cpic_planner.jobs.job import (
     Task as Task,
     Unkept as Unkept,
     estimate as estimate,
+    pace as pace,
     run as run,
 )
-from cpic_planner.jobs.record import pace as pace

@@ -9,24 +9,122 @@ that it makes of their bodies. `run` does everything else, the same for every ki
             return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
 
         return Job("squares", 1, lambda: {"n": n}, work)
+
+The record of a run, ``run.json``, has its clocks, host and versions, what made its numbers, and the measured pace of
+this machine, so that estimates of run times hold on it.
 """
 
+import contextlib
 import functools
+import hashlib
+import os
+import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypedDict, TypeVar
 
 from pydantic import BaseModel
 
-from cpic_core import Advance, InputError, dump_json, fingerprint, untold
+from cpic_core import Advance, InputError, compute_once, digest_of, dump_json, fingerprint, promise_of, untold
 from cpic_planner.jobs.engine import LocalPool, in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, check_run_folder, open_run_folder
-from cpic_planner.jobs.record import RECORD, pace, run_record
+from cpic_planner.jobs.written_files import LIST_NAME
+from cpic_planner.results import FingerprintRecord, RunRecord
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+
+RECORD = "run.json"
+
+
+def run_record(folder: RunFolder, run: object, **given: Any) -> RunRecord:
+    """Return the record of a run that ends now.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    run : object
+        Has the workers and counts that a `RunRecord` names.
+    **given
+        Its other fields.
+    """
+    others = [other for other in folder.fingerprints if other != folder.fingerprint]
+    return RunRecord.of(
+        run,
+        fingerprint=folder.fingerprint,
+        finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        host=host(),
+        versions=versions(),
+        software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
+        other_fingerprints=others,
+        promise=promise_of(folder.fingerprint, *others),
+        list_sha256=digest_of(folder.path / LIST_NAME),
+        **given,
+    )
+
+
+def host() -> dict[str, Any]:
+    """Return system, machine, Python, and number of cores: for the record of a run, never for its results."""
+    system = {"system": platform.system(), "machine": platform.machine(), "python": platform.python_version()}
+    return system | {"cpu_count": os.cpu_count()}
+
+
+def versions() -> dict[str, str]:
+    """Return versions of this package and of those that its results rest on."""
+    names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
+    installed = dict.fromkeys(names, "not installed")
+    for name in names:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            installed[name] = metadata.version(name)
+    return installed
+
+
+_REFERENCE_S = 0.048
+"""Processor time of the piece of work on the core that the costs of jobs are stated for (Intel Xeon of 2.5 GHz)."""
+_TRIES, _SIZE, _PRODUCTS, _DRAWS, _CALLS = 12, 256, 8, 200_000, 4000
+
+
+def piece_s() -> float:
+    """Return the processor time of one piece of work (s), which has a part of each kind of work of the jobs.
+
+    The parts take about a third each: complex matrix products, as a propagation of light has them; draws of Poisson
+    and gamma variates and a sort, as frames have them; calls of numpy on short arrays, as rankings and calendars do.
+    """
+    import numpy as np
+
+    generator = np.random.default_rng(0)
+    matrix = generator.random((_SIZE, _SIZE)) + 1j * generator.random((_SIZE, _SIZE))
+    mean, short = np.full(_DRAWS, 3.0), np.arange(16.0)
+    begun = time.process_time()
+    for _ in range(_PRODUCTS):
+        matrix @ matrix
+    generator.poisson(mean)
+    generator.gamma(3.0, size=_DRAWS // 2)
+    np.sort(generator.random(_DRAWS // 2))
+    for number in range(_CALLS):
+        float(np.sum(short * number))
+    return time.process_time() - begun
+
+
+@functools.cache
+def pace() -> float:
+    """Return the processor time of work on this machine over that of the core that costs are stated for.
+
+    It is the quickest of a few tries, since other processes slow down a try but never speed it up, and is kept in the
+    cache: measured once for each machine and version, in about half a second.
+    """
+    import numpy as np
+
+    digest = hashlib.sha256(str(fingerprint()).encode()).hexdigest()[:16]
+
+    def measured() -> Mapping[str, Any]:
+        return {"pace": np.array(min(piece_s() for _ in range(_TRIES)) / _REFERENCE_S)}
+
+    return compute_once(f"pace-{digest}", measured, lambda arrays: float(arrays["pace"]))
+
 
 R = TypeVar("R", bound=BaseModel)
 
@@ -84,7 +182,7 @@ class Cost:
     counts : mapping
         What there is to do, by name.
     times_s : sequence of float
-        Processor time of each task, on the core of `cpic_planner.jobs.record`.
+        Processor time of each task, on the core of `cpic_planner.jobs.job`.
     start_s : float
         Time that no worker shortens.
     pool_s : float

@@ -43,11 +43,11 @@ from cpic_planner.queries.images import (
     MAX_FRAMES as MAX_FRAMES,
     ConfirmQuestion as ConfirmQuestion,
     ImageQuestion as ImageQuestion,
+    SimulatorOverrides as SimulatorOverrides,
     StarImagesQuestion as StarImagesQuestion,
     audited as audited,
     refuse_counting as refuse_counting,
 )
-from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverrides
 from cpic_planner.queries.rank import (
     DEFAULT_YEARS as DEFAULT_YEARS,
     FILTERS as FILTERS,

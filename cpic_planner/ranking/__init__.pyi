@@ -18,10 +18,12 @@ from cpic_planner.ranking.optimiser import (
     optimise as optimise,
 )
 from cpic_planner.ranking.order import (
+    MOST_OWN as MOST_OWN,
     rank_targets as rank_targets,
+    selected as selected,
     timed_model as timed_model,
+    with_own as with_own,
 )
-from cpic_planner.ranking.selection import MOST_OWN as MOST_OWN, selected as selected, with_own as with_own
 from cpic_planner.ranking.settings import (
     OptimalSetting as OptimalSetting,
     detection_statuses as detection_statuses,

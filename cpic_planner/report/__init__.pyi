@@ -6,28 +6,27 @@ from cpic_planner.report.cells import (
 )
 from cpic_planner.report.console import (
     print_check as print_check,
+    print_columns as print_columns,
     print_confirm as print_confirm,
     print_instrument as print_instrument,
     print_plan as print_plan,
     print_planned as print_planned,
     print_simulation as print_simulation,
 )
-from cpic_planner.report.console_etc import (
+from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
+from cpic_planner.report.console_runs import (
     best_row as best_row,
     print_both as print_both,
     print_etc as print_etc,
-    question_text as question_text,
-)
-from cpic_planner.report.console_fidelity import print_fidelity as print_fidelity, print_tradeoff as print_tradeoff
-from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
-from cpic_planner.report.console_runs import (
     print_explanation as print_explanation,
+    print_fidelity as print_fidelity,
     print_moves as print_moves,
     print_rank as print_rank,
     print_sensitivity as print_sensitivity,
+    print_tradeoff as print_tradeoff,
     print_whatif as print_whatif,
+    question_text as question_text,
 )
-from cpic_planner.report.console_tables import print_columns as print_columns
 from cpic_planner.report.document import (
     Block as Block,
     Cell as Cell,
@@ -84,14 +83,16 @@ from cpic_planner.report.priorities import (
     known_blocks as known_blocks,
     priority_blocks as priority_blocks,
 )
-from cpic_planner.report.searched_figures import curve_figure as curve_figure, roc_figure as roc_figure
 from cpic_planner.report.searched_sections import (
     CURVE_PRODUCTS as CURVE_PRODUCTS,
     ROC_PRODUCTS as ROC_PRODUCTS,
+    curve_figure as curve_figure,
+    print_curve as print_curve,
+    print_roc as print_roc,
+    roc_figure as roc_figure,
     write_curve as write_curve,
     write_roc as write_roc,
 )
-from cpic_planner.report.searched_words import print_curve as print_curve, print_roc as print_roc
 from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
 from cpic_planner.report.summary import calibration_sentence as calibration_sentence, outcome_text as outcome_text
 from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure

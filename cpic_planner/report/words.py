@@ -14,169 +14,53 @@ from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_na
 from cpic_planner.results import PlanResult, ProgrammeColumns
 from simulator.detectors import noise_terms
 
+_WORDS = json.loads(resources.files("cpic_planner.report").joinpath("templates/words.json").read_text(encoding="utf-8"))
+
 #: Symbol of each status, so that badges do not rely on colour.
-STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
+STATUS_SYMBOLS: dict[str, str] = _WORDS["status_symbols"]
 
 
 #: Whether a planet is detected; only the first has a mark, which is green.
-VERDICTS: dict[str, str] = {
-    "detected": "detected",
-    "measured_not_detected": "measured, not detected",
-    "unreachable": "unreachable",
-}
+VERDICTS: dict[str, str] = _WORDS["verdicts"]
 
 #: What limits an answer: in one or two words, and as the end of a sentence about stars or bands.
-LIMITED_BY: dict[str, tuple[str, str]] = {
-    "none": ("detected", "nothing"),
-    "speckles": ("speckles", "speckles (detected if the wavefront did not drift)"),
-    "common_speckles": (
-        "common speckles",
-        "what science and references differ by in every visit (detected if the wavefront did not drift, but by no "
-        "number of visits)",
-    ),
-    "background": ("background", "background (detected if there were no noise but the planet's own and the speckles)"),
-    "photons": ("too faint", "photons (too faint even if the wavefront did not drift, or if there were no background)"),
-    "geometry": ("outside", "geometry (outside the dark hole)"),
-    "saturation": ("saturated", "saturation (no frame is possible)"),
-    "motion": ("motion", "motion (detected if the planet stood still, but not by a search that goes through orbits)"),
-    "visibility": ("not seen", "visibility (the star is not seen for so long)"),
-}
+LIMITED_BY: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limited_by"].items()}
 
-SEARCHES: dict[str, str] = {"blind": "by a search that does not know the place", "known_place": "at its known place"}
+SEARCHES: dict[str, str] = _WORDS["searches"]
 """How planets are looked for, for the middle of a sentence."""
 
-_REASONS: dict[str, str] = {
-    "": "",
-    "speckle_floor": "no length of visit is enough",
-    "common_speckle_floor": "no number of visits is enough",
-    "planet_moves": "the planet moves too far",
-    "insufficient_time": "not enough time",
-    "pixel_full_well": "shortest frame overfills a pixel",
-    "register_full_well": "gain register overfills",
-    "adc_range": "beyond the converter's range",
-    "inside_inner_edge": "inside the inner edge of the dark hole",
-    "outside_outer_edge": "beyond the outer edge of the dark hole",
-    "too_many_frames": "too many frames for one sequence",
-    "too_few_resolution_elements": "fewer than three resolution elements: no threshold",
-    "time_below_overheads": "time shorter than the overheads",
-    "no_planet_light": "the planet sends no light",
-    "no_noise": "nothing makes noise: there is no ratio",
-    "roll_too_small": "the roll moves the planet by less than its aperture",
-    "too_bright_to_count": "too bright for photon counting",
-    "not_measured_in_images": "images of this kind are not measured yet",
-    "tolerance_not_met": "not as accurate as asked for",
-    "tier_too_coarse": "the named fidelity is too coarse for this scene",
-}
+_REASONS: dict[str, str] = _WORDS["reasons"]
 
 #: What contrasts refer to.
-STAR_FLUX: dict[str, str] = {
-    "off_mask": "series of the star off the mask",
-    "field_star": "star of the field",
-    "known": "the scene's own rate: the shortest exposure off the mask saturates",
-}
+STAR_FLUX: dict[str, str] = _WORDS["star_flux"]
 
 #: How firm a fit of metallicity and clouds is.
-ALBEDO_STATUS: dict[str, str] = {
-    "constrained": "constrained",
-    "not_constrained": "not constrained: the 95 % region reaches the edge of the allowed range",
-    "degenerate": "degenerate: fewer bands than parameters",
-}
+ALBEDO_STATUS: dict[str, str] = _WORDS["albedo_status"]
 
 #: How realisations are made.
-DRAWN_AS: dict[str, str] = {"sums": "as sums of frames", "frames": "frame by frame"}
+DRAWN_AS: dict[str, str] = _WORDS["drawn_as"]
 
 #: Terms of the variance.
-TERMS: dict[str, str] = {
-    "planet": "planet's own light",
-    "halo": "starlight in the hole",
-    "companion": "companion's light",
-    "sky": "sky and zodiacal light",
-    "exozodi": "dust around the star",
-    "smear": "smear of the frame transfer",
-    "counting": "counted photons and false counts",
-    "reference": "all noise of the reference frames",
-    "background_mean": "error of the mean background",
-    "speckle": "speckles that the subtraction leaves",
-    "common_speckle": "speckles that references never show",
-    "companion_wings": "companion's light that the subtraction leaves",
-} | {term: effect.term_label or effect.label for term, effect in noise_terms().items()}
+TERMS: dict[str, str] = _WORDS["terms"] | {
+    term: effect.term_label or effect.label for term, effect in noise_terms().items()
+}
 
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
-LIMITS: dict[str, tuple[str, str]] = {
-    "exposure_max": ("longest", "the longest frame of the camera"),
-    "exposure_min": ("shortest", "the shortest frame of the camera"),
-    "em_gain_max": ("largest", "the largest gain of the register"),
-    "pixel_full_well": ("pixel well", "the pixel's full well: a longer frame would overflow into the hole"),
-    "register_full_well": ("register", "the gain register's full well: more charge would trail into the hole"),
-    "adc_range": ("converter", "the converter's range"),
-}
+LIMITS: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limits"].items()}
 
-REMEDIES: dict[str, str] = {
-    "twice_the_time": "visits twice as long",
-    "twice_the_visits": "twice the visits",
-    "half_the_drift": "half the drift of the wavefront",
-    "half_the_read_noise": "half the read noise",
-    "half_the_clock_charge": "half the clock-induced charge",
-    "half_the_star_light": "half the starlight in the hole",
-    "four_times_the_reference": "four times the reference frames (their time not counted)",
-}
+REMEDIES: dict[str, str] = _WORDS["remedies"]
 
 #: What keeps a star from being seen.
-BLOCK_WORDS: dict[str, str] = {
-    "sun": "too near the Sun",
-    "moon": "too near the Moon",
-    "panel": "panels out of the Sun",
-    "limb": "behind the Earth",
-}
+BLOCK_WORDS: dict[str, str] = _WORDS["blocks"]
 
 #: What excludes planets of a population.
-EXCLUSIONS: dict[str, str] = {
-    "rv": "radial velocities",
-    "stability": "companion stars",
-    "known_giants": "known giants",
-}
+EXCLUSIONS: dict[str, str] = _WORDS["exclusions"]
 
 #: Flags that the planner adds; those of the catalogue are described beside its data.
-FLAGS: dict[str, str] = {
-    "companion_light_on": "light of the nearest companion is included",
-    "companion_light_off": "light of a known companion is left out on request",
-    "companion_light_unknown": "a close companion is known but cannot be placed: its light is not included",
-    "companion_colour_assumed": "companion given the star's own colour",
-    "hole_not_reached": "the dark hole of the band is brighter than asked of the instrument",
-    "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
-    "modes_limited": "fewer modes than asked for: a library has fewer than reference visits, an idealised one has none",
-    "modes_not_modelled": "the prediction is for the mean of the references: modes are not modelled in this band",
-    "modes_not_counted": "rankings predict for the mean of the references, not for modes",
-    "converter_assumed": "no detector.gain_e_adu is given: the converter spans the full well of a pixel",
-    "inherited_rounding": "the largest noise is rounding, by detector.gain_e_adu of the preset: give your own",
-    "inherited_read_noise": "the largest noise is read noise, by detector.read_noise_e of the preset: give your own",
-    "inherited_cic": "the largest noise is clock-induced charge, by detector.cic_e of the preset: give your own",
-    "inherited_dark": "the largest noise is dark current, by detector.dark_e_s of the preset: give your own",
-    "visits_at_limit": "the best number of visits is the largest that there can be: 1000, or one frame each",
-    "blind_law_not_measured": "no search without a known place was measured here: detection is that at a known place",
-    "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
-    "sky_place_unknown": "the star has no coordinates: the zodiacal light is its median over the whole sky",
-    "companion_pa_unknown": "the sources give no position angle for the companion: its light is that of all angles",
-    "companion_position_old": "the companion has no known orbit, and was seen over 10 years before or nobody says when",
-    "stability_extrapolated": "the binary lies outside the range of the fit that says where its planets are stable",
-    "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
-    "reference_star_clamped": "the reference star has the colours of the nearest edge of the spectral grid",
-    "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
-    "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
-    "excluded_by_rv": "radial velocities would have shown the reference planet, with the least mass that its radius "
-    "allows, in at least 90 % of all orientations",
-    "extrapolated": "beyond the range of its input data",
-    "clamped": "an input was clamped to the range of its model",
-    "speckle_error_extrapolated": "the error of the speckles is that of the nearest separation where it was measured",
-    "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
-}
+FLAGS: dict[str, str] = _WORDS["flags"]
 
 _SMALLEST_GAIN = 1.005
-_CAPS = {
-    "hole": "keeps the pixels inside the dark hole unsaturated",
-    "register_tail": "keeps bright starlight beside the hole from trailing into it through the register",
-    "frame": "leaves every pixel of the whole frame unsaturated",
-}
+_CAPS: dict[str, str] = _WORDS["gain_caps"]
 
 
 @functools.cache

@@ -18,12 +18,12 @@ from cpic_planner import results
 from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
-from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.document import Document
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.figures import HoleEdges, LimitCurve
 from cpic_planner.report.files import PANELS, measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 from cpic_planner.report.numbers import pretty_name
-from cpic_planner.report.panels import Mark, MarkKind, Panels
+from cpic_planner.report.panel_figure import Mark, MarkKind, Panels
 from cpic_planner.report.plan_sections import PlanReport, plan_document
 from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
 from cpic_planner.targets import Targets, find_target
@@ -233,7 +233,7 @@ def write_confirm_report(
 
 def _albedo_picture(fitted: FittedAlbedo) -> Picture:
     """Return the posterior, with the planet of the scene where it is one of the model's."""
-    from cpic_planner.report.albedo_figures import albedo_picture
+    from cpic_planner.report.confirm_sections import albedo_picture
 
     light, truth = fitted.light, None
     albedo = light.planet.albedo

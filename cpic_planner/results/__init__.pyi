@@ -29,23 +29,6 @@ from cpic_planner.results.base import (
     columns_of as columns_of,
     unit_of as unit_of,
 )
-from cpic_planner.results.doubted import (
-    ChangeRecord as ChangeRecord,
-    CurvePoint as CurvePoint,
-    DoubtCell as DoubtCell,
-    DoubtChoice as DoubtChoice,
-    DoubtDecision as DoubtDecision,
-    DoubtRecord as DoubtRecord,
-    DoubtValue as DoubtValue,
-    EstimateRecord as EstimateRecord,
-)
-from cpic_planner.results.ensemble import (
-    EnsembleBar as EnsembleBar,
-    EnsembleRecord as EnsembleRecord,
-    SensitivityResult as SensitivityResult,
-    SensitivityRow as SensitivityRow,
-    SensitivityStar as SensitivityStar,
-)
 from cpic_planner.results.known import (
     KnownBand as KnownBand,
     KnownHole as KnownHole,
@@ -84,6 +67,8 @@ from cpic_planner.results.ranked import (
     KNOWN_PLANETS as KNOWN_PLANETS,
     BandStanding as BandStanding,
     ComparedRanking as ComparedRanking,
+    EnsembleBar as EnsembleBar,
+    EnsembleRecord as EnsembleRecord,
     Explanation as Explanation,
     PopulationRecord as PopulationRecord,
     RankAgreement as RankAgreement,
@@ -91,6 +76,9 @@ from cpic_planner.results.ranked import (
     RankedTarget as RankedTarget,
     RankMove as RankMove,
     RankResult as RankResult,
+    SensitivityResult as SensitivityResult,
+    SensitivityRow as SensitivityRow,
+    SensitivityStar as SensitivityStar,
     SettingChange as SettingChange,
     StarInRanking as StarInRanking,
 )
@@ -125,7 +113,15 @@ from cpic_planner.results.searched import (
 )
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,
+    ChangeRecord as ChangeRecord,
+    CurvePoint as CurvePoint,
     DifferenceRecord as DifferenceRecord,
+    DoubtCell as DoubtCell,
+    DoubtChoice as DoubtChoice,
+    DoubtDecision as DoubtDecision,
+    DoubtRecord as DoubtRecord,
+    DoubtValue as DoubtValue,
+    EstimateRecord as EstimateRecord,
     FactRow as FactRow,
     FactsRecord as FactsRecord,
     ImageSample as ImageSample,

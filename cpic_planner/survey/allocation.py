@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from cpic_planner.survey.bounds import add_all_near, lagrangian_bound
-from cpic_planner.survey.greedy import greedy
-from cpic_planner.survey.plans import Chosen, Pool, exchanged, least_gain, pools_of, priced, share
+from cpic_planner.survey.plans import Chosen, Pool, exchanged, greedy, least_gain, pools_of, priced, share
 from cpic_planner.survey.schedule import ROUNDING, Problem, Room, Schedule, StarValue, Visit, in_order
 
 

@@ -200,7 +200,7 @@ class Assumptions(FrozenModel):
     """The assumptions about the instrument that replace what its file says.
 
     ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
-    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
+    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.prepare`).
     ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
     visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
     systems (zodi), one for all stars or a `DustLaw` by which each star has its own; frames are chosen for its median.

@@ -1,6 +1,10 @@
 from cpic_planner.etc.detection import detection_threshold as detection_threshold, threshold_array as threshold_array
-from cpic_planner.validation.albedo_fit import AlbedoFit as AlbedoFit, fit_albedo as fit_albedo
-from cpic_planner.validation.albedo_model import AlbedoModel as AlbedoModel, planet_albedo_model as planet_albedo_model
+from cpic_planner.validation.albedo_fit import (
+    AlbedoFit as AlbedoFit,
+    AlbedoModel as AlbedoModel,
+    fit_albedo as fit_albedo,
+    planet_albedo_model as planet_albedo_model,
+)
 from cpic_planner.validation.apertures import (
     aperture_sum as aperture_sum,
     aperture_weights as aperture_weights,

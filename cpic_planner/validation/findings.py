@@ -9,8 +9,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, InputError
 from cpic_planner.results import AlbedoRecord, BandConfirmation, PositionRecord
-from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
-from cpic_planner.validation.albedo_model import AlbedoModel, planet_albedo_model
+from cpic_planner.validation.albedo_fit import AlbedoFit, AlbedoModel, fit_albedo, planet_albedo_model
 from simulator.config import Instrument, Scene, place
 from simulator.passbands import Passbands
 from simulator.target import LitPlanet, spectrum_generator

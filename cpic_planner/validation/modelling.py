@@ -19,7 +19,7 @@ from simulator.knobs import Dial, Knobs
 from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.target import detector_to_sky
 
-# Processor times on the core of `cpic_planner.jobs.record`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
+# Processor times on the core of `cpic_planner.jobs.job`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
 # every tier: within a factor of 1.5 there.
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
 _SUMS_S = 0.03  # of one realisation of both roles, reduced, searched and measured

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
 from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
@@ -11,56 +13,13 @@ from cpic_planner.queries import Option, default_instrument, spelled
 from cpic_planner.web.asking import ETC, IMAGES, RANK, Asking, parameter
 from simulator.config import preset_names, unit_of
 
-_LABELS = {
-    "target": "Star or known planet",
-    "snr": "SNR to reach",
-    "sigma": "Plain significance to reach",
-    "detect": "Ask for a detection",
-    "contrast_limit": "Ask for the contrast limit",
-    "em_gain": "EM gain",
-    "sp_type": "Spectral type",
-    "v_mag_max": "Faintest V (mag)",
-    "date_utc": "Date (UTC)",
-    "set": "Change of the instrument",
-    "v_mag": "V (mag)",
-    "teff_k": "Temperature (K)",
-    "known_hosts": "Only stars with known planets",
-    "dwarfs_only": "Only dwarfs",
-    "singles_only": "Only single stars",
-    "candidates": "Candidates too",
-    "planet_radius_rjup": "Planet radius (R_J)",
-}
+_WORDS = json.loads(resources.files("cpic_planner.web").joinpath("templates/forms.json").read_text(encoding="utf-8"))
+_LABELS: dict[str, str] = _WORDS["labels"]
 """Labels that do not follow from the name of a field."""
-_EXAMPLES = {
-    "target": "tau Cet, HIP 8102, eps Eri b",
-    "date_utc": "2028-06-01",
-    "time_s": "36000, or 10h",
-    "visit_time_s": "2700, or 45min",
-    "separation_arcsec": "0.36, or 0.4, 0.6",
-    "contrast": "1e-8",
-    "set": "drift.visit_nm=0.1nm",
-    "etc.sp_type": "G8V",
-    "rank.sp_type": "K, or G8V",
-    "v_mag": "4.5",
-}
+_EXAMPLES: dict[str, str] = _WORDS["examples"]
 
 
-_HINTS = {
-    "albedo": "jupiter, saturn, uranus, neptune, or a number.",
-    "target": "A star by any of its names, or a known planet, at its place and brightness of the date.",
-    "v_mag": "The star above is then only a name, and may be left out.",
-    "etc.sp_type": "Or give a temperature.",
-    "distance_pc": "Instead of the catalogue's; 10 pc for a star of your own without one.",
-    "separation_arcsec": "Projected, on the diagonal of a quadrant; several between commas. Without: the best place.",
-    "separation_au": "The same in au, at the distance of the star; several between commas.",
-    "contrast": "Contrast of the planet instead of a model of it; several between commas, as many as separations.",
-    "bands": "Without any: all four of the visible camera.",
-    "set": "By a key of cpic instrument keys.",
-    "sigma": "Instead of an SNR: significance of noise without the planet.",
-    "instrument": "A shipped instrument.",
-    "population": "Planets that completeness refers to.",
-    "known_planets": "Table of known planets, for the name of a planet.",
-}
+_HINTS: dict[str, str] = _WORDS["hints"]
 """Where the help of the option speaks of files, which requests do not name, or of options that are repeated."""
 
 
@@ -131,40 +90,7 @@ class Form:
         return tuple(field for group in self.groups for field in group.fields if field.error)
 
 
-ETC_GROUPS = (
-    ("Who", "target date_utc", False),
-    ("A star that is in no table", "v_mag sp_type teff_k distance_pc", True),
-    ("What is asked: the time for a level, or the SNR in a time", "snr detect time_s contrast_limit", False),
-    ("Planet: at its best place, unless said here", "separation_arcsec contrast planet_radius_rjup albedo", False),
-    ("Bands and visits", "bands visits visit_time_s library search", False),
-    (
-        "More: frames, instrument, orbit, reduction",
-        "sigma separation_au semi_major_axis_au phase_deg exposure_s n_frames em_gain mode exozodi drift_nm instrument "
-        "set observation_roll_deg companions reference_v_mag roll_deg known_planets candidates",
-        True,
-    ),
-)
-RANK_GROUPS = (
-    ("Which stars", "sp_type distance_max_pc dec_min_deg dec_max_deg v_mag_max known_hosts", False),
-    ("How they are ranked", "score time_s visits search bands", False),
-    (
-        "More: sample, instrument, population",
-        "dwarfs_only singles_only candidates library exozodi drift_nm instrument set population date_utc "
-        "planet_radius_rjup albedo",
-        True,
-    ),
-)
-IMAGE_GROUPS = (
-    ("Which star, and how long", "target time_s bands visits", False),
-    ("Its planet, where each band sees it best", "planet_radius_rjup albedo phase_deg", False),
-    ("Images", "realisations library search seed", False),
-    (
-        "More: accuracy, reduction, instrument",
-        "fidelity tolerance filter roll_deg reference_v_mag reference_visits reference_ratio threshold_sigma "
-        "annulus_lambda_d companions date_utc exozodi drift_nm instrument set",
-        True,
-    ),
-)
+ETC_GROUPS, RANK_GROUPS, IMAGE_GROUPS = (_WORDS["groups"][name] for name in ("etc", "rank", "images"))
 """Groups of the forms: title, parameters, and whether it is folded."""
 
 
@@ -192,16 +118,7 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     return Form(form.action, groups, form.button, "" if wrong else form.error)
 
 
-_FILES = {
-    "catalog": (
-        "Star table",
-        "CSV, VOTable, FITS, ..., with name, V, distance, and spectral type or temperature.",
-    ),
-    "instrument": ("Instrument", "YAML of kind: instrument, with what differs from a shipped one; its optics stay."),
-    "other": ("The other instrument", "The same, of the one that the first is compared with."),
-    "albedo": ("Spectrum of the planet", "Wavelengths, with their unit in the heading, and geometric albedos."),
-    "known_planets": ("Known planets", "Table that is laid over the shipped one planet by planet."),
-}
+_FILES: dict[str, tuple[str, str]] = _WORDS["files"]
 
 
 def own_form(form: Form) -> Form:

@@ -20,7 +20,7 @@ from cpic_planner.confirm.plan import prepare_plan
 from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
-from cpic_planner.report.contrast_figure import contrast_diagram
+from cpic_planner.report.figures import contrast_diagram
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panel_figure import panel_picture

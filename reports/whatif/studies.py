@@ -10,7 +10,7 @@ import numpy as np
 
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.planets import Planets
-from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking.known_completeness import completeness
 from cpic_planner.survey import StrategiesConfig, load_strategies, varied
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, expected_signals

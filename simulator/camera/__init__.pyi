@@ -1,16 +1,19 @@
-from simulator.camera.calibration_files import write_calibration_set as write_calibration_set
 from simulator.camera.calibration_set import (
     CalibrationSet as CalibrationSet,
     bias_level_adu as bias_level_adu,
     load_calibration_set as load_calibration_set,
+    write_calibration_set as write_calibration_set,
 )
 from simulator.camera.camera import earlier_frames as earlier_frames
 from simulator.camera.emccd import (
+    VisibleCamera as VisibleCamera,
     camera_keywords as camera_keywords,
     em_gain_of as em_gain_of,
     em_voltage_of as em_voltage_of,
     expected_adu_map as expected_adu_map,
     expose_frame as expose_frame,
+    stack_electrons as stack_electrons,
+    stackable as stackable,
     to_electrons as to_electrons,
 )
 from simulator.camera.frame import Frame as Frame, MaskBit as MaskBit
@@ -19,11 +22,6 @@ from simulator.camera.noise import (
     FrameNoise as FrameNoise,
     aperture_loss_per_s as aperture_loss_per_s,
     pixel_variance_e2 as pixel_variance_e2,
-)
-from simulator.camera.visible import (
-    VisibleCamera as VisibleCamera,
-    stack_electrons as stack_electrons,
-    stackable as stackable,
 )
 from simulator.detectors.effect import Effect as Effect, Exposure as Exposure
 from simulator.detectors.gain import (

@@ -1,17 +1,277 @@
-"""One-call functions of the visible camera (noiseless map, noisy frame, electrons) and of its gain and voltage."""
+"""The visible camera: the effects of an EMCCD in their order, on a whole frame, a window, or a sum of frames.
 
+Poisson counts, transfer losses and the multiplication register act on every electron for itself, so the sum of ``n``
+frames has the law of one frame of ``n`` times the mean. Limits and curves do not add up: where they matter, frames are
+drawn one by one.
+
+Light goes through the response of the pixels, smear and dark current are added (`prepare`, noise-free, once for a
+sequence). Each frame then runs through photon noise, cosmic rays, non-linearity, full well and blooming, parallel
+transfer, clock-induced charge, serial transfer, the multiplication register and its full well, the output amplifier,
+read noise, bias and converter. Every step is an `Effect` with its own switch and its own random stream. One-call
+functions make a noiseless map, a noisy frame, or electrons.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, Outcome, PathPart, checked_array, checked_scalar
-from simulator.camera.calibration_set import bias_level_adu
-from simulator.camera.frame import Frame
-from simulator.camera.visible import VisibleCamera
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    NDArray,
+    Outcome,
+    PathPart,
+    Reason,
+    Status,
+    checked_array,
+    checked_scalar,
+    load_kernels,
+)
+from simulator.camera.calibration_set import CalibrationSet, bias_level_adu
+from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run, scaled
+from simulator.camera.frame import MOST_E_S, Frame, MaskBit, checked_rates
+from simulator.camera.noise import FrameNoise
 from simulator.config import AnyDetector, Detector
-from simulator.detectors import GAIN_LIMIT
+from simulator.detectors import GAIN_LIMIT, LIMIT_KERNELS, Exposure, Place, Smear, Work, excess_noise_factor2
+
+# Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
+_MARGIN_SIGMA = 8.0
+MAX_FRAMES = 1_000_000
+
+
+def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
+    """Return whether frames of an exposure add up to one draw.
+
+    Returns
+    -------
+    Outcome of float
+        ``ok`` with the filled fraction of the nearest limit (eight sigma of noise included); else ``saturated`` with
+        the limit that frames can reach, or ``invalid`` where an effect that is no sum is switched on.
+    """
+    detector, structure = exposure.detector, exposure.detector.bias_structure
+    alone = next((effect.switch for effect in camera.charge if effect.in_sums == "not_additive"), None)
+    if alone:
+        message = f"{alone} does not add up over frames: switch it off"
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
+    cic = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e
+    rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
+    peak = float((exposure.mean_e + cic).max()) + rest.rest_e
+    if detector.switches.register_clock_charge:
+        peak += detector.register_cic_e * detector.register_stages
+    pixel = peak + _MARGIN_SIGMA * math.sqrt(peak)
+    factor2 = float(excess_noise_factor2(exposure.em_gain, detector.register_stages))
+    output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
+    level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
+    stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
+    amplifier_e = math.hypot(detector.read_noise_e, math.sqrt(rest.rest_e2))
+    swing = _MARGIN_SIGMA * math.hypot(amplifier_e / detector.gain_e_adu, structure.drift_adu)
+    swing += structure.interference_adu
+    room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
+    low = float(level.min() + stripes.min()) - swing
+    fills = {
+        Reason.PIXEL_FULL_WELL: pixel / detector.full_well_e,
+        Reason.REGISTER_FULL_WELL: output / detector.register_full_well_e,
+        Reason.ADC_RANGE: math.inf if low < 0 or room <= 0 else output / detector.gain_e_adu / room,
+    }
+    reason = max(fills, key=lambda name: fills[name])
+    if fills[reason] > 1.0:
+        return Outcome.refuse(Status.SATURATED, reason, f"frames can reach {fills[reason]:.3g} times a limit")
+    return Outcome.ok(fills[reason])
+
+
+def stack_electrons(
+    camera: "VisibleCamera", exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
+) -> FloatArray:
+    """Return the sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
+
+    Parameters
+    ----------
+    camera : VisibleCamera
+    exposure : Exposure
+        What ``camera.prepare`` made for one frame.
+    n_frames : int
+        Number of frames, 1 to 1e6.
+    seed, path
+        As `VisibleCamera.expose`; the draws are those of no single frame.
+
+    Returns
+    -------
+    ndarray
+        Mean, variance and law of the sum over frames of ``(adu - bias) K / g``; level, map and stripes of the bias are
+        off. The converter's rounding enters as its variance, ``n / 12`` ADU^2.
+
+    Raises
+    ------
+    InputError
+        If frames can saturate or an effect is switched on that does not add up (see `stackable`), or the number of
+        frames is out of range.
+    """
+    if isinstance(n_frames, bool) or not isinstance(n_frames, int | np.integer) or not 1 <= n_frames <= MAX_FRAMES:
+        raise InputError("n_frames", n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
+    n, detector, time, answer = int(n_frames), exposure.detector, exposure.exposure_s, stackable(camera, exposure)
+    if answer.status is not Status.OK:
+        raise InputError("exposure_s", time, unit="s", allowed="frames that add up to one draw", hint=answer.message)
+    whole = scaled(exposure, n)
+    work = begun(whole, seed, path)
+    for effects in (camera.charge, camera.voltage):
+        for effect in effects:
+            effect.draw_sum(work, whole, n, work.stream(effect.switch))
+        if effects is camera.charge:
+            work.image /= detector.gain_e_adu
+    work.image *= detector.gain_e_adu / exposure.em_gain
+    return work.image
+
+
+class VisibleCamera(Camera):
+    """The EMCCD camera; parameters as `simulator.camera.camera.Camera`."""
+
+    def __init__(self, detector: Detector, **more: Any) -> None:
+        super().__init__(detector, **more)
+        self.detector = detector
+
+    def prepare(
+        self,
+        rate_map_e_s: ArrayLike,
+        exposure_s: float,
+        em_gain: float,
+        *,
+        first_pixel: tuple[int, int] | None = None,
+        beyond_e_s: ArrayLike | None = None,
+    ) -> Exposure:
+        """Return the noise-free part of a frame.
+
+        Parameters
+        ----------
+        rate_map_e_s : array_like
+            Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape.
+        exposure_s : float
+            Exposure of the frame, 0 to 1e6 s (0 is a bias frame).
+        em_gain : float
+            Actual gain of the register, 1 to ``detector.em_gain_max``.
+        first_pixel : tuple of int, optional
+            Row and column of the frame at which a window begins; around the star if not given.
+        beyond_e_s : array_like, optional
+            Light of the frame beyond a window, summed over each of its columns, at least 0: it smears into the window.
+            Without it a window is all of the frame that sees light.
+
+        Raises
+        ------
+        InputError
+            For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), another
+            argument out of range, or a window outside the active pixels where the flaws of pixels are switched on.
+        """
+        detector, switches, smear = self.detector, self.detector.switches, None
+        rates, n_negative = checked_rates(rate_map_e_s)
+        time = checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
+        gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
+        corner = corner_of(detector, rates.shape, first_pixel)
+        place, flaws = _place(detector, rates.shape, corner), flaws_of(detector, rates.shape, corner)
+        light = self._light(rates, flaws, place)
+        mean = light * time
+        if detector.line_shift_s and time > 0:
+            beyond = 0.0 if beyond_e_s is None else _beyond(beyond_e_s, place, rates.shape)
+            smear = Smear.smear_e(light, place.rows, detector.line_shift_s, beyond)
+            mean += smear
+        if switches.dark:
+            # Without flaws of the dark current `dark_of` is the same number everywhere.
+            dark = detector.dark_rate_e_s if flaws is None else flaws.dark_of(switches)
+            pixels = mean[place.rows, place.columns]
+            pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * time
+        np.minimum(mean, MAX_MEAN_E, out=mean)
+        return Exposure(
+            detector=detector,
+            place=place,
+            exposure_s=time,
+            em_gain=gain,
+            mean_e=mean,
+            cic_e=flaws.cic_e if flaws is not None and flaws.cic_varies else None,
+            stripe_adu=None if flaws is None else flaws.stripe_adu,
+            bias_adu=None if flaws is None else flaws.bias_adu,
+            flaws=None if flaws is None else flaws.mask_of(switches),
+            smear_e=smear,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(detector, time),
+        )
+
+    def response(self, shape: tuple[int, int], first_pixel: tuple[int, int] | None) -> FloatArray | float:
+        """Return the sensitivity of the pixels of a window, 1 on average; see `prepare` for the arguments."""
+        flaws = flaws_of(self.detector, shape, corner_of(self.detector, shape, first_pixel))
+        return 1.0 if flaws is None else flaws.response_of(self.detector.switches)
+
+    def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
+        """Return the rates as the pixels respond to them; borders see no light."""
+        if flaws is not None:
+            return rates * flaws.response_of(self.detector.switches)
+        if not place.whole:
+            return rates.copy()
+        light = np.zeros_like(rates)
+        active = self.detector.sections["active"]
+        light[active] = rates[active]
+        return light
+
+    def expected_adu(self, exposure: Exposure) -> FloatArray:
+        """Return the mean ADU of every pixel, without noise and without rounding.
+
+        Each step acts on the mean image. Where a limit cuts off only the upper tail of the counts (within a few sigma
+        of a full well) the mean of noisy frames is lower. Cosmic rays are not in it; interference and drift of the
+        bias average out.
+        """
+        image = means(self.charge, exposure.mean_e.copy(), exposure)
+        image /= self.detector.gain_e_adu
+        image += self.detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
+        means(self.voltage, image, exposure)
+        return np.clip(image, 0.0, float(self.detector.adc_max_adu), out=image)
+
+    def expose(self, exposure: Exposure, *, seed: int, path: Sequence[PathPart]) -> Frame:
+        """Return one noisy frame.
+
+        Parameters
+        ----------
+        exposure : Exposure
+            What `prepare` made.
+        seed : int
+            Seed of the run.
+        path : sequence of str or int
+            Names of target, role, band, realisation, frame. Each effect draws from ``stream(seed, *path, switch)``.
+        """
+        work, detector = begun(exposure, seed, path), self.detector
+        run(self.charge, work, exposure)
+        work.image *= 1.0 / detector.gain_e_adu
+        work.image += detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
+        run(self.voltage, work, exposure)
+        adu, level, cut_off = np.empty(work.image.shape, np.uint16), work.image.reshape(-1), work.saturated.reshape(-1)
+        digitise = load_kernels(LIMIT_KERNELS).digitise
+        n_clipped = int(digitise(level, float(detector.adc_max_adu), adu.reshape(-1), cut_off))
+        work.counts["n_negative_rates"] = exposure.n_negative_rates
+        return Frame(adu, _mask(work, exposure), dict(work.charge), n_clipped, **work.counts)
+
+
+def _mask(work: Work, exposure: Exposure) -> NDArray[np.uint8]:
+    mask = work.saturated.astype(np.uint8)
+    mask *= np.uint8(MaskBit.SATURATED)
+    if work.cosmic is not None:
+        mask |= work.cosmic.view(np.uint8) * np.uint8(MaskBit.COSMIC_RAY)
+    if exposure.flaws is not None:
+        mask |= exposure.flaws
+    return mask
+
+
+def _beyond(beyond_e_s: ArrayLike, place: Place, shape: tuple[int, ...]) -> FloatArray:
+    if place.whole or np.shape(beyond_e_s) != shape[1:]:
+        raise InputError("beyond_e_s", np.shape(beyond_e_s), unit="px", allowed=f"{shape[1]} columns of a window")
+    return checked_array("beyond_e_s", beyond_e_s, low=0.0, high=MOST_E_S, unit="e-/s")
+
+
+def _place(detector: Detector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> Place:
+    if corner is None:
+        return Place(*detector.sections["image"], 0, 0, True)
+    return Place(slice(0, shape[0]), slice(0, shape[1]), *corner, False)
+
 
 # ln G = a + b v + c v^2 + d v^3, v = V - 39 V - 0.029 V/K (T - 223 K), fitted to the curves of the e2v CCD201-20 data
 # sheet (gain against clock amplitude, 223 K to 293 K, read to 10 %). Its slope has no zero: one voltage per gain.

@@ -13,17 +13,20 @@ from cpic_core import InputError, by_line, is_file, load_mapping, load_yaml, spl
 from simulator.config.base import FrozenModel, Sourced, deep_merge, validate
 from simulator.config.coronagraph_table import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table
 from simulator.config.detector import AnyDetector, Detector, assume_converter
-from simulator.config.optics import Coronagraph, NearInfrared, Telescope, drop_bands
 from simulator.config.presets import preset_names, preset_path
 from simulator.config.sky import CosmicRayConfig, SkyConfig, own_sky
 from simulator.config.telescope import (
     CameraName,
     Channel,
+    Coronagraph,
     DarkHoleConfig,
     Drift,
     MirrorConfig,
     MissionConfig,
+    NearInfrared,
+    Telescope,
     WavefrontConfig,
+    drop_bands,
 )
 from simulator.config.yield_package import is_package
 from simulator.detectors import INFRARED, VISIBLE, chain_preset

@@ -68,7 +68,7 @@ class PaperTracks(FrozenModel):
 class TemplateTracks(FrozenModel):
     """Tracks taken from a set of small images, turned and placed at random, scaled to a charge of the law of ``paper``.
 
-    ``template_file`` is a FITS cube or npz file (`simulator.effects.templates`). Without one, ``generated_tracks``
+    ``template_file`` is a FITS cube or npz file (`simulator.effects.tracks`). Without one, ``generated_tracks``
     tracks of the physical model, sampled at ``sample_um``, are made from ``generated_seed``.
     """
 

@@ -19,7 +19,7 @@ from simulator.effects.stray_light import (
     stray_light_parts as stray_light_parts,
     unit_factor as unit_factor,
 )
-from simulator.effects.templates import (
+from simulator.effects.tracks import (
     TemplateSet as TemplateSet,
     generated_projection_um as generated_projection_um,
     read_templates as read_templates,

@@ -11,8 +11,17 @@ import numpy as np
 from cpic_core import FloatArray, InputError, IntArray, NDArray, check_number
 from simulator.config import CosmicRayConfig
 from simulator.effects.sky import decimal_year
-from simulator.effects.templates import Canvas, TemplateModel, generated_templates, read_templates
-from simulator.effects.tracks import REACH_SIGMA, PaperModel, PhysicalModel, TrackModel, Tracks
+from simulator.effects.tracks import (
+    REACH_SIGMA,
+    Canvas,
+    PaperModel,
+    PhysicalModel,
+    TemplateModel,
+    TrackModel,
+    Tracks,
+    generated_templates,
+    read_templates,
+)
 
 
 def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:

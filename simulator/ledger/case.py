@@ -18,8 +18,7 @@ from simulator.config import CosmicRayConfig, Detector, content_hash
 from simulator.detectors import VISIBLE, in_sums
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import PsfMetrics
-from simulator.ledger.light import PlanetPlace, SceneLight
-from simulator.ledger.wings import Spill
+from simulator.ledger.light import PlanetPlace, SceneLight, Spill
 from simulator.signal import overflow, pixel_saturated
 
 # Radius of the Gaussian that stands for the core of a planet, lambda/D.

@@ -18,10 +18,8 @@ from simulator.imaging import PsfMetrics, aperture_sums, centred_axis, overlap_w
 from simulator.knobs import Knobs
 from simulator.ledger.case import CameraCase, sums_possible
 from simulator.ledger.inventory import LEFT_OUT, EffectRow, effect_ledger
-from simulator.ledger.light import SceneLight
-from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.visit import MAX_EPOCHS, visit_of
-from simulator.ledger.wings import Spill
+from simulator.ledger.light import SceneLight, Spill
+from simulator.ledger.visit import MAX_EPOCHS, OpticsCase, visit_of
 from simulator.signal import INTERLEAVED, overflow, sky_pixel_e_s
 from simulator.target import extended_rates
 

@@ -5,7 +5,8 @@ import csv
 import hashlib
 import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import IO, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from cpic_core import (
     InputError,
+    NDArray,
     as_path,
     check_flag,
     check_writable,
@@ -23,14 +25,299 @@ from cpic_core import (
     whole_file,
     write_text,
 )
-from simulator.camera import Frame
-from simulator.config import Detector
+from simulator.camera import Frame, camera_keywords
+from simulator.config import Detector, Section
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
-from simulator.products.keywords import KEYWORD_FILE, Value, load_keywords
+from simulator.products.keywords import KEYWORD_FILE, Value, checked_value, escaped, load_keywords
 from simulator.products.naming import ProductName, claim, clear_stale_parts, product_name, temporary_folders
-from simulator.products.sequence import FrameSequence, camera_of, check_sequence, pointing_deg, settings_of, star_deg
-from simulator.products.truth import TruthWriter, frame_values, ledger_cards, sequence_values, software_version
-from simulator.products.units import append_image, append_primary, header_cards
+from simulator.products.sequence import (
+    SCIENCE_KINDS,
+    FrameSequence,
+    Truth,
+    camera_of,
+    check_sequence,
+    pointing_deg,
+    settings_of,
+    sky_places,
+    star_deg,
+)
+from simulator.products.units import append_compressed, append_image, append_primary, append_table, header_cards
+
+DISTRIBUTION = "cpic-planner"
+MAX_ROWS = 999
+
+
+def software_version() -> str:
+    """Return the version of the installed distribution; ``source`` where it runs without having been installed."""
+    try:
+        return metadata.version(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return "source"
+
+
+def sequence_values(
+    sequence: FrameSequence, name: ProductName, times: SequenceTimes, sky: Ephemeris
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Return the values of the primary header and those that all images share, under the names of the table.
+
+    Keywords that the sequence supplies replace those that follow from its configuration, but not names, times and
+    counts, which are the writer's. Supplied keywords that the table does not know go to the images.
+
+    Raises
+    ------
+    InputError
+        For a supplied keyword that is not legal, or of the wrong type.
+    """
+    table = load_keywords()
+    given = {key: value for key, value in sequence.header.items() if value is not None}
+    supplied = {table.canonical(key): checked_value(table, key, value) for key, value in given.items()}
+    found = _configured(sequence) | _where(sequence, sky) | supplied | _own(sequence, name, times)
+    values = {key: checked_value(table, key, value) for key, value in found.items() if value is not None}
+    homes = {key: table.keywords[key].hdu if key in table.keywords else "image" for key in values}
+    primary = {key: value for key, value in values.items() if homes[key] != "image"}
+    return primary, {key: value for key, value in values.items() if homes[key] != "primary"}
+
+
+def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> dict[str, Any]:
+    count = int(sequence.n_frames)
+    exposure_s = float(sequence.exposure_s)
+    return {
+        "TELESCOP": "CSST",
+        "INSTRUME": "CPIC",
+        "CAMERA": sequence.camera,
+        "OBSTYPE": sequence.kind,
+        "FILENAME": name.file.name,
+        "OBSID": name.obsid,
+        "IMG_VER": f"V{name.version:02d}",
+        "KEYTABLE": load_keywords().version,
+        "NFRAME": count,
+        "NEXTEND": count,
+        "NEFFECT": len(sequence.ledger),
+        "TIMESYS": "UTC",
+        "DATE-OBS": times.start_utc,
+        "DATE-END": times.stop_utc,
+        "EXPSTART": float(times.begin_mjd[0]),
+        "EXPEND": float(times.end_mjd[-1]),
+        "EXPTIME": exposure_s,
+        "READTIME": float(sequence.readout_s),
+        "INTTIME": count * exposure_s,
+        "BUNIT": "adu",
+        "NCALFILE": len(sequence.calibration_files),
+    }
+
+
+def _configured(sequence: FrameSequence) -> dict[str, Any]:
+    camera, instrument, scene, band = camera_of(sequence), sequence.instrument, sequence.scene, sequence.band
+    values: dict[str, Any] = {
+        "OBJECT": sequence.kind if scene is None else scene.name,
+        "FILTER": band or None,
+        "SWNAME": DISTRIBUTION,
+        "SWVER": software_version(),
+        "FPRINT": str(fingerprint()),
+        "CONFHASH": instrument.content_hash,
+        "SCENHASH": None if scene is None else scene.content_hash,
+        "SEED": int(sequence.seed),
+        "DMFILE": instrument.dark_hole.surface_files.get(band),
+        "DETNAM": sequence.camera,
+        "ADCBITS": camera.adc_bits,
+        "PIXSIZE": camera.pixel_um,
+        **camera_keywords(camera, sequence.em_gain),
+        "PIXSCALE": instrument.pixel_scale_arcsec(band) if band else None,
+        # The mask is part of the camera: the roll of the telescope does not turn it.
+        "MASKROT": 0.0 if sequence.kind in SCIENCE_KINDS else None,
+    }
+    if isinstance(camera, Detector):
+        values["EMGAIN"] = float(sequence.em_gain)
+    for keyword in load_keywords():
+        if keyword.section in sequence.sections:
+            values[keyword.name] = fits_section(sequence.sections[keyword.section]) or None
+    return values
+
+
+def _where(sequence: FrameSequence, sky: Ephemeris) -> dict[str, Any]:
+    """Return the pointing, state of the telescope, and angles."""
+    values: dict[str, Any] = {}
+    for end, row in enumerate((0, -1)):
+        for axis, letter in enumerate("XYZ"):
+            values[f"POSI{end}_{letter}"] = float(sky.position_km[row, axis])
+            values[f"VELO{end}_{letter}"] = float(sky.velocity_km_s[row, axis])
+        for key, angles in (("SUNANGL", sky.sun_deg), ("MOONANG", sky.moon_deg), ("TEL_ALT", sky.limb_deg)):
+            if angles is not None:
+                values[f"{key}{end}"] = float(angles[row])
+    if sequence.scene is None:
+        return values
+    star, pointing = star_deg(sequence), pointing_deg(sequence)
+    if star is not None and pointing is not None:
+        values |= {"RA_OBJ": star[0], "DEC_OBJ": star[1], "RADESYS": "ICRS", "EQUINOX": 2000.0}
+        for end in (0, 1):
+            values |= {f"RA_PNT{end}": pointing[0], f"DEC_PNT{end}": pointing[1]}
+    if "CTYPE1" in sequence.header:
+        values["WCSAXES"] = 2
+    return values | {"POS_ANG0": sequence.roll_deg % 360.0, "POS_ANG1": sequence.roll_deg % 360.0}
+
+
+def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, frame: Frame) -> dict[str, Value]:
+    """Return the values of one image: those that all share, and its own times and counts.
+
+    Parameters
+    ----------
+    shared : mapping of str to Value
+        Header values that all images of the file share.
+    index : int
+        Number of the frame, from 0.
+    times : SequenceTimes
+    frame : Frame
+    """
+    begin, end = float(times.begin_mjd[index]), float(times.end_mjd[index])
+    counts = {key: int(getattr(frame, name)) for key, name in COUNTS.items()}
+    return {**shared, "FRAMEID": index + 1, "EXPBEG": begin, "EXPEND": end, **counts}
+
+
+def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
+    """Yield the numbered cards of the effect ledger, ``kept | effect | reason | size``, and of the calibration maps.
+
+    The size is the predicted one, where there is one.
+
+    Raises
+    ------
+    InputError
+        If there are more of either than three digits count.
+    """
+    table = load_keywords()
+    texts = [f"{row.decision} | {row.effect} | {row.reason}" for row in sequence.ledger]
+    texts = [
+        text if row.size is None else f"{text} | {row.size:.3g}"
+        for row, text in zip(sequence.ledger, texts, strict=True)
+    ]
+    for what, key, rows in (("ledger", "EFF", texts), ("calibration_files", "CALF", sequence.calibration_files)):
+        if len(rows) > MAX_ROWS:
+            raise InputError(what, len(rows), allowed=f"at most {MAX_ROWS} rows")
+        for number, text in enumerate(rows, start=1):
+            yield f"{key}{number:03d}", checked_value(table, "OBJECT", text), ""
+
+
+def fits_section(section: Section) -> str:
+    """Return ``"[c1:c2,r1:r2]"``, one-based and inclusive as in FITS headers; ``""`` for a section of no pixels."""
+    rows, columns = section
+    if rows.stop <= rows.start or columns.stop <= columns.start:
+        return ""
+    return f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]"
+
+
+COUNTS = {"NSAT": "n_saturated_pixels", "NREGSAT": "n_register_saturated", "NCLIP": "n_clipped"}
+COUNTS |= {"NCR": "n_cosmic_rays", "NNEGRATE": "n_negative_rates"}
+_SHARED = (
+    *("TELESCOP", "INSTRUME", "CAMERA", "OBSID", "OBSTYPE", "OBJECT", "FILTER", "NFRAME", "TIMESYS"),
+    *("DATE-OBS", "DATE-END", "EXPTIME", "SWNAME", "SWVER", "FPRINT", "CONFHASH", "SCENHASH", "SEED"),
+)
+_WCS = (
+    *("WCSAXES", "CTYPE1", "CTYPE2", "CUNIT1", "CUNIT2", "CRPIX1", "CRPIX2", "CRVAL1", "CRVAL2", "CD1_1"),
+    *("CD1_2", "CD2_1", "CD2_2", "RADESYS", "EQUINOX"),
+)
+# Electrons are no unit of the FITS standard: there the names of the columns say it.
+_UNITS = {"begin_mjd": "d", "end_mjd": "d", "ra_deg": "deg", "dec_deg": "deg"}
+_UNITS |= {"x_arcsec": "arcsec", "y_arcsec": "arcsec", "x_pixel": "pix", "y_pixel": "pix"}
+
+
+@dataclass
+class TruthWriter:
+    """Writes the truth of one sequence while its frames go by.
+
+    Units: primary; ``EXPECTED_ADU`` and ``EXPECTED_E``, the mean frame after and before the camera (32-bit floats);
+    ``SOURCES``; ``EFFECTS``, the effect ledger where it has predicted sizes; ``MASK`` of every frame, numbered by
+    EXTVER, losslessly compressed, with the bits of the Level-1 data model (`simulator.camera.frame.MaskBit`);
+    ``FRAMES``, one row a frame: times, counts, electrons by step, and the DATASUM of the Level-0 image that the row
+    belongs to.
+    """
+
+    file: IO[bytes]
+    sequence: FrameSequence
+    times: SequenceTimes
+    _rows: list[dict[str, Any]] = field(default_factory=list)
+
+    def begin(self, name: ProductName, primary: Mapping[str, Value], shared: Mapping[str, Value]) -> None:
+        """Write what belongs to the whole sequence.
+
+        Parameters
+        ----------
+        name : ProductName
+        primary : mapping of str to Value
+            Keywords and values of the primary header.
+        shared : mapping of str to Value
+            Header values that all images of the file share.
+
+        Raises
+        ------
+        InputError
+            If an expected map has another shape than the frames, or is not finite.
+        """
+        table = load_keywords()
+        profile = table.profile("csst")
+        values = {key: primary[key] for key in _SHARED if key in primary}
+        values |= {"FILENAME": name.truth.name, "L0FILE": name.file.name}
+        append_primary(self.file, header_cards(values, table, profile))
+        wcs = {key: shared[key] for key in _WCS if key in shared}
+        for title, unit, attribute in (("EXPECTED_ADU", "adu", "expected"), ("EXPECTED_E", "electron", "expected_e")):
+            cards = header_cards({"BUNIT": unit} | wcs, table, profile)
+            append_image(self.file, self._map(attribute), cards, title, 1)
+        sources = self._sources()
+        if sources:
+            append_table(self.file, sources, _UNITS, "SOURCES")
+        if any(row.size is not None for row in self.sequence.ledger):
+            append_table(self.file, self._effects(), _UNITS, "EFFECTS")
+
+    def _effects(self) -> dict[str, Any]:
+        """Return the columns of the effect ledger; nan where no size was predicted."""
+        rows = self.sequence.ledger
+        words = {key: [escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
+        size = np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64)
+        return words | {"size": size, "reason": [escaped(row.reason) for row in rows]}
+
+    def _map(self, attribute: str) -> NDArray[np.float32]:
+        values = np.asarray(getattr(self.sequence, attribute))
+        if values.shape != tuple(self.sequence.shape) or not np.isfinite(values).all():
+            allowed = f"finite numbers of the shape of a frame, {tuple(self.sequence.shape)}"
+            raise InputError(attribute, f"array of shape {values.shape}", allowed=allowed)
+        return values.astype(np.float32)
+
+    def _sources(self) -> dict[str, Any]:
+        """Return the columns of the table of sources; no columns without sources."""
+        truth: Truth | None = getattr(self.sequence, "truth", None)
+        if truth is None or not truth.sources:
+            return {}
+        sources = truth.sources
+        columns: dict[str, Any] = {"name": [escaped(source.name) for source in sources]}
+        columns |= {key: [getattr(source, key) for source in sources] for key in ("kind", "x_arcsec", "y_arcsec")}
+        places = sky_places(self.sequence, columns["x_arcsec"], columns["y_arcsec"])
+        columns |= {} if places is None else {"ra_deg": places[0], "dec_deg": places[1]}
+        columns |= {key: np.array(getattr(truth, key), dtype=np.float64) for key in ("x_pixel", "y_pixel")}
+        rates = np.array([source.rate_e_s for source in sources])
+        flags = [escaped("; ".join(source.flags)) for source in sources]
+        return columns | {"rate_e_s": rates, "rate_to_first": rates / rates[0], "flags": flags}
+
+    def add(self, frame: Frame, datasum: str) -> None:
+        """Write the mask of the next frame and keep its row.
+
+        Parameters
+        ----------
+        frame : Frame
+        datasum : str
+            Checksum of the frame's image, as text.
+        """
+        number, times = len(self._rows), self.times
+        append_compressed(self.file, frame.mask, "MASK", number + 1)
+        begin, end = float(times.begin_mjd[number]), float(times.end_mjd[number])
+        counts = {key: int(getattr(frame, key)) for key in COUNTS.values()}
+        charges = {f"charge_{key}_e": float(value) for key, value in frame.charge.items()}
+        row = {"frame": number + 1, "begin_mjd": begin, "end_mjd": end, **counts, "datasum": int(datasum), **charges}
+        self._rows.append(row)
+
+    def end(self) -> None:
+        """Write the table of frames. A step of the charge that a frame does not name moved no electrons in it."""
+        names = list(dict.fromkeys(key for row in self._rows for key in row))
+        columns = {key: [row.get(key, 0.0) for row in self._rows] for key in names}
+        append_table(self.file, columns, _UNITS, "FRAMES")
+
 
 CONFIGURATION_FILE = "configuration.json"
 PARAMS_FILES = (CONFIGURATION_FILE, "keywords.yaml", "attitude.csv", "temperature.csv")

@@ -210,7 +210,7 @@ def _grid(path: str) -> AlbedoGrid:
 
 @functools.lru_cache(maxsize=64)
 def _file(path: str, _state: tuple[int, int]) -> Albedo:
-    from simulator.target.albedo_files import read_albedo
+    from simulator.target.albedo_grid import read_albedo
 
     return read_albedo(path)
 

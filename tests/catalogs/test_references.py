@@ -10,7 +10,7 @@ import pytest
 from catalogs import load_known_planets, open_catalogue
 from catalogs.table_files import TableBytes, votable_document
 from simulator.target import read_spectrum
-from simulator.target.albedo_files import read_albedo
+from simulator.target.albedo_grid import read_albedo
 
 FIELDS = "".join(f'<FIELD name="{name}" datatype="double"/>' for name in ("v_mag", "distance_pc"))
 TABLE = '{head}<VOTABLE version="1.3"><RESOURCE><TABLE>{fields}<DATA>{data}</DATA></TABLE></RESOURCE></VOTABLE>'

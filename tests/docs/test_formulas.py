@@ -174,7 +174,7 @@ def test_observation(case):
 
 
 def test_rate_of_the_planet():
-    from cpic_planner.etc.star_light import star_e_s
+    from cpic_planner.etc.rates import star_e_s
 
     _, model, star, rates = observed("two rolls")
     light = float(star_e_s(model, "F520", star, star.v_mag, star.teff_k)[0])

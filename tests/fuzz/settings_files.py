@@ -133,7 +133,7 @@ def _read(kind: str, path: Path) -> Any:
             return signal_to_noise("tau Cet", instrument=ours, bands=["F520"], time_s=36000, separation_arcsec=0.5)
         return ours
     if kind == "question":
-        from cpic_planner.api.etc import _answered
+        from cpic_planner.api.one_star import _answered
 
         question = EtcQuestion.of(EtcQuestion.load(path))
         same = question.instrument.model_copy(

@@ -111,7 +111,7 @@ def _read(kind: str, path: Path) -> Any:
     from cpic_planner import load_targets, signal_to_noise
     from cpic_planner.ranking.compare import load_ranking
     from cpic_planner.survey.observed import read_log, read_schedule
-    from simulator.target.albedo_files import read_albedo
+    from simulator.target.albedo_grid import read_albedo
     from simulator.target.spectrum_table import read_spectrum
 
     if kind == "stars":

@@ -9,7 +9,7 @@ import pytest
 
 from catalogs.known_planet_columns import COLUMNS, FLAGS, flags_of
 from catalogs.known_planets import load_known_planets
-from cpic_planner.planets.known_draws import draw_known, ephemeris, known_uniforms
+from cpic_planner.planets.published_orbits import draw_known, ephemeris, known_uniforms
 
 STAR, DISTANCE_PC, MJD = "tau Cet", 3.65, 61771.0
 ORBIT = {

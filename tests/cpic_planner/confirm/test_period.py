@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.confirm.period import with_telescope_time
+from cpic_planner.confirm.plan import with_telescope_time
 from cpic_planner.etc import build_model
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.ranking import rank_targets

@@ -69,8 +69,8 @@ def confirmed(scene, band, options):
 
 def calculated(star, band, separation, options, **planet):
     asked = {"target": star, "bands": [band], "companions": "off", "separation_arcsec": separation, **planet}
-    from cpic_planner.api.etc import closed_forms
     from cpic_planner.api.keywords import model_of, stars_named
+    from cpic_planner.api.one_star import closed_forms
 
     question = EtcQuestion.of(asked | options)
     (answer,) = closed_forms(question, model_of(question), stars_named(question)[0])

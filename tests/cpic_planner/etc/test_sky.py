@@ -7,7 +7,7 @@ import pytest
 from astropy.io import fits
 
 from cpic_planner.etc import build_model
-from cpic_planner.etc.star_light import aperture_sky_e_s
+from cpic_planner.etc.rates import aperture_sky_e_s
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import as_catalogue, find_target, targets_from_table
 from simulator import load_instrument, observe

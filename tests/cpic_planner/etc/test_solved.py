@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import build_model, contrast_limit, solved
+from cpic_planner.etc import build_model, contrast_limit, questions
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target, rank_sample
@@ -74,8 +74,8 @@ def test_limits_hold_their_own_level():
 
 def test_reasons_of_a_catalogue_are_worked_out_together(monkeypatch):
     """Once for a band, not star by star: the time grows with the number of stars, not with its square."""
-    calls, real = [], solved.best_in_visit
-    monkeypatch.setattr(solved, "best_in_visit", lambda *given: calls.append(1) or real(*given))
+    calls, real = [], questions.best_in_visit
+    monkeypatch.setattr(questions, "best_in_visit", lambda *given: calls.append(1) or real(*given))
     found = exposure_time(MODEL, STARS, snr=1e3, contrast=1e-12, separation_arcsec=0.6)
     assert {answer.reason for answer in found} == {"common_speckle_floor"}
     assert len(found) > 100

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc import build_model
-from cpic_planner.etc.star_light import aperture_sky_e_s, light_of, star_e_s
+from cpic_planner.etc.rates import aperture_sky_e_s, light_of, star_e_s
 from cpic_planner.targets import Targets, find_target
 from simulator.config import load_instrument
 

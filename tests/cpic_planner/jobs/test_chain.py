@@ -12,7 +12,7 @@ from astropy.io import fits
 from cpic_core import InputError
 from cpic_planner.jobs import check_tree
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.jobs.record import RECORD
+from cpic_planner.jobs.job import RECORD
 from cpic_planner.jobs.written_files import LIST_NAME
 from cpic_planner.results import Column
 from cpic_planner.survey.store import ResultStore, Table

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from cpic_core import PROMISES, InputError, fingerprint
 from cpic_core.provenance import WORDS
 from cpic_planner.jobs import Cost, Job, Runner, Task, check_tree, estimate, pace, run
-from cpic_planner.jobs.record import host, versions
+from cpic_planner.jobs.job import host, versions
 from cpic_planner.results import RunRecord
 
 N = 5

@@ -3,7 +3,7 @@
 import pytest
 
 from cpic_planner.jobs import pace
-from cpic_planner.jobs.record import piece_s
+from cpic_planner.jobs.job import piece_s
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def test_the_piece_is_work_of_a_moment():
 
 def test_the_quickest_try_counts_and_is_kept(anew, monkeypatch):
     tries = iter([0.48, 0.096, *[0.5] * 10])
-    monkeypatch.setattr("cpic_planner.jobs.record.piece_s", lambda: next(tries))
+    monkeypatch.setattr("cpic_planner.jobs.job.piece_s", lambda: next(tries))
     assert anew() == pytest.approx(2.0)
     anew.cache_clear()
     assert anew() == pytest.approx(2.0)  # from the cache: there is no further try

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.planets import OrbitingPlanets, astrometric_error_arcsec, orbit_quality
-from cpic_planner.planets.orbit_errors import STAR_MASS_ERROR, places_of, regular_elements
+from cpic_planner.planets.published_orbits import STAR_MASS_ERROR, places_of, regular_elements
 from simulator import single_band_psf
 from simulator.knobs import Knobs
 

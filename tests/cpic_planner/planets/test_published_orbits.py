@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from catalogs import load_known_planets
 from catalogs.orbits import eccentric_anomaly
 from cpic_planner.planets import OrbitingPlanets, PublishedOrbit, orbit_quality, published_orbit
-from cpic_planner.planets.orbit_errors import regular_elements
+from cpic_planner.planets.published_orbits import regular_elements
 
 EPOCH = 61_771.0
 COLUMNS = "P,P_err,tp,periastron_err,e,e_err,omega_star_deg,omega_err_deg,star_mass_msun,mass,mass_err"

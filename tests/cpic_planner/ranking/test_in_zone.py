@@ -18,9 +18,9 @@ from cpic_planner.etc import (
 )
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking import completeness as counting
-from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking import known_completeness as counting
 from cpic_planner.ranking.in_zone import N_RINGS, ZonePlanets, faintest_contrast, rectangles, ring_of
+from cpic_planner.ranking.known_completeness import completeness
 from cpic_planner.ranking.programmes import programme_of
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument

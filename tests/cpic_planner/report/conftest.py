@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.panels import Panels
+from cpic_planner.report.figures import HoleEdges, LimitCurve
+from cpic_planner.report.panel_figure import Panels
 from cpic_planner.results import (
     ConfirmResult,
     EtcResult,

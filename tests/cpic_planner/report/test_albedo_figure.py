@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from cpic_planner.report import write_figure
-from cpic_planner.report.albedo_figures import albedo_figure, albedo_picture
+from cpic_planner.report.confirm_sections import albedo_figure, albedo_picture
 from cpic_planner.validation import fit_albedo
-from cpic_planner.validation.albedo_model import albedo_model
+from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
 from simulator.target import stellar_spectrum

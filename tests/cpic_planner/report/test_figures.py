@@ -12,12 +12,17 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from cpic_planner.report import image_figures, new_figure, place_labels, style
-from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import band_style, literal, save
-from cpic_planner.report.figures import detections_figure, differences_figure, plan_figures, time_figure, yields_figure
+from cpic_planner.report.figures import (
+    contrast_diagram,
+    detections_figure,
+    differences_figure,
+    plan_figures,
+    time_figure,
+    yields_figure,
+)
 from cpic_planner.report.image_figures import snr_figure
-from cpic_planner.report.panel_figure import PanelSheet, panel_picture, shown_in_both_lights, tick_labels
-from cpic_planner.report.panels import Mark
+from cpic_planner.report.panel_figure import Mark, PanelSheet, panel_picture, shown_in_both_lights, tick_labels
 from cpic_planner.report.sky_figures import map_longitude, margin_figure, marker_area, sky_map
 
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.panel_figure import residual_limit, stack_scale
-from cpic_planner.report.panels import Panels, compass
+from cpic_planner.report.panel_figure import Panels, compass, residual_limit, stack_scale
 from simulator.imaging import HoleZone
 
 

@@ -9,9 +9,15 @@ import pytest
 
 from cpic_planner import contrast_curve, roc_curve
 from cpic_planner.report.drawing import new_figure, power_ticks
-from cpic_planner.report.searched_figures import curve_figure, curve_pictures, roc_figure, roc_pictures
-from cpic_planner.report.searched_sections import completeness_csv
-from cpic_planner.report.searched_words import curve_sentences, roc_sentences
+from cpic_planner.report.searched_sections import (
+    completeness_csv,
+    curve_figure,
+    curve_pictures,
+    curve_sentences,
+    roc_figure,
+    roc_pictures,
+    roc_sentences,
+)
 from cpic_planner.results import RecoveredRow
 
 

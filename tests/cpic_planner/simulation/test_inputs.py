@@ -6,8 +6,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.simulation import simulate, simulation_estimate, simulation_from
-from cpic_planner.simulation.inputs import disk_bytes, modelled, sequence_choice
-from cpic_planner.simulation.sequences import plan_sequences
+from cpic_planner.simulation.run import disk_bytes, modelled, plan_sequences, sequence_choice
 from simulator.config import SequenceConfig, load_scene, load_simulation, simulation_of
 from simulator.knobs import MAX_TOLERANCE
 

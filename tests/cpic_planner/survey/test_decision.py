@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.planets import read_law
-from cpic_planner.survey.decision import decide, law_weights, quantiles
+from cpic_planner.survey.doubt import decide, law_weights, quantiles
 
 # A textbook table: three plans under two values.
 MEANS = np.array([[10.0, 0.0], [7.0, 4.0], [4.0, 6.0]])

@@ -8,9 +8,8 @@ import pytest
 
 from cpic_planner.results import WhatIfResult
 from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt
-from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.doubt import doubted, played, record_of, weights_of
-from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.prepare import assumed_model, prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy_file import DoubtRule
 from cpic_planner.survey.universe import BLOCK

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, poisson
 
-from cpic_planner.survey.image_check import (
+from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.whatif import (
     REALISATIONS,
     _poisson_interval,
     image_sample,
     image_task,
     sampled_detections,
 )
-from cpic_planner.survey.simulate import simulate_survey
 from simulator import load_scene
 
 

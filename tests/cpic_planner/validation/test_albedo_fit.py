@@ -7,7 +7,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.validation import AlbedoFit, AlbedoModel, Contrast, FittedAlbedo, albedo_records, fit_albedo
-from cpic_planner.validation.albedo_model import albedo_model
+from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
 from simulator.target import stellar_spectrum

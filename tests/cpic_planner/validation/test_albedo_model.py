@@ -5,7 +5,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.validation import AlbedoModel, planet_albedo_model
-from cpic_planner.validation.albedo_model import albedo_model
+from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument, load_scene, planet_albedo, planet_contrast, spectrum_generator
 from simulator.passbands import Passbands
 from simulator.target import LitPlanet, parametric_family, stellar_spectrum

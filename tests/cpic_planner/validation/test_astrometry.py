@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from cpic_planner.validation import Astrometry, ReducedStack, band_average, fit_position, rdi_subtract
-from cpic_planner.validation.position_fit import PositionFitter
+from cpic_planner.validation.astrometry import PositionFitter
 from simulator import load_instrument, single_band_psf
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import Psf

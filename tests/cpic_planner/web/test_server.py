@@ -244,9 +244,9 @@ def test_hostile_questions_are_refused_in_one_line(ask, monkeypatch, tmp_path, a
 
 
 def test_a_fault_of_ours_says_nothing_of_itself(browser, monkeypatch, caplog):
-    from cpic_planner.web import server
+    from cpic_planner.web import serving
 
-    monkeypatch.setattr(server, "_answer", lambda *given: 1 / 0)
+    monkeypatch.setattr(serving, "_answer", lambda *given: 1 / 0)
     told = type(browser)(application()).get("/etc?target=tau+Cet&format=json")
     assert told.status == 500
     assert told.text.count("\n") == 1

@@ -258,10 +258,10 @@ def test_files_are_not_overwritten_unasked(refused, small, tmp_path) -> None:
 
 
 def test_nothing_is_left_of_a_failed_write(small, tmp_path, monkeypatch) -> None:
-    from simulator.camera import calibration_files
+    from simulator.camera import calibration_set
 
     (tmp_path / "flat.fits").write_text("mine")
-    real, calls = calibration_files.write_bytes, []
+    real, calls = calibration_set.write_bytes, []
 
     def full_disk(path, data):
         calls.append(path)
@@ -269,7 +269,7 @@ def test_nothing_is_left_of_a_failed_write(small, tmp_path, monkeypatch) -> None
             raise OSError("no space left")
         return real(path, data)
 
-    monkeypatch.setattr(calibration_files, "write_bytes", full_disk)
+    monkeypatch.setattr(calibration_set, "write_bytes", full_disk)
     with pytest.raises(OSError, match="no space"):
         write_calibration_set(load_calibration_set(small), tmp_path, overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["flat.fits"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator.config import Detector, load_instrument
-from simulator.products.truth import fits_section
+from simulator.products.write import fits_section
 
 
 def test_parts_of_the_default_frame(detector) -> None:

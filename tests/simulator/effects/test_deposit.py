@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.special import erf
 
-from simulator.effects.templates import Canvas
-from simulator.effects.tracks import Points, Tracks
+from simulator.effects.tracks import Canvas, Points, Tracks
 
 
 def one_track(along, sigma, across=None, weight=None):

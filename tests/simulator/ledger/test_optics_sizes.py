@@ -6,7 +6,7 @@ from scipy.ndimage import uniform_filter
 
 from simulator.imaging import aperture_sums, overlap_weights, psf_metrics, single_band_psf
 from simulator.knobs import Knobs
-from simulator.ledger.optics_sizes import Optics, gauss_remainder, precision_error_e_s
+from simulator.ledger.visit import Optics, gauss_remainder, precision_error_e_s
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7])

@@ -9,7 +9,7 @@ from simulator import observe
 from simulator.detectors import Blooming
 from simulator.imaging import psf_metrics
 from simulator.ledger import NOT_IN_SUMS, forecast
-from simulator.ledger.wings import _arrives
+from simulator.ledger.light import _arrives
 
 STILL = dict.fromkeys(NOT_IN_SUMS, False)
 

@@ -10,7 +10,7 @@ from astropy.table import Table
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from cpic_core import InputError
-from simulator.target.albedo_files import read_albedo
+from simulator.target.albedo_grid import read_albedo
 
 NM = np.array([400.0, 550.0, 660.0, 1000.0])
 ALBEDO = np.array([0.5, 0.45, 0.3, 0.05])

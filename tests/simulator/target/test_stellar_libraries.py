@@ -16,7 +16,7 @@ from catalogs import Band, load_pickles, load_reference_spectrum
 from cpic_core import InputError
 from simulator.band_integrals import band_integral
 from simulator.target import stellar_spectrum
-from simulator.target.stellar_libraries import find_tree, library_photlam, tree_photlam
+from simulator.target.star_spectrum import find_tree, library_photlam, tree_photlam
 
 
 def _row(position: float, rank: float) -> int:
