@@ -4,7 +4,7 @@ from cpic_core.cache import (
     clear_cache as clear_cache,
     compute_once as compute_once,
 )
-from cpic_core.discs import overlap_weights as overlap_weights
+from cpic_core.discs import disc_overlap as disc_overlap, overlap_weights as overlap_weights
 from cpic_core.errors import (
     InputError as InputError,
     listed as listed,

@@ -15,6 +15,7 @@ from cpic_core import (
     Reason,
     check_number,
     checked_array,
+    disc_overlap,
     load_quietly,
 )
 from simulator.imaging import Zone
@@ -204,21 +205,9 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     last = np.minimum(np.ceil(centre + radius + 0.5).astype(int), shape)
     # Edges of the pixels around the circle, from its centre.
     y, x = (np.arange(low, high + 1) - 0.5 - middle for low, high, middle in zip(first, last, centre, strict=True))
-    above, below = (_caps(x, np.maximum(side, 0.0), radius) for side in (y, -y))
-    covered = np.clip(above[:-1] - above[1:] + below[1:] - below[:-1], 0.0, 1.0)
-    near_y, near_x = (np.maximum(0.0, np.maximum(part[:-1], -part[1:])) for part in (y, x))
-    nearest = np.hypot(near_y[:, None], near_x)
     weights = np.zeros(shape)
-    weights[first[0] : last[0], first[1] : last[1]] = np.where(nearest < radius, covered, 0.0)
+    weights[first[0] : last[0], first[1] : last[1]] = disc_overlap(y, x, radius)
     return weights
-
-
-def _caps(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
-    """Return the areas of a disc around the origin beyond heights of at least 0, between successive x; (y, x)."""
-    half = np.sqrt(np.maximum(radius**2 - y**2, 0.0))[:, None]
-    to = np.clip(x, -half, half)
-    primitive = 0.5 * (to * np.sqrt(np.maximum(radius**2 - to**2, 0.0)) + radius**2 * np.arcsin(to / radius))
-    return np.diff(primitive - y[:, None] * to, axis=1)
 
 
 def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:

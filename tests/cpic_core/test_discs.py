@@ -13,5 +13,5 @@ def test_overlap_is_that_of_photutils(radius, y, x):
     weights = overlap_weights(radius, y, x)
     half = len(weights) // 2
     exact = CircularAperture((half + x, half + y), radius).to_mask(method="exact").to_image(weights.shape)
-    np.testing.assert_allclose(weights, exact, atol=2e-3)
-    assert weights.sum() == pytest.approx(np.pi * radius**2, rel=5e-4)
+    np.testing.assert_allclose(weights, exact, atol=1e-12)
+    assert weights.sum() == pytest.approx(np.pi * radius**2, rel=1e-12)
