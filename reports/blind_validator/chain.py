@@ -76,7 +76,8 @@ def chain_rows(workers: int) -> list[dict[str, Any]]:
     cases = [(star, band) for star in FIVE_STARS for band in nominal().bands]
     blocks = [(star, band, first, BLOCK) for star, band in cases for first in range(0, SEEDS, BLOCK)]
     sums = in_blocks(sums_block, blocks, workers)
-    runs = [(star, band, number) for star, band in FULL_CASES for number in range(FULL_RUNS)]
+    # Other numbers for each star: one seed moves the wavefront alike in both.
+    runs = [(*case, FULL_RUNS * k + number) for k, case in enumerate(FULL_CASES) for number in range(FULL_RUNS)]
     frames = in_blocks(frames_block, runs, workers)
     found = []
     for rows, full in ((sums, False), (frames, True)):

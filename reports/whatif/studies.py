@@ -12,9 +12,9 @@ from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey import StrategiesConfig, load_strategies, varied
-from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.estimates import difference_interval
+from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
@@ -89,7 +89,7 @@ def one_star(name: str, *, visits: int = 1, **strategy: Any) -> Survey:
         "revisits": {"max_visits": visits, "roll": "north"},
         "stop": {"after_detection": False},
     } | strategy
-    config = changed(load_strategies({"strategies": [tree]}), known_planets="off")
+    config = changed(load_strategies({"strategies": [tree]}), known_planets="off", facts=False)
     return prepare(config).surveys[0]
 
 
@@ -117,6 +117,7 @@ def one_visit() -> list[dict[str, Any]]:
             population=population.name,
             kind=bodies.kind,
             radius_rjup=bodies.radius_rjup,
+            mass_mjup=bodies.mass_mjup,
             semi_major_axis_au=bodies.semi_major_axis_au,
             eccentricity=bodies.eccentricity,
             inclination_deg=bodies.inclination_deg,
