@@ -28,7 +28,7 @@ from simulator.observing import Observation, hole_stacks
 from tools.report_parts import csv_text, png, table
 
 HERE = Path(__file__).resolve().parent
-SCENES, EFFECT_SCENES, SUM_SCENES = 520, 40, 60
+SCENES, EFFECT_SCENES, SUM_SCENES = 480, 25, 40
 ASKED_RATE = 0.01
 FRAMES_TIMED = 2
 # Not to be left out alone: the dark current takes its structure and hot pixels along, and some no image has.
