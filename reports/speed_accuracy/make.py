@@ -82,15 +82,15 @@ is written by it, and [results.csv](results.csv) holds every row.
 
 {table}
 
-"Met" allows two standard errors of the measurement. Tolerances, single knobs and effects are left out here;
-`cpic tradeoff` has them.
+"Met" allows two standard errors of the measurement. Tolerances, single knobs and effects, and programmes with modes are
+left out here; `cpic tradeoff` has them.
 {light.section()}"""
 
 
 def main() -> None:
     """Measure, check, write."""
     light.measure()
-    every = ((case, points_of(case, main_only=True)) for case in SCENES.values())
+    every = ((case, points_of(case, main_only=True)) for case in SCENES.values() if not case.how.n_modes)
     work = [(case, tuple(point for point in points if point.group != "tolerance")) for case, points in every]
     shutil.rmtree(SCRATCH, ignore_errors=True)
     write(run(tradeoff_job(work), SCRATCH).result)
