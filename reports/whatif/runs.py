@@ -86,11 +86,13 @@ def kills(seed: int = 3) -> dict[str, Any]:
         with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=3.0) as done:
             status = process.wait()
         process = start(resumed)
-        while len(list(resumed.glob("parts/*.blob"))) < 100 and process.poll() is None:
+        half = json.loads((quiet / "run.json").read_text())["computed_parts"] // 2
+        while len(list(resumed.glob("parts/*"))) < half and process.poll() is None:
             time.sleep(0.1)
-        os.killpg(process.pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):  # it has ended: nothing will be left to make
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        left = len(list(resumed.glob("parts/*.blob")))
+        left = len(list(resumed.glob("parts/*")))
         again = start(resumed).wait()
         story = json.loads((resumed / "run.json").read_text())
         return {
