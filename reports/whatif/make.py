@@ -76,7 +76,7 @@ def checks(found: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
     circle = max(abs(row["survey"] - row["closed_form"]) for row in found["geometry"])
     same = sum(abs(row["detected_by_ranking"] / row["detected_in_survey"] - 1.0) < 1e-4 for row in found["one_visit"])
     kills = found["kills"]
-    identical = kills["quiet"] == kills["disturbed"] == kills["resumed"] and len(kills["quiet"]) == 3
+    identical = kills["quiet"] == kills["disturbed"] == kills["resumed"] and len(kills["quiet"]) > 0
     return [
         (
             f"processor time of `cpic whatif survey_default`, full catalogue, {run['universes']} universes, images",

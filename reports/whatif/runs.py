@@ -83,7 +83,7 @@ def kills(seed: int = 3) -> dict[str, Any]:
         start(quiet).wait()
         wall = time.perf_counter() - began
         process = start(disturbed)
-        with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=3.0) as done:
+        with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=5.0) as done:
             status = process.wait()
         process = start(resumed)
         half = json.loads((quiet / "run.json").read_text())["computed_parts"] // 2
