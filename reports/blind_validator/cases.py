@@ -9,7 +9,7 @@ from typing import Any
 
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs.engine import run_tasks
-from cpic_planner.queries import ReferencePlanet, SimulatorOverrides
+from cpic_planner.queries import ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import ConfirmTask, VisitPair, prepare_task, visit_pair
 from simulator.config import load_instrument
@@ -19,9 +19,9 @@ FIVE_STARS = ("alf CMi", "alf Cen A", "alf Cen B", "eps Eri", "tau Cet")
 
 
 @functools.cache
-def nominal() -> EtcModel:
-    """The shipped instrument."""
-    return build_model(load_instrument())
+def nominal(visits: int | None = None) -> EtcModel:
+    """The shipped instrument, which observes in so many visits, or in as many as are best."""
+    return build_model(load_instrument(), None, Strategy(visits=visits))
 
 
 def task_for(
@@ -29,6 +29,7 @@ def task_for(
     band: str,
     *,
     seed: int,
+    visits: int | None = None,
     realisations: int = 1,
     audit: bool = False,
     companions: str = "on",
@@ -37,7 +38,7 @@ def task_for(
     """The reference planet of a star where a band sees it best."""
     target, _ = find_target(star, companions="on" if companions == "on" else "off")
     task = prepare_task(
-        nominal(),
+        nominal(visits),
         target,
         band,
         time_s=TIME_S,
@@ -60,8 +61,8 @@ def without_planets(task: ConfirmTask) -> ConfirmTask:
 
 @functools.lru_cache(maxsize=2)
 def star_alone(star: str, band: str, seed: int) -> VisitPair:
-    """Visits without planets, kept for the blocks of one worker."""
-    return visit_pair(without_planets(task_for(star, band, seed=seed)))
+    """One visit and its reference without planets, kept for the blocks of one worker."""
+    return visit_pair(without_planets(task_for(star, band, seed=seed, visits=1)))
 
 
 def in_blocks(work: Callable[..., list[Any]], arguments: Sequence[tuple[Any, ...]], workers: int) -> list[Any]:

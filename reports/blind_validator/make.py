@@ -329,6 +329,10 @@ Regenerate with `python -m tools.reports blind_validator`; everything below is w
 
 {verdict_table(pull_rows, null_rows, found["chain"], mean, found["altered"])}
 
+The first three parts look at one visit with its reference, where speckles are most of the noise: stacks of visits have
+reports of their own, `detection_law` and `programmes`. Nothing altered, and altered, are the programmes of visits that
+plans have.
+
 ## Injected planets: flux, error, position
 
 Planets at random places of the hole, {PLACES} a band with {PER_PLACE} draws of drift and noise each, as bright as SNR

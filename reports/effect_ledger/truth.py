@@ -27,6 +27,7 @@ from simulator.imaging import centred_axis, off_axis_light
 from simulator.imaging.drift import screen_model
 from simulator.knobs import Knobs
 from simulator.observing import Observation
+from simulator.observing.scene_light import visit_stamps
 from simulator.observing.sequence import Light
 
 __all__ = ["Difference", "alone", "measure", "pair_of", "true_difference"]
@@ -228,12 +229,11 @@ def circle(shape: tuple[int, ...], y: float, x: float, radius: float) -> FloatAr
 def _pixel(whole: Observation, short: Observation) -> float:
     """Largest change of mean or standard deviation of a pixel of any frame, over its standard deviation."""
     per_adu = whole.instrument.detector.gain_e_adu / whole.em_gain
-    knobs, epochs = short.psf.knobs, short.light.epochs
+    epochs = short.light.epochs
     same = dataclasses.replace(short, light=_paired_light(whole, short))
     spread = np.sqrt(_variance(whole, particles=True))
     worst = float((np.abs(np.sqrt(_variance(same, particles=True)) - spread) / spread).max())
     fewer = max(whole.light.epochs // max(epochs, 1), 1)
-    del knobs
     for epoch in range(whole.light.epochs):
         stands = min((epoch // fewer) * fewer + fewer // 2, whole.light.epochs - 1)
         ours = _adu(whole, whole.light.map(epoch))
@@ -246,19 +246,13 @@ def _paired_light(whole: Observation, short: Observation) -> Light:
     """Light of the shortcut with the screens of the other: as many epochs, its own optics."""
     if short.light.epochs == whole.light.epochs or whole.light.star is None or short.light.star is None:
         return short.light
-    drift = whole.instrument.drift
-    if drift.walk_nm_per_sqrt_hour == 0.0:
-        stamps = np.broadcast_to(short.light.star.rate_e_s[:1], whole.light.star.rate_e_s.shape)
-    else:
-        from simulator.imaging import visit_frames
-
-        path, epochs = short.path, whole.light.epochs
-        stamps = short.truth.sources[0].rate_e_s * visit_frames(
-            short.psf,
-            drift,
-            epochs,
-            (short.exposure_s + short.readout_s) * short.n_frames / epochs,
-            stream(short.seed, *path, "visit"),
-            stream(short.seed, *path, "walk"),
-        )
-    return dataclasses.replace(short.light, star=dataclasses.replace(short.light.star, rate_e_s=stamps))
+    stamps = visit_stamps(
+        short.psf.imager,
+        whole.instrument.drift,
+        whole.light.epochs,
+        (short.exposure_s + short.readout_s) * short.n_frames,
+        short.seed,
+        short.visit,
+    )
+    rate_e_s = short.truth.sources[0].rate_e_s * stamps
+    return dataclasses.replace(short.light, star=dataclasses.replace(short.light.star, rate_e_s=rate_e_s))

@@ -11,6 +11,7 @@ from floors import Residual, residuals, scatter
 from numpy.typing import NDArray
 
 from cpic_planner.etc import EtcModel, build_model, contrast_limit, diagonal
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator.config import Drift, load_instrument
 from simulator.signal import speckle_law
@@ -90,7 +91,8 @@ class FloorRow:
 
 
 def _model(offset_nm: float) -> EtcModel:
-    return build_model(load_instrument({"drift": {"visit_nm": offset_nm, "walk_nm_per_sqrt_hour": 0.0}}), LIMIT_BAND)
+    drift = {"visit_nm": offset_nm, "walk_nm_per_sqrt_hour": 0.0}
+    return build_model(load_instrument({"drift": drift}), LIMIT_BAND, Strategy(visits=1))
 
 
 @functools.cache

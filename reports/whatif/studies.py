@@ -8,15 +8,17 @@ from typing import Any
 import brute_force
 import numpy as np
 
+from cpic_planner.etc import default_law
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.known_completeness import completeness
-from cpic_planner.survey import StrategiesConfig, load_strategies, varied
-from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey import StrategiesConfig, load_strategies
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.estimates import difference_interval
+from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
+from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
 
 WORKERS = 1
@@ -80,7 +82,7 @@ def _quantity(block: dict[str, Any], name: str) -> list[float]:
 
 
 def one_star(name: str, *, visits: int = 1, **strategy: Any) -> Survey:
-    """A survey of one star without known planets, in which a visit detects what its significance says."""
+    """A survey of one star, no planets known or excluded, in which a visit detects what its significance says."""
     tree = {
         "name": name,
         "targets": {"names": [name]},
@@ -89,15 +91,15 @@ def one_star(name: str, *, visits: int = 1, **strategy: Any) -> Survey:
         "revisits": {"max_visits": visits, "roll": "north"},
         "stop": {"after_detection": False},
     } | strategy
-    config = changed(load_strategies({"strategies": [tree]}), known_planets="off")
+    config = changed(load_strategies({"strategies": [tree]}), known_planets="off", exclusions=())
     return prepare(config).surveys[0]
 
 
 def one_visit() -> list[dict[str, Any]]:
-    """Yield of one visit of one star against the completeness of the ranking, for the same planets."""
+    """Detections to be expected of one visit of one star, by the survey and by the ranking, of the same planets."""
     rows = []
     for name in STARS:
-        survey, n = one_star(name), 20_000
+        survey = one_star(name)
         visit = survey.schedule.visits[0]
         option = survey.options[0][visit.option]
         population = survey.strategy.population
@@ -108,7 +110,7 @@ def one_visit() -> list[dict[str, Any]]:
             float(survey.targets.luminosity_lsun[0]),
             population,
             epoch_mjd=survey.calendar.start_mjd,
-            n=n,
+            n=20_000,
             seed=1,
             block=0,
         )
@@ -117,6 +119,7 @@ def one_visit() -> list[dict[str, Any]]:
             population=population.name,
             kind=bodies.kind,
             radius_rjup=bodies.radius_rjup,
+            mass_mjup=bodies.mass_mjup,
             semi_major_axis_au=bodies.semi_major_axis_au,
             eccentricity=bodies.eccentricity,
             inclination_deg=bodies.inclination_deg,
@@ -141,14 +144,17 @@ def one_visit() -> list[dict[str, Any]]:
             n_frames=option.n_frames,
             em_gain=option.em_gain,
         )
-        played = simulate_survey(survey, block=0, n=n, seed=1)
+        seen = expected_signals(
+            survey.model, survey.targets, option, bodies, albedos_of(population), places, np.zeros(1)
+        )
+        rule = DetectionRule(**default_law().model_dump())
+        chance = detection_chance(seen, rule, bodies.known != NEW, calibration=rule.calibration)
         rows.append(
             {
                 "star": name,
                 "planets": len(bodies),
-                "completeness": float(found.completeness[0]),
-                "detected_by_ranking": round(float(found.completeness[0]) * len(bodies)),
-                "detected_in_survey": int(played.universes["new_planets"].sum()),
+                "detected_by_ranking": float(found.completeness[0]) * len(bodies),
+                "detected_in_survey": float(chance.sum()),
             }
         )
     return rows
@@ -231,28 +237,4 @@ def geometry(separations_arcsec: Sequence[float] = (0.30, 0.40, 0.50, 0.65, 0.80
                 "whole_zone": brute_force.azimuth_share(rho, zone.inner_arcsec, zone.outer_arcsec),
             }
         )
-    return rows
-
-
-def schedules() -> list[dict[str, Any]]:
-    """Greedy schedules and those of whole plans of stars against the bound."""
-    config = load_strategies()
-    rows = []
-    for label, sweep in (
-        ("greedy", "scheduler.method=greedy"),
-        ("plans of stars", "scheduler.method=auto"),
-    ):
-        surveys = prepare(varied(config, [sweep])).surveys
-        for survey in surveys:
-            schedule = survey.schedule
-            rows.append(
-                {
-                    "strategy": survey.strategy.name.split(" ")[0],
-                    "method": label,
-                    "chosen": schedule.method,
-                    "value": schedule.value,
-                    "bound": schedule.bound,
-                    "distance": schedule.distance,
-                }
-            )
     return rows

@@ -103,32 +103,6 @@ def visits_rows(band: str) -> list[Row]:
     return rows
 
 
-def share_rows(band: str) -> list[Row]:
-    """Share of the light of the errors in the variance of the pixels, which needs no static field, by instrument."""
-    rows = []
-    for place in PLACES[band]:
-        row: Row = {"band": band, "arcsec": place}
-        for name, other in ({"its own": None} | OTHERS).items():
-            row[f"likeness, {name}"] = likeness(band, place, load_instrument(other))
-            linear, square = (
-                float(np.trace(speckle_covariance(load_instrument(other), band, place, *factors)))
-                for factors in ((OFFSET_NM**2, 0.0), (0.0, OFFSET_NM**4))
-            )
-            row[name] = square / (linear + square)
-        rows.append(row)
-        print(row, flush=True)
-    return rows
-
-
-def likeness(band: str, place_arcsec: float, other: Instrument) -> float:
-    """Correlation of the star's image around a place with that of another instrument."""
-    images = []
-    for instrument in (load_instrument(), other):
-        psf = single_band_psf(band, instrument=instrument)
-        images.append(psf.on_axis[psf.geometry.annulus(place_arcsec, REGION_LAMBDA_D)])
-    return float(np.corrcoef(images)[0, 1])
-
-
 def image_row(band: str, place_arcsec: float, noise: float, planets: int) -> Row:
     """Images of one visit with its references: planets on the diagonals, flux and errors of both filters."""
     visits = star_visits(band, place_arcsec, noise)
@@ -277,18 +251,6 @@ def text_of(results: dict[str, Any]) -> str:
         lines.append(f"| {row['band']} | {row['arcsec']} | {row['noise']} | {cells} |")
     lines += [
         "",
-        "The light of the errors, `|dE|^2`, is the same whatever the static field is; the rest of the covariance, "
-        "`2 Re(E0* dE)`, lives on it. Share of the light in the variance of the pixels, and in brackets the "
-        "correlation of the star's image there with that of the default instrument:",
-        "",
-        "| band | arcsec | its own | " + " | ".join(OTHERS) + " |",
-        "|---" * (3 + len(OTHERS)) + "|",
-    ]
-    for row in results.get("shares", []):
-        cells = " | ".join(f"{row[name]:.2f} ({row[f'likeness, {name}']:.2f})" for name in ("its own", *OTHERS))
-        lines.append(f"| {row['band']} | {row['arcsec']} | {cells} |")
-    lines += [
-        "",
         "## On images",
         "",
         f"One visit of {VISIT_S / 60:.0f} min and as long a reference, drift and walk as in `cpic_default`, drawn "
@@ -320,7 +282,6 @@ def main() -> None:
     """Work everything out and write the report."""
     results = {
         "visits": [row for band in PLACES for row in visits_rows(band)],
-        "shares": [row for band in PLACES for row in share_rows(band)],
         "images": [image_row(*case) for case in IMAGES],
     }
     write_text(HERE / "report.md", text_of(results))

@@ -170,7 +170,7 @@ def test_planet_light_is_that_of_images(band):
 
 
 def test_planets_of_the_blind_validator_lie_within_it():
-    """SNR of images of one visit over that of the ETC, 400 realisations each, against the error stated beforehand."""
+    """SNR of images of one visit over that of the ETC, 200 realisations each, against the error stated beforehand."""
     model = build_model(load_instrument(), None, Strategy(visits=1))
     kept = json.loads((REPORTS / "blind_validator" / "results.json").read_text(encoding="utf-8"))
     rows = [row for row in kept["chain"]["rows"] if row["chain"] == "sums of frames"]
