@@ -49,5 +49,5 @@ def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float
     ndarray, shape (m, m), m odd
     """
     half = int(np.ceil(radius_pixels + 0.5))
-    edges = np.arange(-half, half + 2) - 0.5
+    edges = np.arange(-half, half + 2, dtype=np.float64) - 0.5
     return disc_overlap(edges - offset_y, edges - offset_x, radius_pixels)

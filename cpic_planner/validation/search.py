@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, Outcome, Reason, Status
 from cpic_planner.validation.apertures import check_positive, described
 
 MIN_ELEMENTS = 3.0
@@ -192,7 +192,7 @@ class NoiseTerms:
         known = [PRIOR_WHITE, PRIOR_DRIFT]
         return np.array(known if self.shared is None else [*known, PRIOR_COMMON])
 
-    def at(self, places: BoolArray | int | slice) -> "NoiseTerms":
+    def at(self, places: BoolArray | NDArray[np.intp] | int | slice) -> "NoiseTerms":
         """Return the terms of some of the positions."""
         return NoiseTerms(*(part[places] for part in self._arrays()))
 
