@@ -94,7 +94,7 @@ def known(
         seed=question.seed,
         candidates=question.candidates,
     )
-    only = None
+    planet = None
     if star is None:
         targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max, date_utc=choice.date_utc)
     else:
@@ -102,6 +102,7 @@ def known(
             targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
         except InputError as error:
             only = planet_named(choice, star, error)
+            planet = only.name
             targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
         options.note(*filter(None, [remark]))
         name = str(targets.name[0])
@@ -112,10 +113,7 @@ def known(
             raise InputError("--plot" if scene is None else "--scene", star, hint=hint, allowed=allowed)
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     told: dict[str, Any] = {"years": span, "bands": question.bands, "catalogue": table.provenance}
-    result = known_answer(model, targets, choice, notes=table.notes, **told)
-    if only is not None:
-        mine = [row for row in result.planets if row.planet == only.name]
-        result = result.model_copy(update={"planets": mine})
+    result = known_answer(model, targets, choice, planet=planet, notes=table.notes, **told)
     if plot is not None:
         options.write_plot(plot, report.known_figure(result))
     if scene is not None:

@@ -110,6 +110,7 @@ def known_answer(
     years: float | None = None,
     catalogue: str | None = None,
     bands: Sequence[str] | None = None,
+    planet: str | None = None,
     notes: Sequence[str] = (),
 ) -> results.KnownResult:
     """Return the known planets of some stars, in order of stars and table; those that are not counted as well.
@@ -127,6 +128,8 @@ def known_answer(
         Which table the stars are from; the snapshot by default.
     bands : sequence of str, optional
         All of the model by default.
+    planet : str, optional
+        Name of the one planet that is asked for; all by default.
     notes : sequence of str
         Remarks on the reading of the table of stars; those on the planets are added.
 
@@ -145,7 +148,8 @@ def known_answer(
     stars = targets.select([i for i, mine in enumerate(listed) if mine])
     if not len(stars):
         raise InputError("known_planets", choice.table.provenance, allowed="planets of stars of the sample")
-    rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
+    called = choice.table.text("planet")
+    asked = [(i, row) for i, mine in enumerate(listed) for row in mine if planet in (None, called[row])]
     zones = {band: model.metrics[band].zone for band in names}
     decides = {
         "kind": "known",
@@ -170,7 +174,7 @@ def known_answer(
             results.KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
             for band, zone in zones.items()
         ],
-        planets=rows,
+        planets=[_row(model, targets.select([i]), choice, row, names, span) for i, row in asked],
     )
 
 

@@ -47,7 +47,8 @@ def test_positions_are_those_of_astropys_space_motion() -> None:
     assert float(found.separation(SkyCoord(then.ra, then.dec)).to_value(u.arcsec).max()) > 100.0
 
 
-PAIRS = [pair for pair in binary_orbits() if pair.resolved and pair.companion in load_stars().column("name").tolist()]
+NAMES = frozenset(load_stars().column("name").tolist())
+PAIRS = [pair for pair in binary_orbits() if pair.resolved and pair.companion in NAMES]
 
 
 @pytest.mark.parametrize("date_yr", [1995.0, 2014.25, 2028.5, 2041.0])

@@ -400,7 +400,7 @@ def test_a_column_of_a_list(given, dtype, read):
 
 def workbook(*parts):
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, content in parts:
             archive.writestr(name, content)
     return file.getvalue()

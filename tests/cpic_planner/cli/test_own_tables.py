@@ -28,6 +28,7 @@ REASONS = {
     ("no V", "Vmag", "missing", "row left out"),
     ("mine", "Name", "mine", "row left out"),
 }
+SMALL = {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}
 QUICK = ("--band", "F520", "--planets", "50")
 
 
@@ -280,7 +281,10 @@ def test_a_table_that_was_cut_off_says_so_in_every_result(done, tmp_path, comman
 
 
 def test_a_simulation_keeps_the_remarks(done, tmp_path, stars):
-    out, _ = done("simulate", stars, "--band", "F520", "--out", tmp_path / "out", "--fidelity", "quick", "--json")
+    small = [f"detector.{key}={value}" for key, value in SMALL.items()]
+    small = [word for change in small for word in ("--set", change)]
+    asked = ["simulate", stars, "--band", "F520", "--frames", "1", *small, "--fidelity", "quick"]
+    out, _ = done(*asked, "--out", tmp_path / "out", "--json")
     assert any("3 rows left out" in note for note in json.loads(out)["notes"])
     assert json.loads(out)["notes"] == json.loads((tmp_path / "out" / "simulation.json").read_text())["notes"]
 

@@ -269,13 +269,22 @@ def test_a_planet_at_the_inner_corner_is_measured():
 def test_planets_that_images_cannot_show_are_told_without_images():
     """One planet of two: the other is measured. Images of another telescope may show less than the nominal one's."""
     bodies = [planet("b", 0.30, 315), planet("c", 0.6, 135)]
-    hidden = {"entries": [{"key": "coronagraph.inner_arcsec.F520", "action": "set", "value": 0.31}]}
+    # The telescope of cpic_2q, whose hole is shipped, and lies on one side of the star.
+    one_sided = load_instrument("cpic_2q")
+    changed = {"apodizer": one_sided.coronagraph.apodizer}
+    changed |= {"mask_half_width_arcsec": one_sided.coronagraph.mask_half_width_arcsec}
+    changed |= {"inner_arcsec.F520": one_sided.coronagraph.inner_arcsec["F520"]}
+    entries = [{"key": f"coronagraph.{key}", "action": "set", "value": value} for key, value in changed.items()]
+    entries.append({"key": "dark_hole.mode", "action": "set", "value": one_sided.dark_hole.mode})
+    hidden = {"entries": entries}
     work = _work(config({"name": "two", "cstar": STAR, "planets": bodies}, simulator_overrides=hidden))
-    assert [task.planets for task in work.tasks] == [["c"]]
+    assert [task.planets for task in work.tasks] == [["b"]]
     assert [len(task.predictions) for task in work.tasks] == [1]
     assert [(one.planet, one.status, one.reason) for one in work.refused] == [
-        ("b", "outside_field", "inside_inner_edge")
+        ("c", "outside_field", "outside_outer_edge")
     ]
+    nominal = _work(config({"name": "two", "cstar": STAR, "planets": bodies}))
+    assert ([task.planets for task in nominal.tasks], nominal.refused) == ([["b", "c"]], [])
 
 
 def test_the_hash_is_that_of_what_decides():

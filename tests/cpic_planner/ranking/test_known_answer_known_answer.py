@@ -114,6 +114,22 @@ def test_refuted_planets_are_listed_with_their_reference_and_no_windows(refused,
     refused("known_planets", known_answer, model, find_target("Procyon")[0], choice(n=50))
 
 
+def test_a_planet_that_is_asked_for_is_drawn_alone_and_as_among_all(model, monkeypatch):
+    """Its answer is made without the draws of the others of its star, which take as long again for each."""
+    asked = model, find_target("tau Cet")[0], choice(n=50)
+    every = known_answer(*asked, years=2.0, bands=["F520"])
+    drawn = []
+
+    def told(table, row, *args, **named):
+        drawn.append(row)
+        return ephemeris(table, row, *args, **named)
+
+    monkeypatch.setattr("cpic_planner.ranking.known_answer.ephemeris", told)
+    one = known_answer(*asked, years=2.0, bands=["F520"], planet="tau Cet g")
+    assert one == every.model_copy(update={"planets": [row for row in every.planets if row.planet == "tau Cet g"]})
+    assert len(one.planets) == len(drawn) == 1
+
+
 def test_answers_of_all_stars_have_no_tracks(model):
     stars = rank_sample(v_mag_max=5.0)
     result = known_answer(model, stars, choice(n=50), bands=["F520"])

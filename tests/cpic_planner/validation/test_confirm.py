@@ -117,11 +117,17 @@ def test_frames_stand_for_themselves_where_sums_cannot():
     assert found.saturated_in_hole > 0
 
 
+# The first of them where the images of the tests above have made what they share.
 @pytest.mark.parametrize(
-    ("entry", "least"), [("throughput=x0.5", 1.2), pytest.param("visit_drift=x5", 1.5, marks=pytest.mark.long)]
+    ("case", "entry", "least"),
+    [
+        ("speckles", "throughput=x0.5", 1.2),
+        pytest.param("companion", "throughput=x0.5", 1.2, marks=pytest.mark.long),
+        pytest.param("companion", "visit_drift=x5", 1.5, marks=pytest.mark.long),
+    ],
 )
-def test_an_altered_simulator_is_noticed(entry, least):
-    task = task_of("companion", realisations=6, overrides=SimulatorOverrides.of(entry))
+def test_an_altered_simulator_is_noticed(case, entry, least):
+    task = task_of(case, realisations=6, overrides=SimulatorOverrides.of(entry))
     _, (found,) = run(task)
     assert found.etc_ratio > least
     assert "ETC optimistic by" in found.verdict

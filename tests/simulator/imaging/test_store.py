@@ -30,8 +30,9 @@ INSTRUMENT = load_instrument()
 EVERY = [
     (preset, band)
     for preset in preset_names("instrument")
-    for band in load_instrument(preset).bands
-    if load_instrument(preset).coronagraph.table is None
+    for instrument in [load_instrument(preset)]
+    if instrument.coronagraph.table is None
+    for band in instrument.bands
 ]
 
 

@@ -95,8 +95,8 @@ def test_a_visit_has_the_same_offset_as_its_frames():
 
 def test_a_walk_is_sampled_evenly_and_grows():
     walk = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.02, "orbital_nm": 0.0}}
-    stacks = hole_stacks(sequence(walk, n_frames=360, fidelity="standard"))
-    nominal = hole_stacks(sequence(STILL, n_frames=360, fidelity="standard")).mean_rates()[0]
+    stacks = hole_stacks(sequence(walk, n_frames=360))
+    nominal = hole_stacks(sequence(STILL, n_frames=360)).mean_rates()[0]
     hole = stacks.region
     change = np.array([(stacks.mean_rates(number) - nominal)[:, hole].std(axis=1) for number in range(30)])
     mean_square = (change**2).mean(axis=0)
