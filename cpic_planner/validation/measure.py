@@ -259,5 +259,5 @@ def forced_photometry(
         em_gain=stack.em_gain,
         stages=stack.stages,
         kernel=kernel,
-        left=left if stack.rdi.modes_used else None,
+        left=left,
     )

@@ -187,3 +187,15 @@ def test_light_that_modes_spread_over_the_background_is_no_noise(filter_name):
     assert faint.sigma_background == pytest.approx(measured(modes, 0.0).sigma_background, rel=0.01)
     assert bright.flux / 1e4 == pytest.approx(measured(mean, 1e4).flux / 1e4, rel=0.02)
     assert measured(mean, 100.0).sigma_background == pytest.approx(faint.sigma_background, rel=0.05)
+
+
+def test_the_wings_of_a_bright_planet_are_no_noise():
+    visits, (planet, _) = prepared()
+    realised = visits.draw(0)
+    stack = realised.reduced
+    sigma = []
+    for electrons in (0.0, 1e7):
+        lit = replace(stack, image_e=stack.image_e + np.where(stack.region, electrons * planet.templates[0], 0.0))
+        measured = forced_photometry(replace(realised, reduced=lit), planet, visits.geometry)
+        sigma.append(measured.sigma_background)
+    assert sigma[1] == pytest.approx(sigma[0], rel=1e-6)
