@@ -220,7 +220,7 @@ def aperture_photometry(
     makes ``S2`` 4 to 7 % less than the flux. Without any noise, ``snr`` and ``significance`` are infinite for a source
     and 0 for none.
 
-    The wings of a bright source, and the negative image that modes leave of it, are no noise. The strength of ``left`` is
+    The wings of a bright source and the negative image that modes leave of it are no noise. The strength of ``left`` is
     the flux above the mean of the background over the same for ``left`` itself: the light that the model has in the
     background is in both, so that this is the solution, which repeating would not change. Neither does it change the
     flux, whose ``throughput`` counts that light as lost; only the scatter is freed of it.
