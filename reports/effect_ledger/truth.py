@@ -26,6 +26,7 @@ from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
 from simulator.imaging import centred_axis, off_axis_light
 from simulator.imaging.drift import screen_model
 from simulator.knobs import Knobs
+from simulator.ledger.choice_rows import DRIFT_TERMS
 from simulator.observing import Observation
 from simulator.observing.scene_light import visit_stamps
 from simulator.observing.sequence import Light
@@ -78,6 +79,9 @@ def alone(case: RandomCase, short: Observation, key: str) -> Observation:
         name = key.split(":", 1)[1]
         stars, planets = (tuple(body for body in part if body.name != name) for part in (scene.stars, scene.planets))
         scene = scene.model_copy(update={"stars": stars, "planets": planets})
+    elif key in DRIFT_TERMS:
+        still = case.instrument.drift.model_copy(update={DRIFT_TERMS[key]: 0.0})
+        settings["instrument"] = case.instrument.model_copy(update={"drift": still})
     else:
         settings["switches"] = {key: False}
     return observe(scene, **settings)
