@@ -50,6 +50,7 @@ from cpic_core.quantities import (
     check_flag as check_flag,
     check_number as check_number,
     check_pair as check_pair,
+    check_positive as check_positive,
     check_whole as check_whole,
     check_word as check_word,
     checked_array as checked_array,
@@ -60,6 +61,7 @@ from cpic_core.quantities import (
     is_quantity as is_quantity,
     number_and_unit as number_and_unit,
     real_array as real_array,
+    require as require,
     unit_of as unit_of,
     units_like as units_like,
 )

@@ -299,3 +299,26 @@ def converted(text: str, unit: str) -> float | None:
     if value == 0.0 or not math.isfinite(value):
         return value
     return float(Fraction(parts[0]) * sizes[parts[1]] / sizes[unit])
+
+
+def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
+    """Refuse a value that is not good, naming key, value, unit and what is allowed."""
+    if not good:
+        raise InputError(key, value, unit=unit, allowed=allowed)
+
+
+def check_positive(key: str, value: float, unit: str = "", most: float = math.inf) -> None:
+    """Refuse a number that is not finite and above 0, or exceeds the most that it may be.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : float
+    unit : str, optional
+        Unit of the value.
+    most : float, optional
+        Largest value allowed.
+    """
+    allowed = "finite and above 0" + (f", at most {most:g}" if math.isfinite(most) else "")
+    require(key, value, math.isfinite(value) and 0 < value <= most, unit, allowed)

@@ -173,8 +173,7 @@ def header(question: SearchedQuestion, model: etc.EtcModel, asked: AskedStar, di
 
 def decided_by(question: SearchedQuestion, asked: AskedStar) -> dict[str, Any]:
     """Return everything that decides the result: a star counts by what is known of it, not by its name."""
-    law = etc.default_law().model_dump(mode="json")
-    return {"config": question.hashed() | {"target": None}, "star": asked.target.content(), "detection": law}
+    return {"config": question.hashed() | {"target": None}, "star": asked.target.content()}
 
 
 def search_tasks(

@@ -18,18 +18,11 @@ from cpic_planner.etc.cases import (
 )
 from cpic_planner.etc.chances import (
     LEAST_PROBABILITY as LEAST_PROBABILITY,
-    least_margin as least_margin,
     visit_chances as visit_chances,
 )
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS as MIN_ELEMENTS,
-    DetectionLaw as DetectionLaw,
-    default_law as default_law,
-    detection_probability as detection_probability,
-    law_of as law_of,
     near_threshold as near_threshold,
-    needed_margin as needed_margin,
-    tail_share as tail_share,
     threshold_array as threshold_array,
     verdict_of as verdict_of,
 )
@@ -102,9 +95,34 @@ from cpic_planner.etc.rates import (
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
 )
+from cpic_planner.etc.search_law import (
+    LAW_ERROR as LAW_ERROR,
+    MAP_VISITS as MAP_VISITS,
+    SearchLaw as SearchLaw,
+    law_of as law_of,
+    light_share as light_share,
+    lit_share as lit_share,
+    needed_margin as needed_margin,
+    own_share as own_share,
+    search_law as search_law,
+    speckled_share as speckled_share,
+)
+from cpic_planner.etc.search_level import (
+    MAX_SIGMA as MAX_SIGMA,
+    SearchedRegion as SearchedRegion,
+    false_alarms as false_alarms,
+    search_threshold as search_threshold,
+    searched_region as searched_region,
+)
 from cpic_planner.etc.searches import whole_steps as whole_steps
+from cpic_planner.etc.tails import (
+    equivalent_sigma as equivalent_sigma,
+    log_tail as log_tail,
+    snr_at as snr_at,
+)
 from cpic_planner.etc.together import (
     CameraCases as CameraCases,
     effective_of as effective_of,
     effective_visits as effective_visits,
+    of_band as of_band,
 )

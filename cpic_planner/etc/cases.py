@@ -10,7 +10,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.detection import default_law, threshold_array
+from cpic_planner.etc.detection import threshold_array
 from cpic_planner.etc.fidelity import etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
 from cpic_planner.etc.model import (
@@ -379,7 +379,7 @@ def etc_result(
     """
     record = None if planet is None else ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
     decides: dict[str, Any] = {"kind": "etc", "version": __version__, "model": model.content()}
-    decides |= {"target": target.content(), "detection": default_law().model_dump(mode="json"), "asked": asked}
+    decides |= {"target": target.content(), "asked": asked}
     decides["planet"] = None if planet is None else planet.content()
     return EtcResult(
         config_hash=content_hash(decides),

@@ -100,6 +100,7 @@ def prospect_of(
     if moving:
         motion = motion_factor(SearchMotion.of(model, targets, band, separation), made, visit_s)
     visits = effective_of(made, rates.speckle)
-    margin = noise.significance / threshold
-    chances = visit_chances(model, band, separation, visit_s, noise, margin, visits, motion=motion)
+    here = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast, at_place=True)
+    seen = stack_noise(here, *frames, camera, model.strategy, made)
+    chances = visit_chances(model, band, separation, visit_s, seen, visits, motion=motion)
     return Prospect(made, noise, threshold, chances, np.asarray(motion))

@@ -15,7 +15,7 @@ from cpic_core import FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner.etc import budget
 from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
 from cpic_planner.etc.chances import Chances
-from cpic_planner.etc.detection import law_of, verdict_of
+from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.groups import Found, Group
@@ -25,6 +25,7 @@ from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import Objective, StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.planet import Planets, planets_of
 from cpic_planner.etc.programmes import Programmes, Span
+from cpic_planner.etc.search_law import law_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet
@@ -292,7 +293,7 @@ class _Detection:
         visit = np.where(possible, choice.visit_s, 1.0)
         level = wanted(programme, solved.problem)(visit, inverse)
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
-        chances, paid = wanted.chances(programme, visit, noise, margin), motion_factor(cases.motion, programme, visit)
+        chances, paid = wanted.chances(programme, visit, noise), motion_factor(cases.motion, programme, visit)
         calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
         lost, required = possible & ~detected, {}
         if lost.any():
@@ -304,14 +305,14 @@ class _Detection:
             each = spread(model.visit_s(total_s / visits), margin.shape)
             whole = spread(model.visit_s(total_s), margin.shape) if chosen else each
             own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
-            least = wanted.of_tails(programme)(np.zeros_like(level), visit)
+            least = wanted.at_speckles(programme)(np.zeros_like(level), visit)
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
-        mode: DetectionMode = "known_place" if wanted.law is None or wanted.at_place else "blind"
+        mode: DetectionMode = "known_place" if not wanted.laws or wanted.at_place else "blind"
         return cls(
             mode, detected, chances, calm, common, dark, moving, float(model.visit_s(budget.LONGEST_TIME_S)), required
         )
@@ -369,17 +370,17 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
     programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
-    speckle, of_tails = noise.speckle, wanted.of_tails(programme)
+    level = wanted.at_speckles(programme)
     with np.errstate(divide="ignore", invalid="ignore"):
-        whole = speckle + noise.terms["common_speckle"]
-        lit = np.nan_to_num(whole * light / (crossed + light))
-        tailed = np.nan_to_num(speckle * shining / (beating + shining))
+        whole = noise.speckle + noise.terms["common_speckle"]
+        lit, averaged = np.nan_to_num(whole * light / (crossed + light)), np.nan_to_num(noise.speckle / whole)
 
     def reached(square: FloatArray) -> NDArray[np.bool_]:
         quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
         with np.errstate(divide="ignore", invalid="ignore"):
-            tails = np.nan_to_num(square * np.sqrt(tailed / quiet))
-            return np.asarray(noise.signal_e / np.sqrt(quiet) >= of_tails(tails, choice.visit_s))
+            bright = np.nan_to_num(square * shining / (beating + square * shining)) * averaged
+            needed = level(1.0 - noise.white / quiet, choice.visit_s, bright)
+            return np.asarray(noise.signal_e / np.sqrt(quiet) >= needed)
 
     low = last_true(reached, noise.quiet.shape, _HALVINGS)
     return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)

@@ -313,6 +313,7 @@ def aperture_rates(
     contrast: ArrayLike,
     *,
     zodis: ArrayLike | None = None,
+    at_place: bool = False,
 ) -> ApertureRates:
     """Return the rates for every target at the given positions.
 
@@ -328,6 +329,9 @@ def aperture_rates(
         Planet-to-star ratio of detected rates, same shape rule.
     zodis : array_like, optional
         Dust around the star at each position, at least 0, same shape rule; by default that of the instrument's sky.
+    at_place : bool
+        Take the light of companions in the aperture itself: that of a search, which judges a place by its own light. By
+        default it is the mean of the apertures that measure the noise, as of photometry.
 
     Returns
     -------
@@ -350,6 +354,8 @@ def aperture_rates(
     dims = max(star.ndim, x.ndim)
     sky = of_sky.reshape(-1, *(1,) * (dims - 1))
     wings_e_s, columns_e_s, wings_e2_s2, brightest_e_s = _companions(model, targets, band, x, y)
+    if at_place:
+        wings_e_s = _companions_at(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     area, core = metrics.core_pixels(x, y), metrics.core_throughput(x, y)
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
@@ -469,6 +475,20 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
         parts = star * light.aperture, star * light.column, star**2 * light.left, near.rate_e_s * tables.brightest
         for whole, part in zip(found, parts, strict=True):
             np.add.at(whole, near.row, part)
+    return found
+
+
+def _companions_at(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the light of neighbours in the apertures themselves, ``(n, ...)``; the mean over unknown angles."""
+    upright = (-1,) + (1,) * max(0, x.ndim - 1)
+    found = np.zeros(np.broadcast_shapes((len(targets), *upright[1:]), x.shape))
+    x, y = (np.broadcast_to(part, found.shape) for part in (x, y))
+    for near, angles in _by_place(model, targets, band):
+        columns, rows = _place(model, near, angles)
+        for number in range(columns.shape[1]):
+            at = x[near.row] - columns[:, number].reshape(upright), y[near.row] - rows[:, number].reshape(upright)
+            light = near.rate_e_s.reshape(upright) * model.metrics[band].source_aperture(*at)
+            np.add.at(found, near.row, light / columns.shape[1])
     return found
 
 

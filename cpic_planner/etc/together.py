@@ -11,12 +11,12 @@ from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
 from cpic_planner.etc.chances import Chances
-from cpic_planner.etc.detection import DetectionLaw, law_of, margin_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, residuals, white_term
 from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.search_law import SearchLaw, law_of
 from cpic_planner.etc.searches import spread
 from simulator.detectors import FrameTerm
 from simulator.signal import ProgrammeLaw, SpeckleLaw
@@ -86,10 +86,9 @@ class CameraCases(Cases):
         return crossed, light
 
     @functools.cached_property
-    def inward(self) -> FloatArray:
-        """Width of a resolution element over the separation."""
-        width = np.array([cases.model.metrics[cases.band].lambda_d_arcsec for cases in self.bands])
-        return np.asarray(width[:, None, None] / np.hypot(self.x_arcsec, self.y_arcsec))
+    def separation_arcsec(self) -> FloatArray:
+        """Projected separations, one row a band."""
+        return np.asarray(spread(np.hypot(self.x_arcsec, self.y_arcsec), self.contrast.shape))
 
     @functools.cached_property
     def motion(self) -> SearchMotion | None:
@@ -214,39 +213,38 @@ class Wanted:
     """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
 
     A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
-    average it: its level depends on the programme (`cpic_planner.etc.detection.half_margin`).
+    average it: its level depends on the programme (`cpic_planner.etc.search_law`).
 
     Attributes
     ----------
     level : ndarray
-        What is to be reached, or thresholds of a search; infinite where no threshold is defined.
-    law : DetectionLaw, optional
-        Law of detections; without one the level is all.
+        What is to be reached, or small-sample thresholds; infinite where none is defined.
+    laws : tuple of SearchLaw
+        Law of detections of each band; without any the level is all.
     at_place : bool
         Whether the place of a planet is known.
-    averaging : ProgrammeLaw, optional
-        What visits average of the residual, (e-/s)^2.
+    residual, averaging : ProgrammeLaw, optional
+        What frames do not average, (e-/s)^2, and what of it visits do.
     crossed, light : SpeckleLaw, optional
-        Its two parts, of one visit: the cross term with the static field, and the light of the errors.
-    inward : ndarray, optional
-        Width of a resolution element over the separation.
+        Two parts of the latter, of one visit: the cross term with the static field, and the light of the errors.
+    separation_arcsec : ndarray, optional
     motion : SearchMotion, optional
         What the search pays for the motion of planets; nothing without.
     """
 
     level: FloatArray
-    law: DetectionLaw | None = None
+    laws: tuple[SearchLaw, ...] = ()
     at_place: bool = False
     averaging: ProgrammeLaw | None = None
     crossed: SpeckleLaw | None = None
     light: SpeckleLaw | None = None
-    inward: FloatArray | None = None
+    separation_arcsec: FloatArray | None = None
     motion: SearchMotion | None = None
 
     @property
     def steady(self) -> bool:
         """Whether the level is the same for all programmes."""
-        return self.law is None and self.motion is None
+        return not self.laws and self.motion is None
 
     @classmethod
     def of(cls, cases: CameraCases, value: float | None = None) -> Self:
@@ -254,58 +252,81 @@ class Wanted:
         shape = cases.contrast.shape
         if value is not None:
             return cls(np.full(shape, float(value)))
-        model, law = cases.model, law_of(cases.model, cases.bands[0].band)
-        thresholds = spread(cases.threshold, shape)
-        if law is None:
+        model, laws = cases.model, [law_of(cases.model, one.band) for one in cases.bands]
+        thresholds, known = spread(cases.threshold, shape), tuple(law for law in laws if law is not None)
+        if len(known) < len(laws):
             return cls(thresholds, motion=cases.motion)
         averaging = cases.rates.speckle.averaging().scaled(cases.rates.variance_factor)
         crossed, light = (part.averaging().law() for part in cases.residual_parts)
         at_place = model.strategy.search == "known_place"
-        return cls(thresholds / law.calibration, law, at_place, averaging, crossed, light, cases.inward, cases.motion)
+        place = cases.separation_arcsec
+        return cls(thresholds, known, at_place, averaging, crossed, light, place, cases.motion)
 
     def __call__(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
         """Return the level of a programme: of the length of its visits, and of noise over signal squared."""
-        of_tails = self.of_tails(programme)
-        if self.averaging is None or self.crossed is None or self.light is None:
-            return lambda visit_s, inverse: of_tails(np.zeros_like(inverse), visit_s)
-        averaging, light, crossed = programme.law(self.averaging), self.light, self.crossed
-        signal2 = problem.signal_e_s**2
+        at = self.at_speckles(programme)
+        if not self.laws or self.averaging is None:
+            return lambda visit_s, inverse: at(np.zeros_like(inverse), visit_s)
+        averaging, signal2 = programme.law(self.averaging), problem.signal_e_s**2
 
         def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
-            lit = light.variance(visit_s)
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                speckle = averaging.variance(visit_s) / signal2
-                tails = np.sqrt(lit / (lit + crossed.variance(visit_s)) * speckle / inverse)
-            return of_tails(np.where(tails >= 0.0, np.minimum(tails, 1.0), 0.0), visit_s)
+                residual = problem.residual(visit_s)
+                light = self.light_share(visit_s) * averaging.variance(visit_s) / signal2 / residual
+                return at(residual / inverse, visit_s, light)
 
         return level
 
-    def of_tails(self, programme: Programme) -> Callable[[FloatArray, FloatArray], FloatArray]:
-        """Return the level of a programme: of the errors' light in its noise, as rms, and the length of its visits."""
-        at_rest, motion = self._at_rest(programme), self.motion
-        if motion is None:
-            return lambda tails, visit_s: at_rest(tails)
-        return lambda tails, visit_s: at_rest(tails) * motion.factor(programme, visit_s)
+    def at_speckles(self, programme: Programme) -> Callable[..., FloatArray]:
+        """Return the level of a programme: of the share of its variance that frames do not average, and of the visits.
 
-    def _at_rest(self, programme: Programme) -> Callable[[FloatArray], FloatArray]:
-        """Return the same for planets that do not move, or that are followed."""
-        own = self.level
-        if self.law is None or self.averaging is None or self.inward is None:
-            return lambda tails: np.broadcast_arrays(own, tails)[0]
-        margin = margin_of(self.law, self.at_place, self.inward, effective_of(programme, self.averaging))
-        return lambda tails: own * margin(tails)
+        The arguments are that share, the length of the visits in s, and the share of the errors' light in the former.
+        """
+        own, motion, laws, place = self.level, self.motion, self.laws, self.separation_arcsec
 
-    def chances(self, programme: Programme, visit_s: FloatArray, noise: StackNoise, margin: FloatArray) -> Chances:
-        """Return the probabilities of a detection in a programme, by the significance over threshold it has."""
-        if self.law is None or self.averaging is None or self.crossed is None or self.light is None:
-            return Chances(*np.full((2, *margin.shape), np.nan))
-        assert self.inward is not None
+        def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
+            if not laws or place is None or self.averaging is None:
+                at_rest = np.broadcast_arrays(own, speckled)[0]
+            else:
+                parts = np.broadcast_arrays(place, speckled, light, effective_of(programme, self.averaging))
+                halves = []
+                for i, law in enumerate(laws):
+                    where = [part[..., i, :, :] for part in parts]
+                    halves.append(law.half(where[0], where[1], where[2], where[3], at_place=self.at_place))
+                at_rest = np.where(np.isfinite(own), np.stack(halves, axis=-3), np.inf)
+            return at_rest if motion is None else at_rest * motion.factor(programme, visit_s)
+
+        return level
+
+    def light_share(self, visit_s: FloatArray) -> FloatArray:
+        """Return the share of the errors' light in what visits average."""
+        assert self.light is not None
+        assert self.crossed is not None
         light = self.light.variance(visit_s)
         whole = light + self.crossed.variance(visit_s)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            tails = np.sqrt(light / np.where(whole > 0.0, whole, 1.0) * noise.speckle / noise.quiet)
-        paid = motion_factor(self.motion, programme, visit_s)
-        return Chances.of(self.law, margin, tails, self.inward, effective_of(programme, self.averaging), paid)
+        return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+
+    def chances(self, programme: Programme, visit_s: FloatArray, noise: StackNoise) -> Chances:
+        """Return the probabilities of a detection in a programme."""
+        if not self.laws or self.separation_arcsec is None or self.averaging is None:
+            return Chances(*np.full((2, *noise.significance.shape), np.nan))
+        visits, paid = effective_of(programme, self.averaging), motion_factor(self.motion, programme, visit_s)
+        shape = noise.significance.shape
+        light, place, visits, paid = (
+            np.broadcast_to(part, shape) for part in (self.light_share(visit_s), self.separation_arcsec, visits, paid)
+        )
+        every = [
+            Chances.of(law, of_band(noise, i), place[i], light[i], visits[i], paid[i])
+            for i, law in enumerate(self.laws)
+        ]
+        return Chances(*(np.stack([getattr(one, name) for one in every]) for name in ("blind", "known_place")))
+
+
+def of_band(noise: StackNoise, index: Any) -> StackNoise:
+    """Return the noise of some of the cases, without its terms."""
+    names = ("signal_e", "quiet", "white", "speckle", "snr", "significance")
+    parts = {name: np.broadcast_to(getattr(noise, name), noise.snr.shape)[index] for name in names}
+    return StackNoise(**parts, _terms=dict)
 
 
 def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:

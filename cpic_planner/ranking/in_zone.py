@@ -140,7 +140,7 @@ def faintest_contrast(
     n_frames: FloatArray,
     em_gain: FloatArray,
     visits: FloatArray,
-    law: etc.DetectionLaw | None,
+    law: etc.SearchLaw | None,
 ) -> FloatArray:
     """Return the contrast below which no planet of a ring is detected: all of them need no further look.
 
@@ -152,7 +152,7 @@ def faintest_contrast(
     band : str
     exposure_s, n_frames, em_gain, visits : ndarray, shape (n,)
         Of each star, frames of one visit.
-    law : DetectionLaw or None
+    law : SearchLaw or None
         What a detection is: a probability of `cpic_planner.etc.LEAST_PROBABILITY`, at a known place or not. Without a
         law a significance of the threshold.
 
@@ -164,8 +164,8 @@ def faintest_contrast(
     Notes
     -----
     A planet beside the mask's shadow, in noise without the light of star, companion and dust, and with the least
-    speckles, sky and core of its ring, is more significant than any real one of that contrast. The threshold and the
-    least margin of the law (`cpic_planner.etc.least_margin`) are the least of the ring, too.
+    speckles, sky and core of its ring, is more significant than any real one of that contrast. What it needs
+    is the least of the ring, too.
     """
     metrics, strategy, rings = model.metrics[band], model.strategy, np.zeros((len(targets), N_RINGS))
     if strategy.mode == "photon_counting":
@@ -198,10 +198,10 @@ def faintest_contrast(
     camera = model.camera(band)
     programme = programme_of(model, many, frames * (exposure + camera.readout_s))
     noise = etc.stack_noise(dark, exposure, frames, gain, camera, strategy, programme=programme)
-    needed = etc.near_threshold(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
-    if law is not None:
-        ends = [etc.least_margin(law, metrics.lambda_d_arcsec / fine[:, end], programme) for end in (0, -1)]
-        needed = needed * np.minimum(*ends)
+    if law is None:
+        needed = etc.near_threshold(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
+    else:
+        needed = law.least(fine, etc.LEAST_PROBABILITY).min(axis=-1)
     with np.errstate(divide="ignore"):
         return np.asarray(_SURE * needed / noise.significance + rings)
 

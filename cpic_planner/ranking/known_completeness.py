@@ -286,26 +286,23 @@ def _chances(
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
     chance = np.zeros((2, len(shown[0])))
-    separation, law, least = np.hypot(x, y), etc.law_of(model, band), np.ones(())
-    if law is not None:
-        least = etc.least_margin(law, model.metrics[band].lambda_d_arcsec / separation, programme)
-    # A threshold lies above its level, and the law is what takes longest here.
-    hopeful = np.flatnonzero((noise.significance >= least * strategy.sigma)[shown])
+    separation, law = np.hypot(x, y), etc.law_of(model, band)
+    # The law is what takes longest here.
+    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY)
+    hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
-    elements = model.metrics[band].resolution_elements(separation)
-    margin = noise.significance[here] / etc.near_threshold(elements, strategy.sigma)
-    signal, quiet, white, speckle, snr, significance = (
-        getattr(noise, name)[here] for name in ("signal_e", "quiet", "white", "speckle", "snr", "significance")
-    )
-    seen = etc.StackNoise(signal, quiet, white, speckle, snr, significance, dict)
+    threshold = etc.near_threshold(model.metrics[band].resolution_elements(separation), strategy.sigma)
+    seen = etc.of_band(noise, here)
     effective = etc.effective_of(programme, rates.speckle)
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
-    found = etc.visit_chances(model, band, separation, visit_s, seen, margin, visits, motion=moving)
+    found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving)
     for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
-        chance[mode, hopeful] = np.where(np.isnan(part), margin >= needed, part * (part >= etc.LEAST_PROBABILITY))
+        chance[mode, hopeful] = np.where(
+            np.isnan(part), seen.significance >= needed * threshold, part * (part >= etc.LEAST_PROBABILITY)
+        )
     return chance
 
 

@@ -287,9 +287,9 @@ class _Search:
         if time_s is not None:  # never more than what was given, not even by rounding
             wall = np.minimum(wall, time_s / programme.visits)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
-        inward, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
+        place, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
         paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
-        chances = etc.visit_chances(model, band, inward, choice.visit_s, noise, margin, visits, motion=paid)
+        chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid)
         orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
         alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
@@ -342,7 +342,8 @@ class _Search:
         # A bound leaves few stars to be solved again: white noise alone.
         with np.errstate(divide="ignore", invalid="ignore"):
             bound = around.signal_e * np.sqrt(model.visit_s(time_s) / choice.visit_s / programme.visits / around.white)
-            calmest = np.minimum(*(etc.needed_margin(model, band, 0.0, every.inward, v) for v in (1.0, MAX_VISITS)))
+            ends = (etc.needed_margin(model, band, fine, 0.0, 0.0, visits) for visits in (1.0, MAX_VISITS))
+            calmest = np.minimum(*ends)
             near = np.nan_to_num(bound / every.threshold / calmest).max(axis=1) * _SLACK >= 1.0
         fewest, factor = np.full((2, n), np.nan)
         fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])

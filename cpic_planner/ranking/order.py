@@ -173,7 +173,6 @@ class RankSetting:
             "kind": "rank",
             "version": __version__,
             "model": self.model.content(),
-            "detection": etc.default_law().model_dump(mode="json"),
             "targets": targets.content(),
             "bands": list(self.bands),
             "time_s": self.time_s,

@@ -39,8 +39,7 @@ class Outlook:
     band : str
     level : ndarray
         Small-sample threshold of a significance, or the SNR that is asked for.
-    inward : ndarray
-        Width of a resolution element over the separation.
+    separation_arcsec : ndarray
     white : ndarray
         ``G``: white noise over signal squared of one second of a visit at its best exposure; infinite where no frame is
         possible.
@@ -59,7 +58,7 @@ class Outlook:
     model: etc.EtcModel
     band: str
     level: FloatArray
-    inward: FloatArray
+    separation_arcsec: FloatArray
     white: FloatArray
     shortest_s: FloatArray
     crossed: ProgrammeLaw
@@ -117,11 +116,20 @@ class Outlook:
             return np.asarray(part, float)[..., None]
 
         crossed, light = (_deeper(part).scaled(last(of_star)) for part in parts)
-        inward = last(metrics.lambda_d_arcsec / separation_arcsec)
         frame_s = last(exposure_s + problem.camera.readout_s)
         moving = None if motion is None else motion.at((..., None))
         return cls(
-            model, band, last(level), inward, last(white), frame_s, crossed, light, last(wings), searched, moving
+            model,
+            band,
+            last(level),
+            last(separation_arcsec),
+            last(white),
+            frame_s,
+            crossed,
+            light,
+            last(wings),
+            searched,
+            moving,
         )
 
     def select(self, stars: Any) -> Self:
@@ -160,11 +168,10 @@ class Outlook:
         given = self.model.strategy.visits
         return VISITS if given is None else np.array([float(given)])
 
-    def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
-        """Return the residual of programmes, and the light of the errors in it that visits average."""
-        light = programme.law(self.light.averaging())
-        parts = programme.law(self.crossed), light, self.light.common
-        return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
+    def _residual(self, programme: etc.Programme) -> SpeckleLaw:
+        """Return the residual of programmes, wings of companions left out."""
+        parts = programme.law(self.crossed), programme.law(self.light)
+        return SpeckleLaw(*(one + two for one, two in zip(*parts, strict=True)))
 
     def cost(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the level over the SNR of programmes, at most 1 where it is reached.
@@ -186,18 +193,21 @@ class Outlook:
     def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
         programme = programme_of(self.model, visits, visit_s)
-        whole, light = self._laws(programme)
         with np.errstate(divide="ignore", invalid="ignore"):
-            noise = self.white / (visits * visit_s) + whole.variance(visit_s) + self.wings
-            return noise, self._wanted(programme, visit_s, light.variance(visit_s) / noise)
+            speckles = self._residual(programme).variance(visit_s) + self.wings
+            noise = self.white / (visits * visit_s) + speckles
+            light = programme.law(self.light.averaging()).variance(visit_s) / speckles
+            return noise, self._wanted(programme, visit_s, speckles / noise, light)
 
-    def _wanted(self, programme: etc.Programme, visit_s: FloatArray, light_share: FloatArray) -> FloatArray:
-        """Return the level that a search asks for of such visits if that share of the variance is errors' light."""
+    def _wanted(
+        self, programme: etc.Programme, visit_s: FloatArray, speckled: FloatArray, light: FloatArray
+    ) -> FloatArray:
+        """Return the level that a search asks for of such visits; shares as of `cpic_planner.etc.needed_margin`."""
         if not self.searched:
             return self.level
-        tails = np.sqrt(np.nan_to_num(light_share))
         effective = etc.effective_of(programme, self.light)
-        level = self.level * etc.needed_margin(self.model, self.band, tails, self.inward, effective)
+        place = self.separation_arcsec
+        level = self.level * etc.needed_margin(self.model, self.band, place, speckled, light, effective)
         return level if self.motion is None else level * self.motion.factor(programme, visit_s)
 
     def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
@@ -246,15 +256,15 @@ class Outlook:
             v = (
                 self.white
                 / visits
-                * self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1)) ** 2
+                * self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1), np.zeros(1)) ** 2
             )
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
             for _ in range(_ROUNDS):
                 programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
-                whole, light = self._laws(programme)
-                white = self.white / visits
-                noise = white / v + whole.variance(v) + self.wings
-                aim = 1.0 / self._wanted(programme, v, light.variance(v) / noise) ** 2
+                whole, white = self._residual(programme), self.white / visits
+                speckles = whole.variance(v) + self.wings
+                light = programme.law(self.light.averaging()).variance(v) / speckles
+                aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light) ** 2
                 for _ in range(_NEWTON_STEPS):
                     slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
                     excess = white / v + whole.variance(v) + self.wings - aim

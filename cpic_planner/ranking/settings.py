@@ -61,11 +61,6 @@ class Places:
         parts = (getattr(self, item.name) for item in fields(self))
         return type(self)(*(picked(part, self.contrast.shape, stars, columns) for part in parts))
 
-    @property
-    def inward(self) -> FloatArray:
-        """Width of a resolution element over the separation."""
-        return np.asarray(self.model.metrics[self.band].lambda_d_arcsec / self.separation_arcsec)
-
     def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
         """Return what the solver of the frames of a visit needs."""
         camera, strategy = self.model.camera(self.band), self.model.strategy
@@ -101,8 +96,9 @@ class Places:
         """Return the significance over threshold at which half of such observations detect a planet."""
         model, band, place = self.model, self.band, self.separation_arcsec
         seen = noise or self.noise(choice, programme)
-        tails = np.nan_to_num(etc.detection.tail_share(model, band, place, choice.visit_s, seen))
-        at_rest = etc.needed_margin(model, band, tails, self.inward, etc.effective_of(programme, self.rates.speckle))
+        speckled, light = etc.speckled_share(seen), etc.light_share(model, band, place, choice.visit_s)
+        visits = etc.effective_of(programme, self.rates.speckle)
+        at_rest = etc.needed_margin(model, band, place, speckled, etc.lit_share(seen, light), visits)
         return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 
 

@@ -1,6 +1,5 @@
 """Sentences about a comparison of survey strategies, and the settings of strategies in words."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -312,19 +311,11 @@ def _detection(rule: Mapping[str, Any]) -> str:
         text += f", in {rule['visits_needed']} visits"
     if rule["rule"] == "expected":
         return text
-    law = {
-        which: f"{rule[f'{which}_margin']:.2f} (± {rule[f'{which}_margin_error']:.1%})" for which in ("blind", "known")
-    }
-    tails = rule["blind_margin"] * math.exp(rule["blind_tails"])
-    half = (
-        f"{law['blind']} in Gaussian noise ten resolution elements from the star, {tails:.2f} where all noise is light "
-        f"of the wavefront's errors, more further in; known planets at their place where it is {law['known']}"
-    )
     ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
     return (
-        f"{text}. Measured on images: half of the planets are found where predicted significance over threshold is "
-        f"{half if rule['rule'] == 'blind' else law['known']}; predicted over recovered SNR is "
-        f"{ratio:.3f} ± {error:.3f}. These errors are drawn anew in each universe"
+        f"{text}. Predicted over recovered SNR of images is {ratio:.3f} ± {error:.3f}, and the significance at which "
+        f"half of the planets are found is known to {rule['half_error']:.0%}. These errors are drawn anew in each "
+        "universe"
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray
 from cpic_planner import etc
 from cpic_planner.ranking import inside_zone
-from cpic_planner.survey.detection import Setting, faintest_of, half_margin
+from cpic_planner.survey.detection import Setting, faintest_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
 from cpic_planner.survey.strategy_file import UniverseConfig
 from cpic_planner.targets import Targets
@@ -108,12 +108,16 @@ def background_alarms(
     rates = etc.aperture_rates(model, chosen, band, x[None], y[None], np.full((len(some), x.size), _PROBE))
     made = etc.Programme.of(model.strategy, visit_time_s=model.time_s(visit_s))
     noise = etc.stack_noise(rates, exposure, frames, gain, camera, model.strategy, made)
-    separation = np.hypot(x, y)
-    threshold = etc.threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    tails, inward = etc.tail_share(model, band, separation[None], visit_s, noise), metrics.lambda_d_arcsec / separation
-    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward, etc.effective_of(made, rates.speckle))
+    separation = np.hypot(x, y)[None]
+    if rule.rule == "expected":
+        needed = etc.threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
+    else:
+        light, visits = etc.light_share(model, band, separation, visit_s), etc.effective_of(made, rates.speckle)
+        where = separation, etc.speckled_share(noise), etc.lit_share(noise, light), visits
+        law = etc.search_law(model, band)
+        needed = rule.half_factor * law.half(*where, at_place=rule.rule == "known_place")
     with np.errstate(divide="ignore"):
-        faintest = middle * _PROBE * threshold / noise.significance
+        faintest = _PROBE * needed / noise.significance
     good = np.isfinite(faintest) & (faintest > 0.0)
     limit = chosen.v_mag[:, None] - 2.5 * np.log10(np.where(good, faintest, 1.0))
     longitude, latitude = (part[:, None] for part in galactic_deg(chosen.ra_deg, chosen.dec_deg))

@@ -16,6 +16,7 @@ from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 from simulator.target import sky_to_detector
 
+_ERRORS = 6.0  # standard errors by which a law may be off
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
 
@@ -48,22 +49,23 @@ class ExpectedSignals:
     """The signals that visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
-    threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
-    ``inward`` the width of a resolution element over the separation, both 0 there too. The others are the planet's own,
-    ``pa_deg`` east of north. ``visits`` are the independent wavefronts behind the noise (`effective_of`), 1 where
-    nothing is seen, and ``motion`` the factor on the threshold of a blind search that looks along orbits.
+    threshold is defined there; ``reached_blind`` and ``reached_known`` the logarithm of significance over that at which
+    half of the planets are detected, and ``width_blind`` and ``width_known`` the widths of the law in it
+    (`cpic_planner.etc.SearchLaw.reach`). The others are the planet's own, ``pa_deg`` east of north. ``motion`` is the
+    factor on the threshold of a blind search that looks along orbits.
     """
 
     margin: FloatArray
-    tails: FloatArray
-    inward: FloatArray
+    reached_blind: FloatArray
+    width_blind: FloatArray
+    reached_known: FloatArray
+    width_known: FloatArray
     snr: FloatArray
     contrast: FloatArray
     separation_arcsec: FloatArray
     pa_deg: FloatArray
     distance_au: FloatArray
     phase_deg: FloatArray
-    visits: FloatArray = field(default_factory=lambda: np.ones(()))
     motion: FloatArray = field(default_factory=lambda: np.ones(()))
 
 
@@ -101,13 +103,16 @@ def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting]
     ndarray, shape (n, ring)
     """
     frames = np.array([(item.exposure_s, item.n_frames, item.em_gain) for item in settings]).T
-    return faintest_contrast(
+    # With whatever calibration and middle of the law the errors of a universe allow.
+    easier = rule.half_factor / rule.calibration * math.exp(-_ERRORS * (rule.half_error + rule.calibration_error))
+    factor = 1.0 if rule.rule == "expected" else min(easier, 1.0)
+    return factor * faintest_contrast(
         model,
         stars,
         settings[0].band,
         **dict(zip(("exposure_s", "n_frames", "em_gain"), frames, strict=True)),
         visits=np.full(len(stars), float(model.strategy.visits or 1)),
-        law=None if rule.rule == "expected" else rule,
+        law=None if rule.rule == "expected" else etc.search_law(model, settings[0].band),
     )
 
 
@@ -167,8 +172,8 @@ def pair_signals(
     pa_deg = np.rad2deg(np.arctan2(pairs.east_au, pairs.north_au))
     roll = np.asarray(roll_deg, float)[pairs.visit]
     x, y, usable = on_detector(model, band, separation, pa_deg - roll)
-    margin, tails, inward, snr, contrast = np.zeros((5, *shape))
-    visits, motion = np.ones((2, *shape))
+    margin, snr, contrast = np.zeros((3, *shape))
+    reached, widths, motion = np.full((2, *shape), -np.inf), np.ones((2, *shape)), np.ones(shape)
     some = np.flatnonzero(usable & setting.possible)
     if some.size:
         planet = pairs.planet[some]
@@ -200,13 +205,18 @@ def pair_signals(
             elements = metrics.resolution_elements(separation[at])
             moving = etc.SearchMotion.of(model, rolls, band, separation[at])
             margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
-            tails[put] = tail_share(model, setting, separation[at], noise)[real]
-            inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[real]
-            visits[put] = np.broadcast_to(etc.effective_of(made, rates.speckle), real.shape)[real]
+            light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
+            visits = etc.effective_of(made, rates.speckle)
+            shares = etc.speckled_share(noise), etc.lit_share(noise, light)
+            of = noise.significance, etc.own_share(noise), separation[at], *shares, visits
+            for known in (False, True):
+                found = etc.search_law(model, band).reach(*of, at_place=known)
+                reached[int(known)][put], widths[int(known)][put] = (part[real] for part in found)
             motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
-    others = pairs.distance_au, pairs.phase_deg, visits, motion
-    return ExpectedSignals(margin, tails, inward, snr, contrast, separation, pa_deg, *others)
+    law = reached[0], widths[0], reached[1], widths[1]
+    others = pairs.distance_au, pairs.phase_deg, motion
+    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg, *others)
 
 
 def expected_signals(
@@ -302,32 +312,6 @@ def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:
     return inner * distance_pc, outer * distance_pc
 
 
-def tail_share(
-    model: etc.EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: etc.StackNoise
-) -> FloatArray:
-    """Return `cpic_planner.etc.tail_share` of the noise of a setting, at projected separations in arcsec."""
-    return etc.detection.tail_share(model, setting.band, separation_arcsec, _visit_s(model, setting), noise)
-
-
-def half_margin(
-    rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike, visits: ArrayLike = 1.0
-) -> FloatArray:
-    """Return the significance over threshold at which half of the planets are detected.
-
-    Parameters
-    ----------
-    rule : DetectionRule
-        ``expected`` is a step at 1; any other follows the law of `cpic_planner.etc.detection.half_margin`.
-    known : array_like of bool
-        Planets whose place is known.
-    tails, inward, visits : array_like
-        As of `ExpectedSignals`.
-    """
-    if rule.rule == "expected":
-        return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
-    return etc.detection.half_margin(rule, _at_place(rule, known), tails, inward, visits)
-
-
 def detection_chance(
     seen: ExpectedSignals, rule: DetectionRule, known: BoolArray, shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
 ) -> FloatArray:
@@ -347,21 +331,18 @@ def detection_chance(
 
     Notes
     -----
-    The law that images follow (`cpic_planner.etc.detection.detection_probability`), for a blind search and at a known
-    place, where the orbit is followed. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
+    The law of a search (`cpic_planner.etc.SearchLaw`), blind and at a known place, where the orbit is followed.
+    ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    at_place = _at_place(rule, known)
-    expected = seen.margin / np.where(at_place, 1.0, seen.motion), at_place, seen.tails, seen.inward
-    return etc.detection.detection_probability(
-        rule, *expected, visits=seen.visits, shift=shift, calibration=calibration
-    )
+    from scipy.special import ndtr
 
-
-def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
-    """Return the planets that are looked for at a known place under a rule."""
-    return np.asarray(known, bool) | (rule.rule == "known_place")
+    off = np.log(np.asarray(calibration, float) / rule.half_factor) - rule.half_error * np.asarray(shift, float)
+    blind = ndtr((seen.reached_blind - np.log(seen.motion) + off) / seen.width_blind)
+    at_place = np.fmax(blind, ndtr((seen.reached_known + off) / seen.width_known))
+    chance: FloatArray = np.where(np.asarray(known, bool) | (rule.rule == "known_place"), at_place, blind)
+    return chance
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:

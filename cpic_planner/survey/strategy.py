@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
 from cpic_core import FloatArray, InputError
-from cpic_planner.etc import DetectionLaw
+from cpic_planner.etc import LAW_ERROR
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import Strategy as Reduction, read_value
 from cpic_planner.results import VariedSetting
@@ -135,7 +135,7 @@ class AlarmRule(FrozenModel):
     attempts: Annotated[int, Field(ge=1, le=100)] = 2
 
 
-class DetectionRule(DetectionLaw):
+class DetectionRule(FrozenModel):
     """The rule by which something counts as a detection.
 
     Attributes
@@ -148,17 +148,27 @@ class DetectionRule(DetectionLaw):
     visits_needed : int
         Visits that must show the planet.
     sigma : float
-        Detection level whose false-alarm probability the small-sample thresholds keep.
+        Detection level whose false-alarm probability the thresholds keep.
+    calibration, calibration_error : float
+        Factor on a predicted SNR that gives that of images, and its standard error.
+    half_factor : float
+        Factor on the significance at which half of the planets are detected: a search better or worse than the law.
+    half_error : float
+        Relative standard error of the significance at which half of the planets are detected
+        (`cpic_planner.etc.SearchLaw`).
 
     Notes
     -----
-    The other numbers are those of `cpic_planner.etc.detection.DetectionLaw`; their errors are drawn once for each
-    universe.
+    The errors are drawn once for each universe.
     """
 
     rule: Literal["blind", "known_place", "expected"] = "blind"
     visits_needed: Annotated[int, Field(ge=1, le=10)] = 1
     sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
+    calibration: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
+    half_factor: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    half_error: Annotated[Real, Field(ge=0, le=10)] = LAW_ERROR
 
 
 class DustLaw(FrozenModel):

@@ -17,6 +17,7 @@ from cpic_core import (
     checked_array,
     disc_overlap,
     load_quietly,
+    require,
 )
 from simulator.imaging import Zone
 
@@ -378,26 +379,3 @@ def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: 
         if bad.any():
             allowed = f"a circle of radius {radius:g} px inside {size} px"
             raise InputError(key, float(centre[bad].flat[0]), unit="px", allowed=allowed)
-
-
-def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
-    """Refuse a value that is not good, naming key, value, unit and what is allowed."""
-    if not good:
-        raise InputError(key, value, unit=unit, allowed=allowed)
-
-
-def check_positive(key: str, value: float, unit: str = "", most: float = math.inf) -> None:
-    """Refuse a number that is not finite and above 0, or exceeds the most that it may be.
-
-    Parameters
-    ----------
-    key : str
-        Name that a refusal gives.
-    value : float
-    unit : str, optional
-        Unit of the value.
-    most : float, optional
-        Largest value allowed.
-    """
-    allowed = "finite and above 0" + (f", at most {most:g}" if math.isfinite(most) else "")
-    require(key, value, math.isfinite(value) and 0 < value <= most, unit, allowed)

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, numeric_context
-from cpic_planner.validation.apertures import require
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, numeric_context, require
 from cpic_planner.validation.reduced import ReducedStack
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import AnyPsf

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status, check_whole, checked_scalar
-from cpic_planner.validation.apertures import check_positive, checked_image
-from cpic_planner.validation.noise_law import snr_at
+from cpic_core import FloatArray, InputError, Outcome, Reason, Status, check_positive, check_whole, checked_scalar
+from cpic_planner.etc import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold, snr_at
+from cpic_planner.validation.apertures import checked_image
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
-from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchedProgramme, SearchField
+from cpic_planner.validation.search_field import REPORTED_SIGMA, FilteredState, Peak, SearchedProgramme, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.imaging import AnyPsf, BandGeometry
 
@@ -100,6 +99,8 @@ class BlindSearch:
         Standard deviation of the flux of a source at every searched position, electrons on the clear disc; 0 elsewhere.
     snr_map : ndarray, shape (n, n)
         Flux over that; 0 elsewhere. Sources that were taken out are not in it.
+    at_places : tuple of Candidate
+        What the map shows at the places that were asked for: one trial each, whose threshold is ``sigma``.
     """
 
     candidates: tuple[Candidate, ...]
@@ -113,6 +114,7 @@ class BlindSearch:
     dof: float
     sigma_e: FloatArray
     snr_map: FloatArray
+    at_places: tuple[Candidate, ...] = ()
 
     @property
     def detections(self) -> tuple[Candidate, ...]:
@@ -167,13 +169,15 @@ class Searcher:
     per_search: bool
     visit_nm: float
 
-    def search(self, image_e: FloatArray) -> BlindSearch:
+    def search(self, image_e: FloatArray, places_arcsec: Sequence[tuple[float, float]] = ()) -> BlindSearch:
         """Look for sources in an image.
 
         Parameters
         ----------
         image_e : ndarray, shape (n, n)
             Residual of the stack, or the same with planets that were put in: its noise is the stack's.
+        places_arcsec : sequence of (x, y)
+            Known places in the searched region that are judged one by one, the others taken out.
         """
         field, image = self.field.anew(), checked_image(image_e)
         if field.samples < _LEAST_SAMPLES:
@@ -194,8 +198,11 @@ class Searcher:
                 snr_map=zero,
             )
         peaks: list[Peak] = []
+        known: tuple[Candidate, ...] = ()
         while True:
             state = field.measure(image)
+            if places_arcsec and not known:
+                known = self._known(image, state, places_arcsec)
             level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
             found = field.peaks(state)
             clean = max(_CLEANED_SIGMA, level.unwrap())
@@ -221,7 +228,24 @@ class Searcher:
             dof=float(np.median(field.dof(state.fit))),
             sigma_e=field.unfold(state.sigma_e),
             snr_map=field.unfold(state.snr),
+            at_places=known,
         )
+
+    def _known(
+        self, image: FloatArray, state: FilteredState, places_arcsec: Sequence[tuple[float, float]]
+    ) -> tuple[Candidate, ...]:
+        """Return what an image shows at known places; ``state`` is that of the image with all sources in it."""
+        found, size, roughness = [], self.field.size, state.roughness
+        for number in range(len(places_arcsec)):
+            field, seen = self.field.anew(), state
+            others = [field.pixel_of(*place) for place in (*places_arcsec[:number], *places_arcsec[number + 1 :])]
+            if others:
+                for other in others:
+                    field.exclude(*other)
+                seen = field.measure(image)
+            peak = field.at(seen, *field.pixel_of(*places_arcsec[number]))
+            found.append(_candidate(peak, field.offset_arcsec(peak), self.sigma, field.pairs, size, roughness))
+        return tuple(found)
 
 
 def searcher(

@@ -40,6 +40,9 @@ class Measurement:
         Modes that were subtracted.
     found : bool
         Whether the blind search detects it there.
+    found_at_place : bool
+        Whether the same map detects it at its known place; of two rolls, where there is no search, whether its
+        significance reaches the small-sample threshold.
     search_snr, search_threshold : float or None
         Of the candidate that it is; None where there is none.
     """
@@ -53,6 +56,7 @@ class Measurement:
     n_apertures: int
     modes: int
     found: bool
+    found_at_place: bool
     search_snr: float | None
     search_threshold: float | None
 
@@ -122,12 +126,17 @@ def measure_planets(
     """
     stack, geometry = realisation.reduced, visits.geometry
     blind: BlindSearch | None = None
+    whole = [
+        all(is_covered(stack.region, weights * geometry.hole) for weights in planet.apertures) for planet in planets
+    ]
     if searched and realisation.roll is None:
-        blind = searcher_of(visits, stack, star.rate_e_s, maps).search(stack.image_e)
+        places = [one.places_arcsec[0] for one, good in zip(planets, whole, strict=True) if good]
+        blind = searcher_of(visits, stack, star.rate_e_s, maps).search(stack.image_e, places)
     model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
     found: list[Measurement | None] = []
-    for planet, expected in zip(planets, visits.task.predictions, strict=True):
-        covered = all(is_covered(stack.region, weights * geometry.hole) for weights in planet.apertures)
+    known = iter(() if blind is None else blind.at_places)
+    for planet, covered, expected in zip(planets, whole, visits.task.predictions, strict=True):
+        place = next(known, None) if covered else None
         if not covered or not planet.tells_noise(stack.region, geometry, visits.strategy):
             found.append(None)
             continue
@@ -135,7 +144,7 @@ def measure_planets(
         measured = forced_photometry(near, planet, geometry, visits.strategy.filter, model)
         star_e = measured.throughput * planet.core * star.rate_e_s * stack.integration_s
         match = None if blind is None else blind.strongest_near(*planet.places_arcsec[0], geometry)
-        seen = measured.significance >= expected["threshold"] if blind is None else bool(match and match.detected)
+        at_place = measured.significance >= expected["threshold"] if place is None else place.detected
         one = Measurement(
             contrast=measured.raw_flux / star_e,
             contrast_error=measured.error * measured.throughput / star_e,
@@ -145,7 +154,8 @@ def measure_planets(
             throughput=measured.throughput,
             n_apertures=measured.n_background_apertures,
             modes=near.reduced.rdi.modes_used,
-            found=seen,
+            found=at_place if blind is None else bool(match and match.detected),
+            found_at_place=at_place,
             search_snr=match.snr_mf if match else None,
             search_threshold=match.threshold if match else None,
         )

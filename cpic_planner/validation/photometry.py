@@ -9,7 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number, numeric_context
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    check_number,
+    check_positive,
+    numeric_context,
+    require,
+)
 from cpic_planner.validation import apertures
 from simulator.detectors import excess_noise_factor2
 
@@ -142,21 +151,21 @@ def contrast(
         If an argument is out of range or not finite.
     """
     for key, value in {"throughput": throughput, "core": core}.items():
-        apertures.check_positive(key, check_number(key, value))
-    apertures.check_positive("star_rate_e_s", check_number("star_rate_e_s", star_rate_e_s, "e-/s"), "e-/s")
-    apertures.check_positive("time_s", check_number("time_s", time_s, "s"), "s")
-    apertures.require("core", core, core <= 1, "", "above 0 and at most 1")
+        check_positive(key, check_number(key, value))
+    check_positive("star_rate_e_s", check_number("star_rate_e_s", star_rate_e_s, "e-/s"), "e-/s")
+    check_positive("time_s", check_number("time_s", time_s, "s"), "s")
+    require("core", core, core <= 1, "", "above 0 and at most 1")
     check_number("flux", flux, "e-")
     for key, value, unit in (("error", error, "e-"), ("star_rate_error_e_s", star_rate_error_e_s, "e-/s")):
-        apertures.require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
+        require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
     full_scale = float(throughput) * float(core) * float(star_rate_e_s) * float(time_s)
     allowed = "a star whose light over the whole time is a finite number above 0"
     product = "throughput x core x star_rate_e_s x time_s"
-    apertures.require(product, full_scale, 0 < full_scale < math.inf, "e-", allowed)
+    require(product, full_scale, 0 < full_scale < math.inf, "e-", allowed)
     value = flux / full_scale
     spread = math.hypot(error / full_scale, value * (star_rate_error_e_s / star_rate_e_s))
     finite = math.isfinite(value) and math.isfinite(spread)
-    apertures.require("contrast", value, finite, "", "a finite ratio with a finite error")
+    require("contrast", value, finite, "", "a finite ratio with a finite error")
     return Contrast(value, spread)
 
 
@@ -227,7 +236,7 @@ def aperture_photometry(
     """
     data = apertures.checked_image(image)
     hole = apertures.check_mask("background_region", background_region, data.shape)
-    apertures.check_positive("throughput", throughput)
+    check_positive("throughput", throughput)
     factor2 = float(excess_noise_factor2(em_gain, stages))
     own_kernel = None if kernel is None else apertures.checked_image(kernel)
     weights = sum_weights(data.shape, x_pixel, y_pixel, radius_pixel, own_kernel)
@@ -244,7 +253,7 @@ def aperture_photometry(
     empty = data
     if left is not None:
         model = apertures.checked_image(left)
-        apertures.require("left", model.size, model.shape == data.shape, "px", f"one image of {data.shape}")
+        require("left", model.size, model.shape == data.shape, "px", f"one image of {data.shape}")
         empty = without_source(data, model, weights, region)
         pixels = empty[region]
     sigma, n_apertures = apertures.sample_scatter(empty, region, radius_pixel, phase_pixel=phase, kernel=own_kernel)
@@ -285,7 +294,7 @@ def without_source(image: FloatArray, left: FloatArray, weights: FloatArray, bac
         If nothing is left of the source in the sum.
     """
     measured, modelled = (float(np.sum(weights * (part - part[background].mean()))) for part in (image, left))
-    apertures.check_positive("sum of left in the aperture", modelled)
+    check_positive("sum of left in the aperture", modelled)
     return image - measured / modelled * left
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, numeric_context
-from cpic_planner.validation.apertures import check_mask, described, require
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, numeric_context, require
+from cpic_planner.validation.apertures import check_mask, described
 from cpic_planner.validation.frames import CalibratedFrames
 from cpic_planner.validation.noise_law import PixelLaw
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, load_quietly
-from cpic_planner.etc import effective_visits
-from cpic_planner.validation.noise_law import equivalent_sigma
+from cpic_planner.etc import effective_visits, equivalent_sigma, searched_region
 from cpic_planner.validation.reduced import ReducedStack, smoothed
-from cpic_planner.validation.search import NoiseFit, NoiseTerms, fit_noise, searched_region
+from cpic_planner.validation.search import NoiseFit, NoiseTerms, fit_noise
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
 from simulator.imaging import AnyPsf
 
@@ -24,6 +23,9 @@ _SMALL_CHANGE = 0.1  # of a logarithm, whose square is the error of one step
 _EVERYWHERE = slice(None)
 _ROUNDS = 5  # of a fit whose weights are its own, after which it changes by less than 1 %
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
+
+
+_Maximum = tuple[float, float, float, float, int, NoiseFit]
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ class SearchField:
         self._both = self.terms.beside(self._within)
         self._scatter, self._scatter_before = self._visit_scatter()
         for x_arcsec, y_arcsec in known:
-            self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
+            self.exclude(*self.pixel_of(x_arcsec, y_arcsec))
 
     def anew(self) -> "SearchField":
         """Return the same, to be searched again: sources that are taken out of one are not out of the other."""
@@ -331,18 +333,37 @@ class SearchField:
         pixels, mask = np.ascontiguousarray(image), ~self.region[self._box]
         found = sep.extract(pixels, REPORTED_SIGMA - _MARGIN, err=np.ones(image.shape), mask=mask, **single)
         maxima = []
-        fit, weights = state.fit, self.weight(state.assumed, state.fit.logs) * self.free
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
             if place >= 0 and not self._hidden[place]:
-                x_pixel, y_pixel, height = self._top(image, int(row), int(column))
-                without = weights * self.near(x_pixel, y_pixel)
-                mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
-                shared = self._speckled(fit.logs, fit.variance[place], self.terms.at(place)) ** 2
-                alone = self._without(state, weights, np.maximum(without, shared * weights * mirror))
-                snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
-                maxima.append((x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), int(place), alone))
+                maxima.append(self._alone(state, int(place), *self._top(image, int(row), int(column))))
         return sorted(self._judged(maxima), key=lambda peak: -peak.significance)
+
+    def at(self, state: FilteredState, x_pixel: float, y_pixel: float) -> Peak:
+        """Return what stands at a place, judged by the noise without it; the height is a cubic between the pixels.
+
+        Parameters
+        ----------
+        state : FilteredState
+        x_pixel, y_pixel : float
+            Column and row of the place, in the searched region.
+        """
+        from scipy.ndimage import map_coordinates
+
+        place = int(self._index[round(y_pixel), round(x_pixel)])
+        corner = [[y_pixel - self._box[0].start], [x_pixel - self._box[1].start]]
+        height = float(map_coordinates(self.unfold(state.snr)[self._box], corner, order=3)[0])
+        return self._judged([self._alone(state, place, x_pixel, y_pixel, height)])[0]
+
+    def _alone(self, state: FilteredState, place: int, x_pixel: float, y_pixel: float, height: float) -> _Maximum:
+        """Return a place with its SNR by the noise without it, its electrons, position, and that fit of the noise."""
+        fit, weights = state.fit, self.weight(state.assumed, state.fit.logs) * self.free
+        without = weights * self.near(x_pixel, y_pixel)
+        mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
+        shared = self._speckled(fit.logs, fit.variance[place], self.terms.at(place)) ** 2
+        alone = self._without(state, weights, np.maximum(without, shared * weights * mirror))
+        snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
+        return x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), place, alone
 
     def _without(self, state: FilteredState, weights: FloatArray, taken: FloatArray) -> NoiseFit:
         """Return the fit of the noise with less weight: one step of Newton's where that is small, else anew."""
@@ -370,7 +391,7 @@ class SearchField:
                     height += 0.25 * (high - low) * shift[axis]
         return column + self._box[1].start + shift[1], row + self._box[0].start + shift[0], height
 
-    def _judged(self, maxima: Sequence[tuple[float, float, float, float, int, NoiseFit]]) -> list[Peak]:
+    def _judged(self, maxima: Sequence[_Maximum]) -> list[Peak]:
         """Return maxima (x, y, SNR, electrons, position, fit of the noise), each in the noise of its fit."""
         laplace, dof = ([float(law(fit, place)) for *_, place, fit in maxima] for law in (self.laplace, self.dof))
         sigma = equivalent_sigma([one[2] for one in maxima], laplace, dof, self.pairs).tolist()
@@ -386,6 +407,10 @@ class SearchField:
                 for peak, place in zip(peaks, places, strict=True)
             ]
         )
+
+    def pixel_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:
+        """Return the column and row of a place on the stamp, from its offsets on the detector."""
+        return x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0]
 
     def offset_arcsec(self, peak: Peak) -> tuple[float, float]:
         """Return the place from the star on the detector, x and y."""

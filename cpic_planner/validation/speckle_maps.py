@@ -10,12 +10,11 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
 from simulator.config import Drift, content_hash
-from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
+from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, matched_kernel, metrics_key, visit_responses
 
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
-KERNEL_LAMBDA_D = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +53,8 @@ class SpeckleMaps:
 
 
 def filter_kernel(psf: AnyPsf) -> FloatArray:
-    """Return the weights of the matched filter, odd shape, centred: a unit source, cut to a disc of 1.5 lambda/D.
-
-    The sharp edge of an aperture would leave more peaks of noise than the thresholds of a smooth field foresee.
-    """
-    image, geometry = np.asarray(psf.off_axis, float), psf.geometry
-    centre = len(image) // 2
-    reach = KERNEL_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
-    half = min(int(np.ceil(reach)), centre)
-    cut = image[centre - half : centre + half + 1, centre - half : centre + half + 1]
-    offset = np.arange(-half, half + 1)
-    return np.where(np.hypot(offset[:, None], offset) <= reach + 0.5, cut, 0.0)
+    """Return the weights of the matched filter of a PSF (`simulator.imaging.matched_kernel`)."""
+    return matched_kernel(psf.off_axis, psf.geometry.lambda_d_arcsec / psf.geometry.pixel_scale_arcsec)
 
 
 def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:

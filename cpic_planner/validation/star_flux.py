@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status
-from cpic_planner.validation.apertures import aperture_weights, check_positive, require
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, require
+from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
 from cpic_planner.validation.photometry import Photometry
 from cpic_planner.validation.rejection import combine, rejected_in

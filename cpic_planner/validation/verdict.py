@@ -87,7 +87,7 @@ def confirmation_of(
     # A few values do not tell their scatter.
     spread = float(contrast.std(ddof=1)) if n >= findings.MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
     found = sum(item.found for item in measured)
-    at_place = sum(item.significance >= expected["threshold"] for item in measured)
+    at_place = sum(item.found_at_place for item in measured)
     lost = 0 if statistics is None else statistics.lost_in
     mean = findings.calibration_of(expected["snr"], snr, snr_error)
     detected = bool(2 * found >= n and not lost)

@@ -31,7 +31,7 @@ from simulator.imaging.light_expansion import (
     expands as expands,
     visit_light as visit_light,
 )
-from simulator.imaging.measure import visit_responses as visit_responses
+from simulator.imaging.measure import matched_kernel as matched_kernel, visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.mirror_states import (
     at_contrast as at_contrast,

@@ -29,8 +29,10 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.sampling import PixelAxis, pixel_axis
 
 N_BINS = 32
+KERNEL_LAMBDA_D = 1.5
 _BLOCK = 64  # apertures whose maps of the pupil are held at a time
 SAMPLED = 6  # places along each side of a quadrant in which the light of the errors is measured
+_THIN, _PROBED = 3, 9  # step, in pixels, and number of the places where a matched filter is looked at
 DEGREE = 4  # of the polynomial between them, in the logarithms of x and y
 
 
@@ -51,8 +53,28 @@ class FloorTable:
     square: FloatArray
 
 
-def measure_floor(imager: Imager, psd_slope: float) -> FloorTable:
-    """Measure the floor.
+@dataclass(frozen=True)
+class FilterTable:
+    """What a matched filter makes of a source and of speckles, over what whole apertures do; see `PsfMetrics`.
+
+    Attributes
+    ----------
+    gain : ndarray, shape (s,)
+    linear : ndarray, shape (s, 5)
+        In the bins of the floor.
+    square, tails, positions, roughness : float
+    """
+
+    gain: FloatArray
+    linear: FloatArray
+    square: float
+    tails: float
+    positions: float
+    roughness: float
+
+
+def measure_floor(imager: Imager, psd_slope: float, kernel: FloatArray) -> tuple[FloorTable, FilterTable]:
+    """Measure the floor in apertures, and what a matched filter makes of it.
 
     ``linear`` is exact; ``square`` is good to 1 % in the bins, mostly what quadrants differ by: it is exact in 36
     apertures and follows a polynomial between them. The first-order phase is good to 1 % of the floor up to 2 nm and to
@@ -63,6 +85,8 @@ def measure_floor(imager: Imager, psd_slope: float) -> FloorTable:
     imager : Imager
     psd_slope : float
         Exponent of the power spectrum of the screens, ``f^-slope``.
+    kernel : ndarray
+        Weights of the matched filter (`matched_kernel`).
 
     Raises
     ------
@@ -84,7 +108,8 @@ def measure_floor(imager: Imager, psd_slope: float) -> FloorTable:
     separation = np.hypot(y_centres[:, None], x_centres)[place]
     weights = overlap_weights(radius / pixel)
 
-    apertures = [_clipped(int(row), int(column), weights, side.size) for row, column in np.argwhere(place)]
+    centres = np.argwhere(place)
+    apertures = [_clipped(int(row), int(column), weights, side.size) for row, column in centres]
     mean = hole * (weights.sum() / hole.sum())
     linear = 2.0 * _cross_variance(imager, (y, x), psd_slope, mean, apertures)
     coarse = (imager.axis(centres, masked=True, pixel_nodes=1) for centres in (y_centres, x_centres))
@@ -102,7 +127,31 @@ def measure_floor(imager: Imager, psd_slope: float) -> FloorTable:
     def binned(values: FloatArray) -> FloatArray:
         return np.concatenate([[values.mean()], np.bincount(bins, values) / counts])
 
-    return FloorTable(binned(separation)[1:], binned(linear), binned(square))
+    floor = FloorTable(binned(separation)[1:], binned(linear), binned(square))
+    grid = (centres % _THIN == 0).all(axis=1)
+    thin = np.flatnonzero(grid | (np.bincount(bins[grid], minlength=len(counts)) == 0)[bins])
+    cuts = [_clipped(int(row), int(column), kernel, side.size) for row, column in centres[thin]]
+    cuts = [(row, column, cut * hole[row:, column:][: cut.shape[0], : cut.shape[1]]) for row, column, cut in cuts]
+    norm, area = np.array([float(np.sum(cut**2)) for *_, cut in cuts]), float(np.sum(weights**2))
+    gain = np.sqrt(norm * area) / float(np.sum(weights * _middle(kernel, len(weights))))
+    crossed = 2.0 * _cross_variance(imager, (y, x), psd_slope, 0.0 * mean, cuts) / norm
+    crossed = crossed * area / floor.linear[1:][bins[thin]]
+
+    levels = [np.sort(crossed[np.abs(bins[thin] - number) <= 1]) for number in range(len(counts))]
+    fifths = np.array([[part.mean() for part in _fifths(level)] for level in levels])
+    gains = np.bincount(bins[thin], gain) / np.bincount(bins[thin])
+
+    several = thin[np.linspace(0, len(thin) - 1, _PROBED).astype(int)]
+    lights, tails = [], []
+    for number in several:
+        seen = fine.screens.coefficients(fine.readings(*cuts[int(np.flatnonzero(thin == number)[0])]))
+        seen = seen.reshape(len(seen), -1)
+        power = np.linalg.eigvalsh(seen @ seen.T)
+        own = float(np.sum(power**2))
+        lights.append(4.0 * own / float(norm[thin == number][0]) * area / square[number])
+        tails.append(2.0 * float(np.sum(power**4)) / own**2)
+    table = FilterTable(gains, fifths, float(np.mean(lights)), float(np.mean(tails)), *kernel_smoothness(kernel))
+    return floor, table
 
 
 def _sampled(y: FloatArray, x: FloatArray) -> NDArray[np.intp]:
@@ -133,6 +182,50 @@ def _everywhere(y: FloatArray, x: FloatArray, chosen: NDArray[np.intp], values: 
     terms = np.polynomial.chebyshev.chebvander2d(u, v, [DEGREE, DEGREE])[:, order <= DEGREE]
     fitted = np.linalg.lstsq(terms[chosen], np.log(values), rcond=None)[0]
     return np.asarray(np.exp(terms @ fitted))
+
+
+def matched_kernel(source: FloatArray, lambda_d_pixels: float) -> FloatArray:
+    """Return the weights of the matched filter, odd shape, centred: a unit source, cut to a disc of 1.5 lambda/D.
+
+    The sharp edge of an aperture would leave more peaks of noise than the thresholds of a smooth field foresee.
+
+    Parameters
+    ----------
+    source : ndarray
+        Unmasked source on a stamp, (y, x).
+    lambda_d_pixels : float
+        lambda/D at band centre.
+    """
+    reach = KERNEL_LAMBDA_D * lambda_d_pixels
+    half = min(int(np.ceil(reach)), len(source) // 2)
+    offset = np.arange(-half, half + 1)
+    return np.where(np.hypot(offset[:, None], offset) <= reach + 0.5, _middle(source, 2 * half + 1), 0.0)
+
+
+def _fifths(ordered: FloatArray) -> list[FloatArray]:
+    """Return five equal parts of ordered values; few of them count several times."""
+    return np.split(np.repeat(ordered, 5), 5)
+
+
+def _middle(image: FloatArray, side: int) -> FloatArray:
+    """Return the middle of an image, with nothing beyond its edges."""
+    more = max(side - len(image), 0) // 2
+    wide = np.pad(np.asarray(image, float), more)
+    centre = len(wide) // 2
+    cut = slice(centre - side // 2, centre + side // 2 + 1)
+    return wide[cut, cut]
+
+
+def kernel_smoothness(kernel: FloatArray) -> tuple[float, float]:
+    """Return the positions of white noise, seen through a filter, that are worth one, and its roughness.
+
+    The first is the sum of the squared autocorrelation; the second the variance of the gradient of the noise over its
+    variance along one axis, per square pixel, of a Gaussian with the same correlation of neighbours.
+    """
+    spectrum = np.abs(np.fft.rfft2(kernel, (4 * len(kernel),) * 2)) ** 2
+    alone = np.fft.irfft2(spectrum)
+    alone /= alone[0, 0]
+    return float(np.sum(alone**2)), -2.0 * float(np.log(alone[0, 1]))
 
 
 def _clipped(row: int, column: int, weights: FloatArray, side: int) -> Aperture:
@@ -331,7 +424,8 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
     coarse = imager.axis(offset, masked=True, pixel_nodes=1)
     frame = (wide or imager).image(coarse, coarse)
     hole, (_, columns) = imager.zone.covers(offset, offset), imager.zone.intervals()
-    floor = measure_floor(imager, psd_slope)
+    unit = matched_kernel(off_axis, imager.lambda_d_arcsec / imager.pixel_scale_arcsec)
+    floor, matched = measure_floor(imager, psd_slope, unit)
     stamp = slice(half - len(on_axis) // 2, half + len(on_axis) // 2 + 1)
     beyond = np.concatenate([frame[: stamp.start, stamp], frame[stamp.stop :, stamp]])
     values = imager.geometry.figures() | stamp_figures(imager, on_axis, off_axis)
@@ -346,7 +440,9 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "column_light": on_axis.sum(axis=0) + beyond.sum(axis=0),
         "source_noise_fraction": _source_noise_fraction(imager),
     }
-    values |= _wings(wide or imager) | {f"floor_{name}": array for name, array in vars(floor).items()}
+    values |= _wings(wide or imager)
+    for name, table in (("floor", vars(floor)), ("filter", vars(matched))):
+        values |= {f"{name}_{part}": of for part, of in table.items()}
     return PsfMetrics.from_arrays({name: np.asarray(value) for name, value in values.items()})
 
 

@@ -58,6 +58,19 @@ class PsfMetrics(StampMetrics):
     floor_linear, floor_square : ndarray, shape (1 + s,)
         Variance of aperture sums between two visits that are each v nm off, ``linear v^2 + square v^4``: of the cross
         term with the static field and of the light of the errors; whole hole, then each bin.
+    filter_gain : ndarray, shape (s,)
+        Signal-to-noise ratio of a source through a matched filter over that in its aperture, in white noise, in each
+        bin: the edge of the hole cuts the filter.
+    filter_linear : ndarray, shape (s, 5)
+        Variance of the cross term through the filter over the mean one in apertures of the bin, each over that of the
+        same white noise: mean of each fifth of the places, the calmest first.
+    filter_square : float
+        The same of the light of the errors.
+    filter_tails : float
+        Excess kurtosis of the light of the errors through the filter over that of a Laplace variate.
+    filter_positions, filter_roughness : float
+        Positions of filtered white noise that are worth one, and the variance of its gradient along an axis over its
+        variance, per square pixel.
     """
 
     hole_state: HoleStatus
@@ -76,6 +89,12 @@ class PsfMetrics(StampMetrics):
     floor_separation_arcsec: FloatArray
     floor_linear: FloatArray
     floor_square: FloatArray
+    filter_gain: FloatArray
+    filter_linear: FloatArray
+    filter_square: float
+    filter_tails: float
+    filter_positions: float
+    filter_roughness: float
 
     @property
     def field_radius_arcsec(self) -> float:

@@ -194,7 +194,7 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
 SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks
 WING_NODES = 12  # wavelengths that far wings need
 TABLE_SCHEMA = 1  # raise when the meaning of a table changes
-SCHEMA = 7  # raise when the meaning of a stored number or the optical model changes
+SCHEMA = 8  # raise when the meaning of a stored number or the optical model changes
 EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7}
 DIGITS = EXACT_DIGITS | {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_profile": 18, "wing_map": 13}
 """Binary digits that a rounded file keeps of each value, and an exact one of the two large maps."""

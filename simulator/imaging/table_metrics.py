@@ -22,6 +22,7 @@ _MOST_HALF_STAMP = 600
 _WING_STEP_ARCSEC, _WING_POINTS = 0.15, 5
 _NEAR_LAMBDA_D, _NEAR_STEP_LAMBDA_D, _NEAR_ARCSEC = 60.0, 0.6, 8.0
 _ROWS = 400
+_CORRELATED, _ROUGH = 2.4, 1.25  # of the matched filters of the default instrument, in squares of lambda/D
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -244,12 +245,13 @@ def _pupil_light(instrument: Instrument, band: str, geometry: BandGeometry, pass
 
 
 def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[str, FloatArray]:
-    """Return the variance of core sums between two visits 1 nm off each: of the whole zone, then of each row."""
+    """Return the variance of core sums between two visits 1 nm off each, and what a filter makes of it."""
     place = table.separation_arcsec
     names = "speckle_variance_per_nm2", "speckle_variance_per_nm4"
     configuration = instrument.band(band)
     core = table.columns["core_throughput"]
     apart = place / instrument.lambda_d_arcsec(band)
+    cell = (instrument.lambda_d_arcsec(band) / instrument.pixel_scale_arcsec(band)) ** 2
     error = core * scattered_light(apart, 1.0, instrument.drift.psd_slope, configuration.center_nm)
     assumed = 4.0 * table.columns["raw_contrast"] * core * error, 2.0 * error**2
     linear, square = (table.columns.get(name, other) for name, other in zip(names, assumed, strict=True))
@@ -257,4 +259,11 @@ def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[s
         "floor_separation_arcsec": place,
         "floor_linear": np.concatenate([[linear.mean()], linear]),
         "floor_square": np.concatenate([[square.mean()], square]),
+        # No image is known: a filter sees what the core does, and light of one Airy disc.
+        "filter_gain": np.ones(place.shape),
+        "filter_linear": np.ones((*place.shape, 5)),
+        "filter_square": np.ones(()),
+        "filter_tails": np.ones(()),
+        "filter_positions": np.array(_CORRELATED * cell),
+        "filter_roughness": np.array(_ROUGH / cell),
     }

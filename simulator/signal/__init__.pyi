@@ -39,6 +39,7 @@ from simulator.signal.speckles import (
     INTERLEAVED as INTERLEAVED,
     ProgrammeLaw as ProgrammeLaw,
     SpeckleLaw as SpeckleLaw,
+    annulus_floor as annulus_floor,
     error_light_share as error_light_share,
     programme_law as programme_law,
     programme_parts as programme_parts,

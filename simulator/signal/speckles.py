@@ -228,8 +228,7 @@ def programme_parts(
     if (stable := metrics.stability(separation)) is not None:
         variance, common = stable
         return _stable_law(variance, common=common), _stable_law(np.zeros_like(variance), common=common)
-    place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
-    linear, square = (np.exp(np.interp(separation, place, table)) / 2.0 for table in (linear_table, square_table))
+    linear, square = (0.5 * part for part in annulus_floor(metrics, annulus_lambda_d, separation))
     return unit_parts(drift, linear, square, reference_ratio, timing)
 
 
@@ -347,6 +346,13 @@ def error_light_share(
     crossed, light = (law.averaging().law().variance(visit_s) for law in laws)
     whole = crossed + light
     return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+
+
+def annulus_floor(metrics: PsfMetrics, annulus_lambda_d: float, separation_arcsec: ArrayLike) -> tuple[FloatArray, ...]:
+    """Return `PsfMetrics.floor_linear` and `floor_square` of the annulus around separations: mean of its apertures."""
+    place, *tables = _annulus_table(metrics, annulus_lambda_d)
+    at = np.asarray(separation_arcsec, float)
+    return tuple(np.asarray(np.exp(np.interp(at, place, table))) for table in tables)
 
 
 @functools.lru_cache(maxsize=64)

@@ -1,0 +1,349 @@
+"""Probability that a search detects a planet, from the statistic that it compares: nothing in it is fitted to images.
+
+The search compares a matched-filtered residual, over the standard deviation that it estimates, with a threshold
+(`cpic_planner.validation.detection`). For a planet of the significance ``S`` in its aperture, at a place where white
+noise is the share ``w`` of the variance, the cross term of the wavefront's errors with the static field ``c`` and the
+light of the errors ``l``, these have closed forms:
+
+    v     = w + c f_c + l f_l                         noise through the filter; f of `PsfMetrics.filter_linear`
+    mu    = S g / sqrt(v)                             signal over noise; g of `PsfMetrics.filter_gain`
+    peak  = sqrt(mu^2 + 2), or mu at a known place    a maximum over two coordinates
+    rel   = s' I^-1 s                                 relative variance of the noise estimate; s slopes of ln v
+    tau   = snr_at(level, laplace, 2 / rel, visits)   threshold; laplace from the kurtosis of the errors' light
+    P     = Phi((peak - tau) / sqrt(1 + own + tau^2 rel / 4))
+
+``I`` is the information of all places of the hole, and of the scatter of the visits, on the level of the white noise
+and the drift, by which ``s`` are slopes. The cross term varies from place to place: P is the mean over fifths of the
+places at a separation.
+"""
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cpic_core import ArrayLike, FloatArray, special
+from cpic_planner.etc.detection import near_threshold
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.search_level import search_threshold, searched_region
+from cpic_planner.etc.tails import snr_at
+from simulator.imaging import PsfMetrics
+from simulator.signal import annulus_floor, error_light_share
+
+PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
+"""Standard deviations of the logarithms of level and squared drift before a residual is seen."""
+MAP_VISITS = 256
+"""Visits behind the maps of speckles that a search assumes."""
+LAW_ERROR = 0.03
+"""Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
+_CROSSED = 0.6
+"""Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
+_SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 12, 11, 4, 8
+_MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
+_TAILS, _RELATIVES, _MOST_RELATIVE = 9, 8, 0.4
+_LEVELS = 1.0, 1.12
+_STEPS, _BESIDE, _LOWEST, _HIGHEST = 20, 0.15, 0.5, 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class SearchLaw:
+    """Law of detections of one band; made by `law_of`.
+
+    Attributes
+    ----------
+    separation_arcsec : ndarray, shape (r,)
+    log_half, width : ndarray, shape (2, r, s, l, v)
+        Logarithm of the significance at which half of the planets are detected, blind and at a known place, and width
+        of the law in it; by separation, share of the speckles in the variance, share of the errors' light in these,
+        and inverse root of the number of visits.
+    """
+
+    separation_arcsec: FloatArray
+    log_half: FloatArray
+    width: FloatArray
+
+    def _read(self, table: FloatArray, *where: ArrayLike) -> Any:
+        from scipy.ndimage import map_coordinates
+
+        place, speckled, light, visits = (np.asarray(part, float) for part in where)
+        row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
+        many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS))
+        sizes = np.array(table.shape[1:]) - 1
+        shares = [np.nan_to_num(np.clip(part, 0.0, 1.0)) for part in (speckled, light)]
+        at = np.broadcast_arrays(row, shares[0] * sizes[0], shares[1] * sizes[1], many * sizes[2])
+        return map_coordinates(table, np.stack([part.ravel() for part in at]), order=1).reshape(at[0].shape)
+
+    def half(
+        self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
+    ) -> FloatArray:
+        """Return the significance at which half of the planets are detected.
+
+        Parameters
+        ----------
+        separation_arcsec : array_like
+        speckled : array_like
+            Share of the variance that does not average with time (`speckled_share`), 0 to 1.
+        light : array_like
+            Share of the errors' light in that (`lit_share`).
+        visits : array_like
+            Independent wavefronts behind the noise (`effective_visits`), above 0.
+        at_place : bool
+            Planets are looked for at a known place.
+        """
+        where = separation_arcsec, speckled, light, visits
+        return np.asarray(np.exp(self._read(self.log_half[int(at_place)], *where)))
+
+    def reach(
+        self,
+        significance: ArrayLike,
+        own: ArrayLike,
+        separation_arcsec: ArrayLike,
+        speckled: ArrayLike,
+        light: ArrayLike,
+        visits: ArrayLike,
+        *,
+        at_place: bool,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithm of the significance over that of half the planets, and the width of the law in it.
+
+        Parameters
+        ----------
+        significance : array_like
+            Predicted, of the aperture; 0 for no visit.
+        own : array_like
+            Variance of the planet's own light over that of the noise (`own_share`).
+        separation_arcsec, speckled, light, visits, at_place
+            As of `half`.
+        """
+        where = separation_arcsec, speckled, light, visits
+        log_half, width = (self._read(table[int(at_place)], *where) for table in (self.log_half, self.width))
+        with np.errstate(divide="ignore"):
+            reached = np.log(np.asarray(significance, float)) - log_half
+        return reached, np.sqrt(width**2 + own * np.exp(-2.0 * log_half))
+
+    def probability(self, *of: Any, at_place: bool) -> FloatArray:
+        """Return the probability of a detection; arguments as of `reach`."""
+        reached, width = self.reach(*of, at_place=at_place)
+        return np.asarray(special().ndtr(reached / width))
+
+    def least(self, separation_arcsec: ArrayLike, probability: float) -> FloatArray:
+        """Return a significance below which nothing is detected with that probability, in any noise."""
+        lowest = self.log_half + special().ndtri(probability) * self.width
+        least = lowest.min(axis=(0, 2, 3, 4))
+        return np.asarray(np.exp(np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, least)))
+
+
+def search_law(model: EtcModel, band: str) -> SearchLaw:
+    """Return the law of a band of a model, whether images have tested it or not.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy has the level of a detection.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    return _law(model.metrics[band], model.strategy.annulus_lambda_d, model.strategy.sigma)
+
+
+def law_of(model: EtcModel, band: str) -> SearchLaw | None:
+    """Return the law of a band of a model where images have tested it.
+
+    Returns
+    -------
+    SearchLaw or None
+        None where no images were measured: in bands of the near-infrared camera, and where photons are counted.
+    """
+    measured = model.strategy.mode == "analogue" and band in model.instrument.visible_bands()
+    return search_law(model, band) if measured else None
+
+
+def needed_margin(
+    model: EtcModel, band: str, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike
+) -> FloatArray:
+    """Return the significance over the small-sample threshold at which half of the observations detect a planet.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy says whether the search knows the place.
+    band : str
+    separation_arcsec, speckled, light, visits : array_like
+        As of `SearchLaw.half`.
+
+    Returns
+    -------
+    ndarray
+        1 where no law was measured (`law_of`).
+    """
+    law = law_of(model, band)
+    if law is None:
+        return np.ones(np.broadcast_shapes(*map(np.shape, (separation_arcsec, speckled, light, visits))))
+    threshold = near_threshold(model.metrics[band].resolution_elements(separation_arcsec), model.strategy.sigma)
+    known = model.strategy.search == "known_place"
+    half = law.half(separation_arcsec, speckled, light, visits, at_place=known)
+    return np.asarray(half / threshold)
+
+
+def speckled_share(noise: StackNoise) -> FloatArray:
+    """Return the share of the variance that does not average with time."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nan_to_num(1.0 - noise.white / noise.quiet))
+
+
+def lit_share(noise: StackNoise, light: ArrayLike) -> FloatArray:
+    """Return the share of the errors' light in all that does not average with time.
+
+    Parameters
+    ----------
+    noise : StackNoise
+    light : array_like
+        Its share in what visits average (`light_share`): what all visits have in common is taken for the cross term.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nan_to_num(light * noise.speckle / (noise.quiet - noise.white)))
+
+
+def own_share(noise: StackNoise) -> FloatArray:
+    """Return the variance of the planet's own light, and of the mean background, over that of the noise."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nan_to_num(np.maximum((noise.significance / noise.snr) ** 2 - 1.0, 0.0)))
+
+
+def light_share(model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_s: ArrayLike) -> FloatArray:
+    """Return the share of the errors' light in the speckles that visits of a length average."""
+    metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
+    width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
+    return error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s, model.timing)
+
+
+@functools.lru_cache(maxsize=8)
+def _log_thresholds(sigma: float) -> FloatArray:
+    """Return the logarithm of `snr_at` for two levels, by inverse visits, share of Laplace variates, and `_root`."""
+    laplace, root = np.linspace(0.0, 1.0, _TAILS), np.linspace(0.0, 1.0, _RELATIVES)
+    inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * root**2, 1e-9)
+    grid = np.meshgrid(1.0 / inverse, laplace, 2.0 / relative, indexing="ij")
+    visits, share, dof = (part.ravel() for part in grid)
+    found = [snr_at(level * sigma, share, dof, visits).reshape(grid[0].shape) for level in _LEVELS]
+    return np.log(np.stack(found))
+
+
+def _inverse_visits() -> FloatArray:
+    return np.asarray(np.linspace(0.0, 1.0, _VISITS) ** 2 / _LEAST_VISITS)
+
+
+class _Terms:
+    """Noise through the filter over white noise, its slopes, and shares of speckles and of Laplace variates.
+
+    Arrays by separation, share, light and place, of cross term and light of the errors over white noise.
+    """
+
+    def __init__(self, crossed: FloatArray, light: FloatArray, tails: float) -> None:
+        self.whole = 1.0 + crossed + light
+        self.level, self.drift = 1.0 / self.whole, (crossed + 2.0 * light) / self.whole
+        self.speckled = 1.0 - self.level
+        heavy = np.sqrt(tails * light * (light + 2.0 * _CROSSED * crossed)) / self.whole
+        self.heavy = np.minimum(heavy, 1.0)
+
+
+@functools.lru_cache(maxsize=64)
+def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLaw:
+    """Return the law of a band; its tables take 0.1 s."""
+    from scipy.ndimage import map_coordinates
+
+    bins = metrics.floor_separation_arcsec
+    chosen = np.unique(np.linspace(0, bins.size - 1, _SEPARATIONS).astype(int))
+    local = [np.exp(part) for part in metrics.floor_logs()]
+    ring = local if metrics.stability(bins) is not None else annulus_floor(metrics, annulus_lambda_d, bins)
+    share = np.minimum(np.linspace(0.0, 1.0, _SHARES), _MOST_SHARE)[:, None]
+    light = np.linspace(0.0, 1.0, _LIGHTS)
+    odds = [(share / (1.0 - share) * part)[..., None] for part in (1.0 - light, light)]
+
+    def terms(crossed: FloatArray, square: FloatArray) -> _Terms:
+        lit = [share_of * part[:, None, None] for share_of, part in zip(odds, (crossed, square), strict=True)]
+        return _Terms(lit[0], lit[1], metrics.filter_tails)
+
+    lights = [metrics.filter_linear.mean(axis=1), metrics.filter_square]
+    hole = terms(*(here * part / of[chosen, None] for here, part, of in zip(local, lights, ring, strict=True)))
+    places = [metrics.filter_linear[chosen], metrics.filter_square * np.ones((1, 5))]
+    here = terms(*((one / of)[chosen, None] * part for one, of, part in zip(local, ring, places, strict=True)))
+    relative = _relative_variance(metrics, hole, here)
+    # Signal over noise through the filter of a planet of the significance 1.
+    white = here.level / (1.0 - share[..., None])
+    unit = metrics.filter_gain[chosen][:, None, None, None, None] * np.sqrt(white)[..., None, :]
+    heavy = here.heavy[..., None, :] * (_TAILS - 1)
+    rows = np.arange(_VISITS)[:, None], heavy, np.sqrt(relative / _MOST_RELATIVE) * (_RELATIVES - 1)
+    region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
+    blind = search_threshold(region, metrics.filter_roughness, sigma=sigma).value or sigma
+    tables = []
+    # A maximum over two coordinates lies above the mean.
+    for level, gained in ((blind / sigma, 2.0), (1.0, 0.0)):
+        between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
+        at = np.broadcast_arrays(between, *rows)
+        needed = np.exp(map_coordinates(_log_thresholds(sigma), np.stack(at), order=1, mode="nearest"))
+        tables.append(_middle_and_width(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
+    halves, widths = (np.stack(parts) for parts in zip(*tables, strict=True))
+    return SearchLaw(bins[chosen], halves, widths)
+
+
+def _relative_variance(metrics: PsfMetrics, hole: _Terms, here: _Terms) -> FloatArray:
+    """Return the relative variance of the noise that a search estimates at places, by number of visits too.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    hole : _Terms
+        All over the hole, which tells level and drift.
+    here : _Terms
+        At the places that are judged.
+    """
+    bins, pixels = metrics.floor_separation_arcsec, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
+    room = bins * (np.gradient(bins) if bins.size > 1 else 1.0) * metrics.azimuth_fraction(bins)
+    samples = np.count_nonzero(metrics.hole) - math.pi * (_EXCLUDED * pixels) ** 2
+    once = max(samples / metrics.filter_positions, 1.0) * room / room.sum() / (1.0 + hole.speckled**2)
+    # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
+    again = once / (1.0 + 3.0 * hole.heavy**2)
+    more = np.maximum(1.0 / np.maximum(_inverse_visits(), 1e-4) - 1.0, 0.0)
+
+    def known(product: FloatArray, prior: float) -> FloatArray:
+        """Return an element of the information on level and drift."""
+        single, every = (0.5 * np.sum(part * product, axis=-1)[..., None] for part in (once, again))
+        return np.asarray(single + more * every + prior)[..., None]
+
+    of_level, of_drift = known(hole.level**2, PRIOR_WHITE**-2), known(hole.drift**2, PRIOR_DRIFT**-2)
+    both = known(hole.level * hole.drift, 0.0)
+    level, drift = here.level[..., None, :], here.drift[..., None, :]
+    relative = of_drift * level**2 - 2.0 * both * level * drift + of_level * drift**2
+    of_maps = 2.0 / MAP_VISITS * here.speckled**2 * (1.0 + 1.5 * here.heavy**2)
+    return np.asarray(relative / (of_level * of_drift - both**2) + of_maps[..., None, :])
+
+
+def _middle_and_width(
+    unit: FloatArray, needed: FloatArray, spread: FloatArray, gained: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the logarithm of the significance of a chance of one half, and the width of the law in it.
+
+    Parameters
+    ----------
+    unit, needed, spread : ndarray
+        Signal over noise of the significance 1, threshold, and standard deviation, at each of the places (last axis).
+    gained : float
+        Square that the maximum adds.
+    """
+    ndtr, ndtri = special().ndtr, special().ndtri
+
+    def chance(log_significance: FloatArray) -> FloatArray:
+        peak = np.sqrt((np.exp(log_significance)[..., None] * unit) ** 2 + gained)
+        return np.asarray(ndtr((peak - needed) / spread).mean(axis=-1))
+
+    low = np.full(needed.shape[:-1], math.log(_LOWEST))
+    high = np.full(low.shape, math.log(_HIGHEST))
+    for _ in range(_STEPS):
+        middle = 0.5 * (low + high)
+        enough = chance(middle) >= 0.5
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    ends = [ndtri(np.clip(chance(high + side), 1e-12, 1.0 - 1e-12)) for side in (-_BESIDE, _BESIDE)]
+    return high, 2.0 * _BESIDE / (ends[1] - ends[0])
