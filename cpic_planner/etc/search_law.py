@@ -41,7 +41,7 @@ LAW_ERROR = 0.03
 """Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
 _CROSSED = 0.6
 """Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
-_SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 12, 11, 4, 8
+_SEPARATIONS, _SHARES, _LIGHTS, _VISITS, _FINER = 14, 13, 4, 8, 8
 _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 9, 8, 0.4
 _LEVELS = 1.0, 1.12
@@ -73,7 +73,7 @@ class SearchLaw:
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS))
         sizes = np.array(table.shape[1:]) - 1
         shares = [np.nan_to_num(np.clip(part, 0.0, 1.0)) for part in (speckled, light)]
-        at = np.broadcast_arrays(row, shares[0] * sizes[0], shares[1] * sizes[1], many * sizes[2])
+        at = np.broadcast_arrays(row, np.sqrt(shares[0]) * sizes[0], shares[1] * sizes[1], many * sizes[2])
         return map_coordinates(table, np.stack([part.ravel() for part in at]), order=1).reshape(at[0].shape)
 
     def half(
@@ -255,10 +255,14 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
     from scipy.ndimage import map_coordinates
 
     bins = metrics.floor_separation_arcsec
-    chosen = np.unique(np.linspace(0, bins.size - 1, _SEPARATIONS).astype(int))
-    local = [np.exp(part) for part in metrics.floor_logs()]
-    ring = local if metrics.stability(bins) is not None else annulus_floor(metrics, annulus_lambda_d, bins)
-    share = np.minimum(np.linspace(0.0, 1.0, _SHARES), _MOST_SHARE)[:, None]
+    place = np.geomspace(*metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec), _SEPARATIONS)
+    local = [np.exp(np.interp(place, bins, part)) for part in metrics.floor_logs()]
+    ring = local if metrics.stability(place) is not None else annulus_floor(metrics, annulus_lambda_d, place)
+    gain, fifths = (
+        np.interp(place, bins, metrics.filter_gain),
+        np.stack([np.interp(place, bins, part) for part in metrics.filter_linear.T], axis=-1),
+    )
+    share = np.minimum(np.linspace(0.0, 1.0, _SHARES) ** 2, _MOST_SHARE)[:, None]
     light = np.linspace(0.0, 1.0, _LIGHTS)
     odds = [(share / (1.0 - share) * part)[..., None] for part in (1.0 - light, light)]
 
@@ -266,14 +270,14 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
         lit = [share_of * part[:, None, None] for share_of, part in zip(odds, (crossed, square), strict=True)]
         return _Terms(lit[0], lit[1], metrics.filter_tails)
 
-    lights = [metrics.filter_linear.mean(axis=1), metrics.filter_square]
-    hole = terms(*(here * part / of[chosen, None] for here, part, of in zip(local, lights, ring, strict=True)))
-    places = [metrics.filter_linear[chosen], metrics.filter_square * np.ones((1, 5))]
-    here = terms(*((one / of)[chosen, None] * part for one, of, part in zip(local, ring, places, strict=True)))
-    relative = _relative_variance(metrics, hole, here)
+    lights = [fifths.mean(axis=1), metrics.filter_square]
+    hole = terms(*(one * part / of[:, None] for one, part, of in zip(local, lights, ring, strict=True)))
+    places = [fifths, metrics.filter_square * np.ones((1, fifths.shape[1]))]
+    here = terms(*((one / of)[:, None] * part for one, of, part in zip(local, ring, places, strict=True)))
+    relative = _relative_variance(metrics, place, hole, here)
     # Signal over noise through the filter of a planet of the significance 1.
     white = here.level / (1.0 - share[..., None])
-    unit = metrics.filter_gain[chosen][:, None, None, None, None] * np.sqrt(white)[..., None, :]
+    unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
     heavy = here.heavy[..., None, :] * (_TAILS - 1)
     rows = np.arange(_VISITS)[:, None], heavy, np.sqrt(relative / _MOST_RELATIVE) * (_RELATIVES - 1)
     region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
@@ -286,22 +290,41 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
         needed = np.exp(map_coordinates(_log_thresholds(sigma), np.stack(at), order=1, mode="nearest"))
         tables.append(_middle_and_width(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
     halves, widths = (np.stack(parts) for parts in zip(*tables, strict=True))
-    return SearchLaw(bins[chosen], halves, widths)
+    return SearchLaw(place, *(_finer(part) for part in (halves, widths)))
 
 
-def _relative_variance(metrics: PsfMetrics, hole: _Terms, here: _Terms) -> FloatArray:
+def _finer(table: FloatArray) -> FloatArray:
+    """Return a table with more shares, on cubics between them: what falls with the share has one valley then."""
+    slope = np.gradient(table, axis=2)
+    low, high, slope_low, slope_high = (part[:, :, :, None] for part in _ends(table, slope))
+    t = (np.arange(_FINER) / _FINER)[:, None, None]
+    bend = (1.0 - t) ** 2 * (low * (1.0 + 2.0 * t) + slope_low * t) + t**2 * (
+        high * (3.0 - 2.0 * t) + slope_high * (t - 1.0)
+    )
+    shape = (*table.shape[:2], (_SHARES - 1) * _FINER, *table.shape[3:])
+    return np.concatenate([bend.reshape(shape), table[:, :, -1:]], axis=2)
+
+
+def _ends(table: FloatArray, slope: FloatArray) -> tuple[FloatArray, ...]:
+    """Return values at both ends of the intervals of the shares, and slopes."""
+    return table[:, :, :-1], table[:, :, 1:], slope[:, :, :-1], slope[:, :, 1:]
+
+
+def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:
     """Return the relative variance of the noise that a search estimates at places, by number of visits too.
 
     Parameters
     ----------
     metrics : PsfMetrics
+    place : ndarray
+        Separations, arcsec.
     hole : _Terms
-        All over the hole, which tells level and drift.
+        At all of them: what tells level and drift.
     here : _Terms
         At the places that are judged.
     """
-    bins, pixels = metrics.floor_separation_arcsec, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
-    room = bins * (np.gradient(bins) if bins.size > 1 else 1.0) * metrics.azimuth_fraction(bins)
+    pixels = metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
+    room = place * np.gradient(place) * metrics.azimuth_fraction(place)
     samples = np.count_nonzero(metrics.hole) - math.pi * (_EXCLUDED * pixels) ** 2
     once = max(samples / metrics.filter_positions, 1.0) * room / room.sum() / (1.0 + hole.speckled**2)
     # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.

@@ -130,7 +130,8 @@ def noise_alarms(model: etc.EtcModel, band: str) -> float:
     """Return the expected noise peaks of one visit above the threshold of a blind search.
 
     The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
-    ``(lambda/D)^2`` of the dark hole (`cpic_planner.validation.search`); images hold it (``reports/blind_validator``).
+    ``(lambda/D)^2`` of the dark hole (`cpic_planner.etc.search_threshold`); images hold it
+    (``reports/blind_validator``).
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class Candidate:
     detected : bool
         Whether ``snr_mf`` reaches ``threshold``.
     law : tuple of float
-        Significance of a detection, and the law of noise here: `cpic_planner.validation.noise_law.snr_at`.
+        Significance of a detection, and the law of noise here: `cpic_planner.etc.snr_at`.
     """
 
     x_arcsec: float

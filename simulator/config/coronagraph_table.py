@@ -71,12 +71,24 @@ COLUMNS = Columns(
     _column("star_columns", "", 0.0, 1e4, "starlight of whole columns under a core on the diagonal"),
     _column("noise_fraction", "", 1e-3, 1.0, "sum of squared weights of the pixels of a core over its area"),
     _column("source_noise_fraction", "", 1e-3, 1.0, "the same, weighted by the light of a source"),
+    _column(
+        "filter_gain", "", 0.1, 10.0, "SNR of a source through a matched filter over that in its core, white noise"
+    ),
+    *(
+        _column(f"filter_linear_{number}", "", 0.0, 1e3, "variance of the cross term through it over that in cores")
+        for number in range(1, 6)
+    ),
+    _column("filter_square", "", 0.0, 1e3, "the same of the light of the wavefront's errors"),
+    _column("filter_tails", "", 0.0, 1.0, "its excess kurtosis through the filter over that of a Laplace variate"),
+    _column("filter_positions", "", 1e-3, 1e6, "pixels of filtered white noise that are worth one"),
+    _column("filter_roughness", "", 1e-6, 1e3, "variance of its gradient over its variance, per square pixel"),
 )
 """What a table may hold; light of the star and of sources is over that on the clear pupil."""
 REQUIRED = (("separation_arcsec", "separation_lambda_d"), ("core_throughput",), ("raw_contrast",))
 CONSTANT = (
     *("source_peak_pixel", "star_peak_zone", "star_peak_columns", "star_peak_frame", "star_register_tail"),
     *("noise_fraction", "source_noise_fraction"),
+    *("filter_square", "filter_tails", "filter_positions", "filter_roughness"),
 )
 """Columns of one value for all separations."""
 _LOGARITHMIC = ("raw_contrast", "contrast_stability", "speckle_variance_per_nm2", "speckle_variance_per_nm4")

@@ -22,7 +22,9 @@ _MOST_HALF_STAMP = 600
 _WING_STEP_ARCSEC, _WING_POINTS = 0.15, 5
 _NEAR_LAMBDA_D, _NEAR_STEP_LAMBDA_D, _NEAR_ARCSEC = 60.0, 0.6, 8.0
 _ROWS = 400
-_CORRELATED, _ROUGH = 2.4, 1.25  # of the matched filters of the default instrument, in squares of lambda/D
+# Of the matched filters of the default instrument, lengths in lambda/D: what a table without images is taken to have.
+_GAIN, _FIFTHS, _SQUARE, _TAILS = 1.15, (0.3, 0.55, 0.8, 1.2, 2.0), 1.6, 0.8
+_POSITIONS, _ROUGH = 2.4, 1.25
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -252,6 +254,13 @@ def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[s
     core = table.columns["core_throughput"]
     apart = place / instrument.lambda_d_arcsec(band)
     cell = (instrument.lambda_d_arcsec(band) / instrument.pixel_scale_arcsec(band)) ** 2
+    fifths = [
+        table.columns.get(f"filter_linear_{n}", np.full(place.shape, usual)) for n, usual in enumerate(_FIFTHS, 1)
+    ]
+    single = (
+        *(("filter_square", _SQUARE), ("filter_tails", _TAILS)),
+        *(("filter_positions", _POSITIONS * cell), ("filter_roughness", _ROUGH / cell)),
+    )
     error = core * scattered_light(apart, 1.0, instrument.drift.psd_slope, configuration.center_nm)
     assumed = 4.0 * table.columns["raw_contrast"] * core * error, 2.0 * error**2
     linear, square = (table.columns.get(name, other) for name, other in zip(names, assumed, strict=True))
@@ -259,11 +268,7 @@ def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[s
         "floor_separation_arcsec": place,
         "floor_linear": np.concatenate([[linear.mean()], linear]),
         "floor_square": np.concatenate([[square.mean()], square]),
-        # No image is known: a filter sees what the core does, and light of one Airy disc.
-        "filter_gain": np.ones(place.shape),
-        "filter_linear": np.ones((*place.shape, 5)),
-        "filter_square": np.ones(()),
-        "filter_tails": np.ones(()),
-        "filter_positions": np.array(_CORRELATED * cell),
-        "filter_roughness": np.array(_ROUGH / cell),
+        "filter_gain": table.columns.get("filter_gain", np.full(place.shape, _GAIN)),
+        "filter_linear": np.stack(fifths, axis=-1),
+        **{name: said if (said := table.constant(name)) is not None else np.array(usual) for name, usual in single},
     }

@@ -96,7 +96,16 @@ def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, F
         "star_columns": metrics.column_aperture(x),
         "noise_fraction": metrics.noise_fraction,
         "source_noise_fraction": metrics.source_noise_fraction,
+        "filter_gain": np.interp(separation, rings, metrics.filter_gain),
+        **{
+            f"filter_linear_{number}": np.interp(separation, rings, fifth)
+            for number, fifth in enumerate(metrics.filter_linear.T, 1)
+        },
+        **{name: getattr(metrics, name) for name in _FILTER},
     }
+
+
+_FILTER = "filter_square", "filter_tails", "filter_positions", "filter_roughness"
 
 
 def _power(rings: FloatArray, logs: FloatArray) -> float:

@@ -1,186 +1,178 @@
-"""Report of the law of detection: false alarms, fitted numbers, and planets found against predicted."""
+"""Report of the law of detection: planets found against predicted, and false alarms, over random scenes."""
 
+import itertools
 import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc import DetectionLaw, default_law
-from cpic_planner.etc.detection import INWARD
-from tools.detection_law.fit import LEAST, MODES, bins_of, chances, table_of
-from tools.detection_law.measure import LEVELS, NULLS
-from tools.detection_law.stacks import CASES, DRAWN, POOL, VISITS
+from cpic_core import FloatArray, write_bytes
+from cpic_planner.validation import Frames
+from tools.detection_law.cells import LEVELS, VISITS, Cell, Programme
+from tools.report_parts import machine, png, table
+
+MODES = {"found": "blind", "placed": "at a known place"}
+_WORST = 8
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    return "\n".join(f"| {' | '.join(line)} |" for line in [head, ["---"] * len(head), *rows])
+def predicted(cells: Iterable[Mapping[str, Any] | None]) -> list[dict[str, Any]]:
+    """Return one row a cell with what its planets were promised, as arrays by mode, beside what was found.
+
+    Parameters
+    ----------
+    cells : iterable of mapping or None
+        As of `tools.detection_law.cells.measured`.
+    """
+    rows = []
+    for item in cells:
+        if item is None:
+            continue
+        cell = Cell(**item["cell"])
+        exposure_s, n_frames, em_gain = item["frames"]
+        programme = Programme.of(cell, Frames(exposure_s, n_frames, em_gain, cell.visits))
+        if programme is None:
+            continue
+        x, y, contrast = (np.array(item[name]) for name in ("x_arcsec", "y_arcsec", "contrast"))
+        prospect = programme.prospect(x, y, contrast)
+        promised = {"found": prospect.chances.blind[0], "placed": prospect.chances.known_place[0]}
+        own = {"cell": cell, "separation": np.hypot(x, y), "promised": promised, "alarms": item["alarms"]}
+        own |= {"speckled": 1.0 - np.broadcast_to(prospect.noise.white / prospect.noise.quiet, (1, x.size))[0]}
+        rows.append(own | {"elements": item["elements"]} | {mode: np.array(item[mode], float) for mode in MODES})
+    return rows
 
 
-def alarm_rows(found: dict[str, Any]) -> list[list[str]]:
-    """Return the lines of the table of false alarms, of each number of visits and of all."""
+def _line(name: str, chance: FloatArray, hit: FloatArray) -> list[str]:
+    error = math.sqrt(max(float(np.sum(chance * (1.0 - chance))), 0.25)) / len(chance)
+    cells = [f"{chance.mean():.3f}", f"{hit.mean():.3f}", f"{hit.mean() - chance.mean():+.3f}", f"{error:.3f}"]
+    return [name, str(len(chance)), *cells]
+
+
+def groups(rows: list[dict[str, Any]], mode: str) -> list[list[str]]:
+    """Return the lines of the table of planets found and promised: all, and by what cells differ in."""
+    chance = np.concatenate([row["promised"][mode] for row in rows])
+    hit = np.concatenate([row[mode] for row in rows])
+
+    def each(key: Any) -> Any:
+        return np.concatenate([np.broadcast_to(key(row), row[mode].shape) for row in rows])
+
+    lines = [_line("all", chance, hit)]
+    for low in np.arange(0.0, 1.0, 0.2):
+        inside = (chance >= low) & (chance < low + 0.2 + 1e-9 * (low > 0.7))
+        lines += [_line(f"promised {low:.1f} to {low + 0.2:.1f}", chance[inside], hit[inside])] if inside.any() else []
+    bands, visits = each(lambda row: row["cell"].band), each(lambda row: row["cell"].visits)
+    lines += [_line(band, chance[bands == band], hit[bands == band]) for band in np.unique(bands)]
+    lines += [_line(f"{n} visits", chance[visits == n], hit[visits == n]) for n in VISITS if (visits == n).any()]
+    speckled, drift = each(lambda row: row["speckled"]), each(lambda row: row["cell"].drift_nm)
+    place = each(lambda row: (row["separation"] - row["separation"].min()) / np.ptp(row["separation"]))
+    for name, values, edges in (
+        ("speckles in the variance", speckled, (0.0, 0.1, 0.5, 0.9, 1.0)),
+        ("drift, nm", drift, (0.01, 0.05, 0.15, 0.5)),
+        ("from inner to outer corner", place, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)),
+    ):
+        for low, high in itertools.pairwise(edges):
+            inside = (values >= low) & (values <= high)
+            lines += [_line(f"{name} {low:g} to {high:g}", chance[inside], hit[inside])] if inside.any() else []
+    for name, there in (
+        ("with a companion", each(lambda row: row["cell"].companion is not None)),
+        ("with a star behind", each(lambda row: row["cell"].background is not None)),
+    ):
+        lines += [_line(name, chance[there], hit[there])] if there.any() else []
+    return lines
+
+
+def differences(rows: list[dict[str, Any]], mode: str) -> FloatArray:
+    """Return found less promised of every cell, and its standard error, shape (2, cells)."""
+    promised = [row["promised"][mode] for row in rows]
+    error = [math.sqrt(max(float(np.sum(part * (1.0 - part))), 0.25)) / part.size for part in promised]
+    return np.array([[row[mode].mean() - row["promised"][mode].mean() for row in rows], error])
+
+
+def _worst(rows: list[dict[str, Any]]) -> list[list[str]]:
+    apart = differences(rows, "found")
+    lines = []
+    for index in np.argsort(-np.abs(apart[0]))[:_WORST]:
+        cell, row = rows[index]["cell"], rows[index]
+        others = ", ".join(
+            name for name, there in (("companion", cell.companion), ("star behind", cell.background)) if there
+        )
+        what = [cell.band, f"{cell.v_mag:.1f}", str(cell.visits), f"{cell.drift_nm:.3f}", others or "none"]
+        lines.append([*what, *_line("", row["promised"]["found"], row["found"])[2:]])
+    return lines
+
+
+def alarm_rows(rows: list[dict[str, Any]]) -> list[list[str]]:
+    """Return the lines of the table of false alarms."""
     from scipy.stats import norm, poisson
 
-    rows = []
-    for many in (*((visits,) for visits in VISITS), VISITS):
-        own = [one for one in found["alarms"] if one["visits"] in many]
-        elements = sum(one["elements"] for one in own)
-        for level in LEVELS:
-            count, mean = sum(one[f"{level:g}"] for one in own), elements * float(norm.sf(level))
-            low, high = poisson.interval(0.95, mean)
-            inside = "yes" if low <= count <= high else "no"
-            visits = " and ".join(", ".join(map(str, many)).rsplit(", ", 1))
-            cells = [visits, f"{elements:.0f}", f"{level:g}", str(count), f"{mean:.1f}", f"{low:.0f} to {high:.0f}"]
-            rows.append([*cells, inside])
-    return rows
+    lines, elements = [], sum(row["elements"] for row in rows)
+    for level in LEVELS:
+        count, mean = sum(row["alarms"][f"{level:g}"] for row in rows), elements * float(norm.sf(level))
+        low, high = poisson.interval(0.95, mean)
+        inside = "yes" if low <= count <= high else "no"
+        cells = [f"{level:g}", f"{elements:.0f}", str(count), f"{mean:.1f}", f"{low:.0f} to {high:.0f}", inside]
+        lines.append(cells)
+    return lines
 
 
-def _alarms_by_case(found: dict[str, Any]) -> list[list[str]]:
-    from scipy.stats import norm
+def write_map(rows: list[dict[str, Any]], path: Path) -> None:
+    """Draw found against promised shares, one point a cell, blind and at a known place."""
+    from matplotlib.figure import Figure
 
-    rows = []
-    for number, case in enumerate(CASES):
-        own = [one for one in found["alarms"] if one["case"] == number]
-        cells = [case.star, case.band, f"{case.v_mag:g}", f"{case.drift_nm:g}"]
-        for visits in VISITS:
-            parts = [one for one in own if one["visits"] == visits]
-            mean = sum(one["elements"] for one in parts) * float(norm.sf(LEVELS[0]))
-            cells.append(f"{sum(one[f'{LEVELS[0]:g}'] for one in parts)} of {mean:.1f}")
-        rows += [cells] if own else []
-    return rows
-
-
-def clustering(found: dict[str, Any]) -> dict[int, float]:
-    """Return variance over mean of a stack's false alarms at 3 sigma, by visits, each case about its own mean."""
-    ratios = {}
-    for visits in VISITS:
-        own = [one for one in found["alarms"] if one["visits"] == visits]
-        mean = sum(one[f"{LEVELS[0]:g}"] for one in own)
-        variance = sum(
-            (one["spread"] - one[f"{LEVELS[0]:g}"] ** 2 / one["stacks"]) * one["stacks"] / (one["stacks"] - 1)
-            for one in own
-        )
-        ratios[visits] = variance / mean if mean else math.nan
-    return ratios
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    colours = dict(zip(("F520", "F662", "F720", "F850"), ("C0", "C2", "C1", "C3"), strict=True))
+    for axes, (mode, name) in zip(figure.subplots(1, 2, sharey=True), MODES.items(), strict=True):
+        axes.plot([0, 1], [0, 1], color="0.6", lw=1)
+        for band, colour in colours.items():
+            own = [row for row in rows if row["cell"].band == band]
+            if own:
+                promised = [row["promised"][mode].mean() for row in own]
+                found, error = [row[mode].mean() for row in own], differences(own, mode)[1]
+                axes.errorbar(promised, found, error, fmt="o", ms=4, lw=1, color=colour, label=band)
+        axes.set(xlabel="mean probability promised", title=name[0].upper() + name[1:], xlim=(0, 1), ylim=(0, 1))
+        axes.set_aspect("equal")
+    figure.axes[0].set_ylabel("share of planets found")
+    figure.axes[0].legend()
+    write_bytes(path, png(figure))
 
 
-def _cases(found: dict[str, Any], law: DetectionLaw, mode: str) -> list[list[str]]:
-    every = table_of(found, ("fit", "test", "frames"))
-    chance, rows = chances(law, every, mode), []
-    for number, case in enumerate(CASES):
-        cells = [case.part, case.star, case.band, f"{case.v_mag:g}", f"{case.drift_nm:g}", f"{case.time_s / 3600.0:g}"]
-        for visits in VISITS:
-            own = (every["case"] == number) & (every["visits"] == visits)
-            hits, mean = float(every[mode][own].sum()), float(chance[own].sum())
-            apart = (hits - mean) / math.sqrt(max(float((chance[own] * (1.0 - chance[own])).sum()), 1e-9))
-            cells.append(f"{hits:.0f} of {mean:.1f} ({apart:+.1f})")
-        rows.append(cells)
-    return rows
-
-
-def _found(found: dict[str, Any], law: DetectionLaw, mode: str) -> str:
-    """Return the bins of all parts, and the planets of every case."""
-    shown = [
-        [part, str(line[0]), str(line[1]), f"{line[2]:.3f}", f"{line[3]:.3f}", f"{line[3] - line[2]:+.3f}"]
-        for part in ("fit", "test", "frames")
-        for line in bins_of(law, table_of(found, (part,)), mode)
-    ]
-    rows = _cases(found, law, mode)
-    squares = [float(cell.split("(")[1][:-1]) ** 2 for line in rows for cell in line[6:]]
-    return (
-        _table(["part", "visits", "planets", "predicted", "found", "found - predicted"], shown)
-        + "\n\nBy case: planets found, of expected, and standard deviations of their difference; the mean of its "
-        f"square is {np.mean(squares):.2f}.\n\n"
-        + _table(
-            ["part", "star", "band", "V (mag)", "drift (nm)", "wall hours a visit", *(f"V = {n}" for n in VISITS)], rows
-        )
-    )
-
-
-def _either(found: dict[str, Any]) -> list[list[str]]:
-    """Return the planets that the search, photometry at the place, either of them and both find, by visits."""
-    every = table_of(found, ("fit", "test", "frames"))
-    rows = []
-    for visits in VISITS:
-        own = every["visits"] == visits
-        searched, placed = (every[mode][own] > 0.5 for mode in MODES)
-        counts = [searched, placed, searched | placed, searched & placed]
-        rows.append([str(visits), str(int(own.sum())), *(f"{float(part.mean()):.3f}" for part in counts)])
-    return rows
-
-
-def text(found: dict[str, Any]) -> str:
+def text(rows: list[dict[str, Any]], known: Mapping[str, Any]) -> str:
     """Return the report."""
-    law, clustered = default_law(), clustering(found)
-    rows = [
-        [f"`{name}`", f"{value:.3f}" + (f" ± {error:.3f}" if error else ""), f"{getattr(law, name):g}"]
-        for name, (value, error) in found["law"].items()
-    ]
-    minutes, ten, least = found["minutes"], f"{INWARD:g}", LEAST
-    alarms = _table(
-        ["visits", "resolution elements", "level (sigma)", "found", "expected", "95 % of Poisson", "within"],
-        alarm_rows(found),
-    )
-    by_case = _table(["star", "band", "V (mag)", "drift (nm)", *(f"V = {n}" for n in VISITS)], _alarms_by_case(found))
-    ratios = ", ".join(f"{ratio:.2f} (V = {visits})" for visits, ratio in clustered.items())
-    either = _table(["visits", "planets", "search", "photometry at the place", "either", "both"], _either(found))
-    return f"""# The law of detection on stacks of visits
+    planets = sum(row["found"].size for row in rows)
+    parts = []
+    for mode, name in MODES.items():
+        apart = differences(rows, mode)
+        alone = float(np.mean(apart[1])) * math.sqrt(2.0 / math.pi)
+        head = ["planets", "number", "promised", "found", "difference", "its error"]
+        parts.append(
+            f"## Found {name}\n\nThe mean difference of a cell is {np.abs(apart[0]).mean():.3f} in size, of which "
+            f"counting alone makes {alone:.3f}; the largest is {np.abs(apart[0]).max():.3f}.\n\n"
+            f"{table(head, groups(rows, mode))}\n"
+        )
+    head = ["band", "V (mag)", "visits", "drift (nm)", "other stars", "promised", "found", "difference", "its error"]
+    alarms = ["level (sigma)", "resolution elements", "found", "expected", "95 % of Poisson", "within"]
+    return f"""# The law of detection on images of random scenes
 
-Regenerate with `python -m tools.detection_law`; everything below is written by it ({minutes["planets"]:.0f} min of a
-processor for planets, {minutes["alarms"]:.0f} min for false alarms; {found["machine"]}).
+Regenerate with `python -m tools.detection_law`; everything below is written by it ({known["minutes"]:.0f} min of two
+processes; {machine()}).
 
-Stacks of V science visits less the mean of V reference visits, every visit with a wavefront offset of its own and
-nothing in common, searched blind with `visits` and `reference_visits` stated. Visits are the star behind the mask to
-second order in the offset, from {POOL} offsets, with white noise of the camera; those of the part `frames` are sums of
-frames of the image simulator ({DRAWN} of science and of reference), with a walk as large as the offset in an hour. The
-part `test` has stars, bands and drifts that the fit knows nothing of. What the calculator expects of a planet of the
-contrast that was put in is worked out anew whenever this report is written.
+{len(rows)} cells are drawn at random: band, star (V 0 to 8), 1 to 64 visits of 1 to 4 h, drift of 0.01 to 0.5 nm, a
+companion at 2 to 20 arcsec in three of ten, a star behind the hole in one of seven. Each has {known.get("stacks", 12)}
+programmes of images, into which {planets} planets in all are put one at a time, at random places and with a brightness
+about that at which half are found. The promise is the probability of the calculator for that place
+(`cpic_planner.etc.search_law`); no number in it is fitted to these images.
+
+![found against promised](map.png)
+
+{"".join(parts)}
+## Cells that are farthest off
+
+{table(head, _worst(rows))}
 
 ## False alarms
 
-Peaks above the level in stacks without planets, all cases but `frames`; each {NULLS} stacks of a case and number of
-visits are made of {POOL} visits of their own.
+Peaks above the level in the same programmes without planets, stars that are there left out.
 
-{alarms}
-
-By case, at 3 sigma, found of expected:
-
-{by_case}
-
-Fewer alarms than expected are thresholds on the safe side: 10 % fewer at 3 sigma are a threshold that is higher by 0.03
-sigma. They are fewest where light of the wavefront's errors is nearly all of the noise of few visits (large drift,
-bright star): such a field is smoother where it is high than in the mean, and the number of its peaks is reckoned from
-the mean. Alarms of one stack share one estimate of the noise and, where light of phase errors rules, repeat at the
-mirror place; still the variance of their number in a stack over its mean, 1 for independent alarms, is
-{ratios}.
-
-## The law
-
-A planet of margin x (predicted significance over threshold) is found with the probability `Phi(ln(x / m) / w)`. For a
-blind search `ln m = t blind_tails V^-blind_visits + g(blind) / V + g(stack) (1 - 1/V)` with
-`g = ln(margin) + inward (i - {ten})`, and `w^2 = blind_width^2 / V + stack_width^2 (1 - 1/V)`; t is the share of the
-noise (as rms) that is light of the wavefront's errors, and i the resolution element over the separation. Photometry at
-a known place has the middle `known_margin` for any V, and `w^2 = known_width^2 / V + known_stack_width^2 (1 - 1/V)`.
-Fitted to the part `fit`; errors of a jackknife over its cases.
-
-{_table(["number of the preset", "fitted", "preset"], rows)}
-
-## Found by a blind search against predicted
-
-By the numbers of the preset, in bins of the predicted probability with at least {least} planets where they suffice.
-
-{_found(found, law, "found")}
-
-## Found by photometry at a known place against predicted
-
-Aperture photometry at the true place, whose noise is the scatter of apertures in the annulus of the same image, against
-the threshold of small samples. It does not use how the visits scatter, which the search does.
-
-{_found(found, law, "placed")}
-
-## Which finds more
-
-Whoever knows the place takes photometry there or the search, whichever has the larger probability. Fractions of all
-planets that were put in:
-
-{either}
+{table(alarms, alarm_rows(rows))}
 """
