@@ -162,6 +162,24 @@ def test_fewer_epochs_miss_the_variance_of_a_walk(make):
     assert said.knob_sizes["drift_epochs"][1]["pixel_map"] > said.knob_sizes["drift_epochs"][6]["pixel_map"] > 0
 
 
+@pytest.mark.parametrize("walk", [0.0, 0.05])
+@pytest.mark.parametrize("orders", ["low", "all"])
+@pytest.mark.parametrize(("n_frames", "exposure_s"), [(7, 40.0), (300, 40.0)], ids=["short", "orbits"])
+def test_fewer_epochs_average_the_swing_with_the_orbit(n_frames, exposure_s, orders, walk, make, report):
+    """Images of both, each frame of its own epoch, with the same map and walk."""
+    drift = {"visit_nm": 0.02, "walk_nm_per_sqrt_hour": walk, "orbital_nm": 0.1, "orbital_orders": orders}
+    swinging, scene = load_instrument({"drift": drift}), make(v_mag=3.0)
+    settings = SETTINGS | {"n_frames": n_frames, "exposure_s": exposure_s}
+    said = forecast(scene, swinging, **settings, max_epochs=6).knob_sizes["drift_epochs"]
+    settings |= {"window": "hole", "instrument": swinging, "seed": 3}
+    whole = observe(scene, **settings, max_epochs=6)
+    for epochs in (1, 2, 4):
+        true = report.truth.true_difference(whole, observe(scene, **settings, max_epochs=epochs))
+        assert 3e-3 < true.pixel_map < said[epochs]["pixel_map"] < 100 * true.pixel_map, epochs
+        assert true.planet_flux < 1e-3
+    assert said[6]["pixel_map"] == 0.0
+
+
 def test_what_visits_have_in_common_grows_with_their_number(make):
     """Half the share that it has in the variance of the programme, by the law; what averages counts less and less."""
     drift = {"visit_nm": 0.1, "walk_nm_per_sqrt_hour": 0.0, "common_fraction": 0.3, "orbital_nm": 0.05}
