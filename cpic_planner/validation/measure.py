@@ -243,10 +243,8 @@ def forced_photometry(
         return fitted.photometry(stack)
     left = stack.rdi.project(template)
     if filter_name == "mirror":
-        empty = image
-        if stack.rdi.modes_used:
-            # What modes spread of the planet is not alike at opposite places, and no speckle.
-            empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
+        # The wings of the planet and what modes spread of it are not alike at opposite places, and no speckles.
+        empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
         share = mirror_share(empty, planet.kernels(geometry, filter_name)[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     weights = sum_weights(image.shape, *first, radius, kernel)
