@@ -214,7 +214,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     template = observation.psf.at(*observation.star_offset_arcsec)
     rows, columns, part = observation.area.stamp(len(template))
     first_row, first_column = observation.first_pixel or (0, 0)
-    response, alive = frames.response[rows, columns], frames.electrons.any(axis=0)[rows, columns]
+    response, alive = frames.response[rows, columns], np.any(frames.electrons[:, rows, columns], axis=0)
     corner = (first_row + rows.start, first_column + columns.start)
     template = transferred(template[part] * response * alive, detector, corner) / response
     seen = summed.covered[rows, columns]
