@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from cpic_planner.queries import FluxFilter
 from cpic_planner.validation.detection import BlindSearch, Searcher, searcher
@@ -224,20 +225,10 @@ def forced_photometry(
     around = planet.around(stack.region, geometry, filter_name)
     matched = planet.kernels(geometry, filter_name) if filter_name == "matched" else None
     kernel = matched[0] if matched else None
+    shared: dict[str, Any] = {"background_region": around, "em_gain": stack.em_gain, "stages": stack.stages}
     if roll is not None:
         one, two = planet.templates
-        return roll_photometry(
-            roll,
-            one,
-            two,
-            first,
-            second[0],
-            radius,
-            background_region=around,
-            em_gain=stack.em_gain,
-            stages=stack.stages,
-            kernels=matched,
-        )
+        return roll_photometry(roll, one, two, first, second[0], radius, kernels=matched, **shared)
     image, template = stack.image_e, planet.templates[0]
     if filter_name == "whitened":
         assert model is not None  # as `measure_planets` makes it
@@ -251,23 +242,11 @@ def forced_photometry(
             neighbours=planet.neighbours,
         )
         return fitted.photometry(stack)
-    left = stack.rdi.project(template)
+    left, weights = stack.rdi.project(template), sum_weights(image.shape, *first, radius, kernel)
     if filter_name == "mirror":
-        empty = image
-        if stack.rdi.modes_used:
-            # What modes spread of the planet is not alike at opposite places, and no speckle.
-            empty = without_source(image, left, sum_weights(image.shape, *first, radius), around)
+        # The wings of the planet and what modes spread of it are not alike at opposite places, and no speckles.
+        empty = without_source(image, left, weights, around)
         share = mirror_share(empty, planet.kernels(geometry, filter_name)[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
-    weights = sum_weights(image.shape, *first, radius, kernel)
-    return aperture_photometry(
-        image,
-        *first,
-        radius,
-        background_region=around,
-        throughput=surviving_fraction("template", template, left, weights, around),
-        em_gain=stack.em_gain,
-        stages=stack.stages,
-        kernel=kernel,
-        left=left,
-    )
+    through = surviving_fraction("template", template, left, weights, around)
+    return aperture_photometry(image, *first, radius, throughput=through, kernel=kernel, left=left, **shared)

@@ -287,7 +287,6 @@ def roll_photometry(
     hole = apertures.checked_region("background_region", background_region, images[0].shape)
     away = apertures.outside_discs(hole, places, EXCLUSION_RADII * radius_pixel)
     through = result.throughput(*templates, *weights, background=away)
-    spread = result.project(*templates) if result.first.modes_used or result.second.modes_used else (None, None)
     incoming = [float(np.sum(np.asarray(image) * weight)) for image, weight in zip(templates, weights, strict=True)]
     throughput = float(np.dot(through, incoming)) / sum(incoming)
     if not throughput > 0:
@@ -304,7 +303,7 @@ def roll_photometry(
             kernel=kernel,
             left=left,
         )
-        for image, place, kernel, left in zip(images, places, given, spread, strict=True)
+        for image, place, kernel, left in zip(images, places, given, result.project(*templates), strict=True)
     )
     shared = float(np.sum(weights[0] * weights[1]))
     overlap = shared / math.sqrt(float(np.sum(weights[0] ** 2) * np.sum(weights[1] ** 2)))

@@ -214,9 +214,9 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     template = observation.psf.at(*observation.star_offset_arcsec)
     rows, columns, part = observation.area.stamp(len(template))
     first_row, first_column = observation.first_pixel or (0, 0)
-    response = frames.response[rows, columns]
+    response, alive = frames.response[rows, columns], np.any(frames.electrons[:, rows, columns], axis=0)
     corner = (first_row + rows.start, first_column + columns.start)
-    template = transferred(template[part] * response, detector, corner) / response
+    template = transferred(template[part] * response * alive, detector, corner) / response
     seen = summed.covered[rows, columns]
     aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
     lost = frames.n_lost[rows, columns][aperture > 0]

@@ -136,6 +136,7 @@ class WhitenedFilter:
         beside = np.array([image[region] for image in (np.ones(region.shape), *modes, *neighbours)])
         self._whitening = Whitening(noise, beside)
         self._region, self._background, self._place, self._radius = region, background_region, place_pixel, radius
+        self._left = stack.rdi.project(template)
         source = template[region]
         self._source = self._whitening.of(source)
         self._power = float(self._source @ self._source)
@@ -174,6 +175,7 @@ class WhitenedFilter:
             background_region=self._background,
             em_gain=stack.em_gain,
             stages=stack.stages,
+            left=self._left,
         )
         image = self._whitening.of(stack.image_e[self._region])
         strength = float(self._source @ image) / self._power

@@ -24,11 +24,10 @@ from simulator.config import CosmicRayConfig
 from simulator.detectors import Exposure
 from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
 from simulator.imaging import centred_axis, off_axis_light
-from simulator.imaging.drift import screen_model
+from simulator.imaging.drift import screen_model, wavefronts
 from simulator.knobs import Knobs
 from simulator.ledger.choice_rows import DRIFT_TERMS
 from simulator.observing import Observation
-from simulator.observing.scene_light import visit_stamps
 from simulator.observing.sequence import Light
 
 __all__ = ["Difference", "alone", "measure", "pair_of", "true_difference"]
@@ -237,26 +236,34 @@ def _pixel(whole: Observation, short: Observation) -> float:
     same = dataclasses.replace(short, light=_paired_light(whole, short))
     spread = np.sqrt(_variance(whole, particles=True))
     worst = float((np.abs(np.sqrt(_variance(same, particles=True)) - spread) / spread).max())
-    fewer = max(whole.light.epochs // max(epochs, 1), 1)
-    for epoch in range(whole.light.epochs):
-        stands = min((epoch // fewer) * fewer + fewer // 2, whole.light.epochs - 1)
-        ours = _adu(whole, whole.light.map(epoch))
-        theirs = _adu(same, same.light.map(stands))
-        worst = max(worst, float((np.abs(ours - theirs) * per_adu / spread).max()))
+    frames = range(whole.n_frames)
+    for ours, theirs in {tuple(k * n // whole.n_frames for n in (whole.light.epochs, epochs)) for k in frames}:
+        change = _adu(whole, whole.light.map(ours)) - _adu(same, same.light.map(theirs))
+        worst = max(worst, float((np.abs(change) * per_adu / spread).max()))
     return worst
 
 
 def _paired_light(whole: Observation, short: Observation) -> Light:
-    """Light of the shortcut with the screens of the other: as many epochs, its own optics."""
-    if short.light.epochs == whole.light.epochs or whole.light.star is None or short.light.star is None:
+    """Light of the shortcut, its walk that of the other in the middle of its own epochs.
+
+    Fewer epochs draw other steps of the walk; the offset of the visit, and what swings with the orbit, are the same.
+    """
+    epochs, drift = short.light.epochs, short.instrument.drift
+    if epochs == whole.light.epochs or drift.walk_nm_per_sqrt_hour == 0 or short.light.star is None:
         return short.light
-    stamps = visit_stamps(
-        short.psf.imager,
-        whole.instrument.drift,
-        whole.light.epochs,
-        (short.exposure_s + short.readout_s) * short.n_frames,
-        short.seed,
-        short.visit,
-    )
-    rate_e_s = short.truth.sources[0].rate_e_s * stamps
+    visit_s = (short.exposure_s + short.readout_s) * short.n_frames
+    axis = short.psf.imager.stamp_axis(masked=True)
+    grid = short.psf.imager.focal_grid(axis, axis)
+    screens = screen_model(len(short.psf.imager.transmission), drift.psd_slope)
+
+    def waves(count: int, **still: float) -> list[FloatArray]:
+        part = drift.model_copy(update=still)
+        streams = short.visit.streams(part, visit_s, short.seed)
+        return list(wavefronts(screens, part, count, visit_s / count, *streams))
+
+    walked = waves(whole.light.epochs, orbital_nm=0.0)
+    swung, frozen = (waves(epochs, walk_nm_per_sqrt_hour=0.0, **still) for still in ({}, {"orbital_nm": 0.0}))
+    middle = [int((k + 0.5) / epochs * len(walked)) for k in range(epochs)]
+    stamps = [grid.image(walked[m] + swung[k] - frozen[k]) for k, m in enumerate(middle)]
+    rate_e_s = short.truth.sources[0].rate_e_s * np.array(stamps)
     return dataclasses.replace(short.light, star=dataclasses.replace(short.light.star, rate_e_s=rate_e_s))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from floors import Residual, residuals, scatter
+from floors import Residual, scatter, visit_images
 from numpy.typing import NDArray
 
 from cpic_planner.etc import EtcModel, build_model, contrast_limit, diagonal
@@ -16,19 +16,21 @@ from cpic_planner.targets import find_target
 from simulator.config import Drift, load_instrument
 from simulator.signal import speckle_law
 
-__all__ = ["LIMIT_BAND", "WALK_FRAMES", "Curve", "FloorRow", "floor_rows", "limit_curves"]
+__all__ = ["LIMIT_BAND", "VISITS", "WALK_FRAMES", "Curve", "FloorRow", "floor_rows", "limit_curves"]
 
 LIMIT_STAR, LIMIT_BAND, LIMIT_ARCSEC, EXPOSURE_S, SIGMA = "tau Cet", "F520", 0.6, 20.0, 5.0
 OFFSETS_NM = (0.0, 0.05, 0.1, 0.5)
 FRAMES = np.unique(np.round(np.geomspace(1, 1e6, 25)))
-VISITS = 160
+VISITS = 640
 SEPARATIONS = {
     "F520": (0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
     "F662": (0.5, 0.6, 0.7, 0.8, 0.9),
     "F720": (0.5, 0.6, 0.7, 0.8, 0.9),
     "F850": (0.5, 0.6, 0.7, 0.8, 0.9),
 }
-WALK_FRAMES, WALK_HOURS, WALK_VISITS = 8, 10.0, 80
+# Of one visit and its reference alone: nothing that a programme has in common, nor the orbit.
+ALONE = {"common_fraction": 0.0, "orbital_nm": 0.0}
+WALK_FRAMES, WALK_HOURS, WALK_VISITS = 8, 10.0, 160
 
 FloatArray = NDArray[np.float64]
 
@@ -91,17 +93,17 @@ class FloorRow:
 
 
 def _model(offset_nm: float) -> EtcModel:
-    drift = {"visit_nm": offset_nm, "walk_nm_per_sqrt_hour": 0.0}
+    drift = {"visit_nm": offset_nm, "walk_nm_per_sqrt_hour": 0.0, **ALONE}
     return build_model(load_instrument({"drift": drift}), LIMIT_BAND, Strategy(visits=1))
 
 
-@functools.cache
-def _left(band: str, drift: Drift, frames: int, cadence_s: float, visits: int) -> FloatArray:
-    return residuals(load_instrument(), band, drift, visits, seed=31, frames=frames, cadence_s=cadence_s)
+@functools.lru_cache(maxsize=3)
+def _images(band: str, drift: Drift, frames: int, cadence_s: float, visits: int) -> FloatArray:
+    return visit_images(load_instrument(), band, drift, visits, seed=31, frames=frames, cadence_s=cadence_s)
 
 
 def _drift(visit_nm: float, walk: float = 0.0) -> Drift:
-    return load_instrument().drift.model_copy(update={"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": walk})
+    return load_instrument().drift.model_copy(update={"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": walk, **ALONE})
 
 
 def limit_curves() -> list[Curve]:
@@ -132,7 +134,7 @@ def limit_curves() -> list[Curve]:
         if offset:
             metrics = model.metrics[LIMIT_BAND]
             residual = scatter(
-                _left(LIMIT_BAND, _drift(offset), 1, 60.0, VISITS),
+                _images(LIMIT_BAND, _drift(offset), 1, 60.0, VISITS),
                 metrics,
                 LIMIT_ARCSEC,
                 model.strategy.annulus_lambda_d,
@@ -150,19 +152,19 @@ def floor_rows() -> list[FloorRow]:
     model = build_model(load_instrument())
     width, rows = model.strategy.annulus_lambda_d, []
 
-    def row(band: str, place: float, drift: Drift, walk: str, left: FloatArray, visit_s: float) -> FloorRow:
+    def row(band: str, place: float, drift: Drift, walk: str, images: FloatArray, visit_s: float) -> FloorRow:
         said = float(np.sqrt(speckle_law(model.metrics[band], drift, place, width).variance(visit_s)))
-        return FloorRow(band, place, drift.visit_nm, walk, said, scatter(left, model.metrics[band], place, width))
+        return FloorRow(band, place, drift.visit_nm, walk, said, scatter(images, model.metrics[band], place, width))
 
     for band, places in SEPARATIONS.items():
         drift = _drift(load_instrument().drift.visit_nm)
-        left = _left(band, drift, 1, 60.0, VISITS)
-        rows += [row(band, place, drift, "0", left, 0.0) for place in places]
+        images = _images(band, drift, 1, 60.0, VISITS)
+        rows += [row(band, place, drift, "0", images, 0.0) for place in places]
     for offset in OFFSETS_NM[2:]:
         drift = _drift(offset)
-        rows.append(row(LIMIT_BAND, LIMIT_ARCSEC, drift, "0", _left(LIMIT_BAND, drift, 1, 60.0, VISITS), 0.0))
+        rows.append(row(LIMIT_BAND, LIMIT_ARCSEC, drift, "0", _images(LIMIT_BAND, drift, 1, 60.0, VISITS), 0.0))
     for offset, walk in ((0.05, 0.05), (0.0, 0.2)):
         drift, visit_s = _drift(offset, walk), WALK_HOURS * 3600.0
-        left = _left(LIMIT_BAND, drift, WALK_FRAMES, visit_s / WALK_FRAMES, WALK_VISITS)
-        rows.append(row(LIMIT_BAND, LIMIT_ARCSEC, drift, f"{walk:g} per √h, {WALK_HOURS:g} h", left, visit_s))
+        images = _images(LIMIT_BAND, drift, WALK_FRAMES, visit_s / WALK_FRAMES, WALK_VISITS)
+        rows.append(row(LIMIT_BAND, LIMIT_ARCSEC, drift, f"{walk:g} per √h, {WALK_HOURS:g} h", images, visit_s))
     return rows

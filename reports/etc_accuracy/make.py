@@ -14,7 +14,7 @@ import numpy as np
 from brute_force import least_time as try_everything
 from counting import EXPOSURE_S, FRAMES, counted_cases, predicted_counting, recover_counts
 from figures import limit_figure, monte_carlo_figure
-from limits import LIMIT_BAND, WALK_FRAMES, Curve, FloorRow, floor_rows, limit_curves
+from limits import LIMIT_BAND, VISITS, WALK_FRAMES, Curve, FloorRow, floor_rows, limit_curves
 from monte_carlo import recover
 from random_problems import random_problem
 from real_stars import PLANETS, prepared
@@ -412,8 +412,11 @@ the limit fall with the square root of the number of frames; otherwise it ends o
 {slope_table(curves)}
 
 The plateau comes from the scatter of aperture sums in the annulus that the background is taken from. Here it is
-measured once more in images without noise, propagated in full: pairs of visits, circles wholly inside the dark squares,
-mean of the annulus subtracted. With walk, the image of a visit is the mean of {WALK_FRAMES} moments.
+measured once more in images without noise, propagated in full: {VISITS} independent visits, circles wholly inside the
+dark squares and the annulus, less the mean of the annulus around each. Common parts of the wavefront and the orbit are
+left out of both. With walk, the image of a visit is the mean of {WALK_FRAMES} moments. Far out, where squares cut the
+annulus to their corners, its mean goes up and down with the circle and takes off more than the mean of the whole hole,
+which the ETC reckons with.
 
 {floor_table(floors)}
 

@@ -80,7 +80,7 @@ class Chosen:
         return {quantity: ours[quantity] + theirs[quantity] for quantity in self.asked}
 
     def fewer_epochs(self, now: int, then: int) -> Sizes:
-        """Return the size of sampling the walk of the wavefront at fewer epochs.
+        """Return the size of sampling the drift of the wavefront at fewer epochs.
 
         Parameters
         ----------

@@ -73,7 +73,9 @@ class OpticsCase:
     visit_s : float
         Length of the visit.
     n_epochs : int
-        At which the walk is sampled without the ledger.
+        At which the drift is sampled without the ledger.
+    timing : Timing
+        Where in the orbit the visit is taken.
     speckle_share, walk_share : tuple of float
         Of every measured planet, the largest part of the variance of its aperture sum that speckles make, and the walk
         alone.
@@ -93,6 +95,7 @@ class OpticsCase:
     wavelength_nm: float
     visit_s: float
     n_epochs: int
+    timing: Timing
     speckle_share: tuple[float, ...]
     walk_share: tuple[float, ...]
     lasting: tuple["Lasting", ...]
@@ -163,18 +166,30 @@ class OpticsCase:
         return self._of(change * case.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
-        """Return the size of taking fewer epochs of the walk.
+        """Return the size of taking fewer epochs of the walk and of the swing with the orbit.
 
         The mean of a walk over a visit has a variance higher by ``1 / (2 e^2)`` when it is sampled in the middle of e
-        intervals (its covariance is ``min(s, s')``), and a frame is at most half an interval away from its epoch.
+        intervals (its covariance is ``min(s, s')``), and a frame is at most half an interval away from its epoch. The
+        swing is averaged over each interval: its mean over the visit stays, that of a frame is another one.
         """
         if n_epochs >= self.n_epochs:
             return sizes(0.0)
         fewer = 1.0 / n_epochs - 1.0 / self.n_epochs
-        away = self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0 * 0.5 * fewer)
+        walk = self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0 * 0.5 * fewer)
         more = 0.5 * (1.0 / n_epochs**2 - 1.0 / self.n_epochs**2)
         snr = max((0.5 * share * more for share in self.walk_share), default=0.0)
-        return sizes(self._speckles(away), snr=snr)
+        return sizes(self._speckles(math.hypot(walk, self._swing_nm(n_epochs))), snr=snr)
+
+    def _swing_nm(self, n_epochs: int) -> float:
+        """Return the largest change of the swing in a frame by taking fewer epochs, at whatever phase it begins."""
+        if self.drift.orbital_nm == 0:
+            return 0.0
+        turns, frames = self.visit_s / self.drift.orbital_period_s, self.camera.n_frames
+        ours, theirs = (self.timing.phasors(np.linspace(0.0, turns, n + 1)) for n in (self.n_epochs, n_epochs))
+        # Frames of one epoch lie in at most two of the longer ones: those of its first and of its last.
+        first = -(-np.arange(self.n_epochs + 1) * frames // self.n_epochs)
+        longer = np.array([first[:-1], first[1:] - 1]) * n_epochs // frames
+        return float(math.sqrt(2.0) * self.drift.orbital_nm * np.abs(ours - theirs[longer]).max())
 
     def no_drift(self) -> Sizes:
         """Return the size of a wavefront that stands still."""
@@ -616,6 +631,7 @@ def visit_of(
         wavelength_nm=instrument.band(band).center_nm,
         visit_s=visit_s,
         n_epochs=min(n_frames, max_epochs),
+        timing=timing,
         speckle_share=tuple(speckle_shares),
         walk_share=tuple(walk_shares),
         lasting=tuple(lasting),

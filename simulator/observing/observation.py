@@ -205,8 +205,8 @@ def observe(
     switches : mapping of str to bool, optional
         Effects of the camera to switch on or off, by name; the instrument's otherwise.
     max_epochs : int
-        Most epochs of a visit at which the random walk of the wavefront is sampled, 1 to 1000; frames between two
-        epochs share one.
+        Most epochs of a visit at which the drift of the wavefront is sampled, 1 to 1000; frames between two epochs
+        share one.
 
     Returns
     -------

@@ -14,6 +14,7 @@ from cpic_planner.validation import audit, prepare_task, visit_pair
 from cpic_planner.validation.frames import calibrated_frames, transferred
 from cpic_planner.validation.modelling import modelling_of
 from simulator import load_instrument
+from simulator.camera import load_calibration_set
 
 # The light of one visit is that of all: what the mean of few visits loses of it is known from the mean map.
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
@@ -101,28 +102,30 @@ def test_noise_of_the_programme_is_kept():
     assert (images - images.mean(axis=0)).var() / n_frames == pytest.approx(1.0, abs=0.02)
 
 
-# Of the register's deferred charge 1.51 +- 0.02 times the law is seen; why is not known yet.
-SERIAL = [pytest.mark.long, pytest.mark.xfail(strict=True, reason="more charge stays behind than the law says")]
-
-
 @pytest.mark.parametrize(
     "altered",
-    ["detector.transfer.parallel_cti=x10", pytest.param("detector.transfer.serial_cti=x10", marks=SERIAL)],
+    ["detector.transfer.parallel_cti=x10", pytest.param("detector.transfer.serial_cti=x10", marks=pytest.mark.long)],
 )
 def test_charge_that_stays_behind_is_seen(altered):
-    """The change is that of the mean light by the law of the transfers, at ten times the loss."""
+    """The change is that of the mean light by the law of the transfers, at ten times the loss.
+
+    A dead column passes nothing on: beside it the planet leaves half as much behind again as in a whole field.
+    """
     visits, effects, before = full_of(altered), effects_of(altered), effects_of()
     observation = visits.science
+    detector, first = observation.instrument.detector, observation.first_pixel
+    window = [slice(at, at + size) for at, size in zip(first, observation.shape, strict=True)]
+    response = load_calibration_set(detector).window(*window).response_of(detector.switches)
     light = observation.mean_rate_map * observation.exposure_s
-    moved = transferred(light, observation.instrument.detector, observation.first_pixel) - light
+    moved = transferred(light * response, detector, first) / np.where(response > 0, response, 1.0) - light
     covered = effects.covered & before.covered & (binary_erosion(visits.geometry.hole, iterations=2))
-    found, was = (
-        float((moved * one.change_e)[covered].sum() / (moved[covered] ** 2).sum()) for one in (effects, before)
-    )
-    error = np.sqrt((before.change_e[covered] ** 2).mean() / (moved[covered] ** 2).sum())
+    moved, found, was = moved[covered], effects.change_e[covered], before.change_e[covered]
+    shares = [float((moved * one).sum() / (moved**2).sum()) for one in (found, was)]
+    # Noise goes with the light, as what moves does: pixel by pixel.
+    error = np.sqrt((moved**2 * (found - shares[0] * moved) ** 2).sum()) / (moved**2).sum()
     assert error < 0.1
-    assert found == pytest.approx(1.0, abs=4 * error)
-    assert found > was + 4 * error
+    assert shares[0] == pytest.approx(1.0, abs=4 * error)
+    assert shares[0] > shares[1] + 4 * error
 
 
 def test_particles_are_told():

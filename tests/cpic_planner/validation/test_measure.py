@@ -15,6 +15,7 @@ from cpic_planner.validation.measure import forced_photometry, measure_planets
 from cpic_planner.validation.rdi import rdi_subtract
 from cpic_planner.validation.speckle_maps import matched_sum
 from cpic_planner.validation.templates import obstacle
+from cpic_planner.validation.whitened import SpeckleModel
 from simulator import load_instrument, load_scene
 from simulator.signal import REGION_LAMBDA_D
 
@@ -189,13 +190,17 @@ def test_light_that_modes_spread_over_the_background_is_no_noise(filter_name):
     assert measured(mean, 100.0).sigma_background == pytest.approx(faint.sigma_background, rel=0.05)
 
 
-def test_the_wings_of_a_bright_planet_are_no_noise():
+@pytest.mark.parametrize("filter_name", ["aperture", "matched", "mirror", "whitened"])
+def test_the_wings_of_a_bright_planet_are_no_noise(filter_name):
     visits, (planet, _) = prepared()
     realised = visits.draw(0)
     stack = realised.reduced
+    model = SpeckleModel.of(visits, star().rate_e_s) if filter_name == "whitened" else None
     sigma = []
     for electrons in (0.0, 1e7):
         lit = replace(stack, image_e=stack.image_e + np.where(stack.region, electrons * planet.templates[0], 0.0))
-        measured = forced_photometry(replace(realised, reduced=lit), planet, visits.geometry)
+        measured = forced_photometry(replace(realised, reduced=lit), planet, visits.geometry, filter_name, model)
         sigma.append(measured.sigma_background)
-    assert sigma[1] == pytest.approx(sigma[0], rel=1e-6)
+    assert sigma[1] == pytest.approx(sigma[0], rel=1e-5)
+    # Eq. 4 of the paper has the photons of the planet and the scatter of the others.
+    assert measured.flux_paper_error**2 == pytest.approx(electrons * planet.core, rel=0.05)

@@ -7,6 +7,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.validation import RollResult, aperture_weights, roll_photometry, roll_subtract
+from cpic_planner.validation.photometry import kernel_at
 
 SIDE, RADIUS, CENTRE = 40, 2.3, 20
 _Y, _X = np.indices((SIDE, SIDE)) - CENTRE
@@ -187,13 +188,22 @@ def test_error_where_the_apertures_overlap(roll_deg: float) -> None:
     assert np.mean(quoted) == pytest.approx(np.var(measured), rel=0.15)
 
 
-def test_light_that_modes_spread_is_no_noise() -> None:
+@pytest.mark.parametrize("kernels", [None, "matched"])
+@pytest.mark.parametrize("n_modes", [0, 12])
+def test_wings_and_light_that_modes_spread_are_no_noise(n_modes: int, kernels: str | None) -> None:
     """The scatter of the background is the same with and without a bright planet."""
     where, planets, _ = scene(60.0)
+    if kernels is not None:
+        kernels = tuple(kernel_at(image, *place, RADIUS) for image, place in zip(planets, where, strict=True))
     first, second = halves(5)
     found = [
         roll_photometry(
-            injected(first, second, planets, flux, n_modes=12), *planets, *where, RADIUS, background_region=REGION
+            injected(first, second, planets, flux, n_modes=n_modes),
+            *planets,
+            *where,
+            RADIUS,
+            background_region=REGION,
+            kernels=kernels,
         )
         for flux in (0.0, 1e4)
     ]

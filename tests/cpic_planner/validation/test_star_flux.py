@@ -22,6 +22,7 @@ from cpic_planner.validation import (
 from cpic_planner.validation.frames import transferred
 from cpic_planner.validation.star_flux import field_star_ratio, off_mask_exposure_s
 from simulator import Observation, load_instrument, load_scene, observe
+from simulator.camera import load_calibration_set
 
 SCENE = "paper_science"
 
@@ -58,6 +59,21 @@ def test_whole_frames_serve_too() -> None:
     seen = observe_off_mask(SCENE, "F850", n_frames=2, window="full").unwrap()
     star = star_flux_off_mask(seen).unwrap()
     assert abs(star.rate_e_s / seen.truth.sources[0].rate_e_s - 1.0) < 4 * star.error_e_s / star.rate_e_s
+
+
+@pytest.mark.parametrize("pixels", [1, 2])
+def test_a_dead_column_leaves_nothing_behind(pixels: int) -> None:
+    """A star so far behind the column that is dead in this window, with ten times the losses of the register."""
+    lossy = load_instrument({"detector": {"transfer": {"serial_cti": 1e-4}}})
+    seen = observe_off_mask(SCENE, "F520", n_frames=1, instrument=lossy).unwrap()
+    window = [slice(first, first + size) for first, size in zip(seen.first_pixel, seen.shape, strict=True)]
+    maps = load_calibration_set(seen.instrument.detector).window(*window)
+    (dead,) = np.flatnonzero(maps.bad_column.all(axis=0))
+    x_arcsec = (dead + pixels - seen.shape[1] // 2) * seen.pixel_scale_arcsec
+    beside = observe_off_mask(SCENE, "F520", n_frames=8, instrument=lossy, offset_arcsec=(x_arcsec, 0.45)).unwrap()
+    star = star_flux_off_mask(beside).unwrap()
+    assert abs(star.rate_e_s - beside.truth.sources[0].rate_e_s) < 4 * star.error_e_s
+    assert star.error_e_s < 2e-3 * star.rate_e_s
 
 
 def test_exposure_fills_but_does_not_saturate() -> None:

@@ -16,6 +16,7 @@ from simulator.imaging import centred_axis, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map
 from simulator.ledger import case, forecast
 from simulator.ledger.case import largest_speckles, pixel_hits
+from simulator.ledger.visit import visit_of
 from simulator.signal import drift_halo
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}
@@ -160,6 +161,48 @@ def test_fewer_epochs_miss_the_variance_of_a_walk(make):
     assert few > 20 * more > 0
     assert said.knob_sizes["drift_epochs"][12]["snr"] == 0.0
     assert said.knob_sizes["drift_epochs"][1]["pixel_map"] > said.knob_sizes["drift_epochs"][6]["pixel_map"] > 0
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "orders", "walk"), [(7, "low", 0.0), (7, "all", 0.05), (300, "low", 0.05), (300, "all", 0.0)]
+)
+def test_fewer_epochs_average_the_swing_with_the_orbit(n_frames, orders, walk, make, report):
+    """Images of both, each frame of its own epoch, with the same map and walk."""
+    drift = {"visit_nm": 0.02, "walk_nm_per_sqrt_hour": walk, "orbital_nm": 0.1, "orbital_orders": orders}
+    swinging, scene = load_instrument({"drift": drift}), make(v_mag=3.0)
+    settings = SETTINGS | {"n_frames": n_frames, "exposure_s": 40.0}
+    said = forecast(scene, swinging, **settings, max_epochs=6).knob_sizes["drift_epochs"]
+    settings |= {"window": "hole", "instrument": swinging, "seed": 3}
+    whole = observe(scene, **settings, max_epochs=6)
+    for epochs in (1, 2, 4):
+        true = report.truth.true_difference(whole, observe(scene, **settings, max_epochs=epochs))
+        assert 3e-3 < true.pixel_map < said[epochs]["pixel_map"] < 100 * true.pixel_map, epochs
+        assert true.planet_flux < 1e-3
+    assert said[6]["pixel_map"] == 0.0
+
+
+@pytest.mark.parametrize("scheme", ["interleaved", "half"])
+@pytest.mark.parametrize(("n_frames", "epochs"), [(6, 1), (7, 4), (50, 2), (50, 4)])
+def test_the_swing_of_a_frame_is_the_mean_over_its_epoch(n_frames, epochs, scheme, make):
+    """Frame by frame and at every phase, on a fine grid of times in the windows of the orbits."""
+    timing, period_s, each_s = Timing(scheme), 5000.0, 300.0
+    drift = {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.1, "orbital_period_s": period_s}
+    instrument = load_instrument({"drift": drift})
+    exposure_s = each_s - instrument.detector.readout_s
+    found = visit_of(
+        make(), instrument, **(SETTINGS | {"n_frames": n_frames, "exposure_s": exposure_s}), max_epochs=6, timing=timing
+    ).optics
+    window = timing.window_turns / (2.0 if scheme == "half" else 1.0)
+    on_source = (np.arange(120_000) + 0.5) / 120_000 * n_frames * each_s / period_s
+    turns = on_source // window + on_source % window
+    swings = np.sin(2.0 * np.pi * (turns + np.linspace(0.0, 1.0, 60, endpoint=False)[:, None]))
+    frames, largest = np.arange(n_frames), []
+    for count in (6, epochs):
+        means = swings.reshape(60, count, -1).mean(axis=2)
+        largest.append(means[:, frames * count // n_frames])
+    expected = 0.1 * math.sqrt(2.0) * np.abs(largest[0] - largest[1]).max()
+    assert found._swing_nm(epochs) == pytest.approx(expected, rel=3e-3)
+    assert found._swing_nm(6) == 0.0
 
 
 def test_what_visits_have_in_common_grows_with_their_number(make):
