@@ -1,11 +1,12 @@
 """``cpic roc``: how likely a planet is found, against the false alarms of a search."""
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, special
+from cpic_core import special
 from cpic_planner import etc
 from cpic_planner.confirm import searched
 from cpic_planner.jobs import Job, Runner
@@ -14,7 +15,7 @@ from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, ReferencePlanetRecord, RocProgramme, RocResult, RocRow
 from cpic_planner.validation import fraction_interval
 
-RESULT_VERSION = 4
+RESULT_VERSION = 5
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 LEVELS = tuple(np.arange(3.0, 7.01, 0.25).tolist())
 """Levels of a detection beside that of the strategy."""
@@ -96,18 +97,18 @@ def _levels(seen: searched.Observed, images: searched.Searched | None) -> list[R
     assert answer.contrast is not None  # as every answer about a planet has it
     sigma = np.unique([*LEVELS, seen.model.strategy.sigma])
     x, y = etc.planet_offsets(seen.model, seen.star, seen.band, answer.separation_arcsec)
-    one: FloatArray = np.ones(1)
-    expected = seen.prospect(x * one, y * one, answer.contrast * one, sigma=sigma[None])
-    blind, known = (chance[0].tolist() for chance in expected.found)
-    rows = []
-    for number, level in enumerate(sigma.tolist()):
+    rows, planet = [], [np.full(1, part) for part in (x, y, answer.contrast)]
+    for level in sigma.tolist():
+        strategy = seen.model.strategy.model_copy(update={"sigma": level})
+        own = replace(seen, model=replace(seen.model, strategy=strategy))
+        blind, known = (float(chance[0, 0]) for chance in own.prospect(*planet).found)
         row = RocRow(
             band=seen.band,
             sigma=level,
             false_alarms=float(seen.elements * tail(-level)),
-            detection_probability=blind[number],
+            detection_probability=blind,
             false_alarms_known_place=float(tail(-level)),
-            detection_probability_known_place=known[number],
+            detection_probability_known_place=known,
         )
         rows.append(row if images is None or not images.images else _counted(row, images))
     return rows

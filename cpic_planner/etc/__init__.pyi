@@ -26,6 +26,18 @@ from cpic_planner.etc.detection import (
     threshold_array as threshold_array,
     verdict_of as verdict_of,
 )
+from cpic_planner.etc.detection_law import (
+    LAW_ERROR as LAW_ERROR,
+    MAP_VISITS as MAP_VISITS,
+    SearchLaw as SearchLaw,
+    band_law as band_law,
+    law_of as law_of,
+    light_share as light_share,
+    lit_share as lit_share,
+    needed_margin as needed_margin,
+    own_share as own_share,
+    speckled_share as speckled_share,
+)
 from cpic_planner.etc.fidelity import closed_form_fidelity as closed_form_fidelity
 from cpic_planner.etc.frames import (
     FrameChoice as FrameChoice,
@@ -94,18 +106,6 @@ from cpic_planner.etc.rates import (
     ApertureRates as ApertureRates,
     aperture_rates as aperture_rates,
     companion_saturates as companion_saturates,
-)
-from cpic_planner.etc.search_law import (
-    LAW_ERROR as LAW_ERROR,
-    MAP_VISITS as MAP_VISITS,
-    SearchLaw as SearchLaw,
-    law_of as law_of,
-    light_share as light_share,
-    lit_share as lit_share,
-    needed_margin as needed_margin,
-    own_share as own_share,
-    search_law as search_law,
-    speckled_share as speckled_share,
 )
 from cpic_planner.etc.search_level import (
     MAX_SIGMA as MAX_SIGMA,

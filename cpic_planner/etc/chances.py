@@ -5,10 +5,11 @@ from typing import Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import ArrayLike, BoolArray, FloatArray
+from cpic_planner.etc.detection import MIN_ELEMENTS
+from cpic_planner.etc.detection_law import SearchLaw, law_of, light_share, lit_share, own_share, speckled_share
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
-from cpic_planner.etc.search_law import SearchLaw, law_of, light_share, lit_share, own_share, speckled_share
 
 LEAST_PROBABILITY = 1e-6
 """Planets that are detected with a smaller probability count as not detected at all."""
@@ -55,6 +56,10 @@ class Chances:
         # Who knows the place may search blind, too.
         return cls(blind, np.maximum(blind, law.probability(noise.significance, *where, at_place=True)))
 
+    def where(self, defined: BoolArray) -> Self:
+        """Return the same, and 0 where no threshold of a significance is defined."""
+        return type(self)(*(np.where(defined, part, 0.0 * part) for part in (self.blind, self.known_place)))
+
 
 def visit_chances(
     model: EtcModel,
@@ -78,4 +83,5 @@ def visit_chances(
         As of `Chances.of`.
     """
     light = light_share(model, band, separation_arcsec, visit_s)
-    return Chances.of(law_of(model, band), noise, separation_arcsec, light, visits, motion)
+    found = Chances.of(law_of(model, band), noise, separation_arcsec, light, visits, motion)
+    return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)

@@ -114,19 +114,9 @@ class Group:
         """
         if self.wanted.steady:
             return visit_s
-        every, search = self.programmes, replace(self.programmes, level=replace(self.wanted, at_place=False))
-        bottom_s = search.bottom_s(visits, visit_s)
-        if not np.isfinite(bottom_s).any():
-            return visit_s
-        there = np.where(np.isfinite(bottom_s), bottom_s, visit_s)
-        at_bottom, blind, at_end = (
-            made.missed(visits, visits * self.model.time_s(length))[0]
-            for made, length in ((every, there), (search, there), (every, visit_s))
-        )
-        # Photometry at a known place asks for the same in visits of any length: it may gain where the search loses.
-        stops = np.isfinite(bottom_s) & (at_bottom >= blind) & (at_bottom <= at_end * (1.0 + _FLAT))
+        bottom_s = self.programmes.bottom_s(visits, visit_s)
         # At the very bottom the length would be arbitrary: the inverse question could not find it again.
-        return np.where(stops, np.minimum(visit_s, bottom_s * _SHORT), visit_s)
+        return np.where(np.isfinite(bottom_s), np.minimum(visit_s, bottom_s * _SHORT), visit_s)
 
     def level_of(self, programme: Programme, problem: FrameProblem, choice: FrameChoice) -> FloatArray:
         """Return the level that chosen frames have to reach; where there are none, as if visits were short."""

@@ -25,10 +25,10 @@ from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
 from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
 from cpic_planner.queries import MAX_VISITS, check_visits
 
-_ROUNDS, _POINTS = 3, 18
+_ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
 _SHORTEST_S, _WIDER, _NEARBY, _REACHED = 1e-3, 1.5, 30.0, 1e-9
-_BEYOND, _LONGEST_S = (1.03, 1.04), 1e15
+_LONGEST_S = 1e10
 
 
 Modes = Callable[[Programme, FloatArray, FloatArray, FloatArray], Programme]
@@ -141,10 +141,9 @@ class Programmes:
         return self._missed(np.asarray(visits, float), time_s, self._exposure_s)
 
     def bottom_s(self, visits: FloatArray, longest_s: FloatArray) -> FloatArray:
-        """Return the length of visits beyond which a search asks for more than time gains; ``inf`` where none is.
+        """Return the length of visits that comes nearest to the level, up to a bit beyond the longest; else ``inf``.
 
-        The noise of long visits is all speckles, in which a search asks for more. No bottom is looked for where the
-        longest visits are all well short of theirs.
+        The noise of long visits is all speckles, in which a search asks for more.
 
         Parameters
         ----------
@@ -153,16 +152,15 @@ class Programmes:
         """
         best_s, camera = self._exposure_s, self.problem(ONE_VISIT).camera
 
-        def missed(length_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-            return self._missed(visits, visits * self.model.time_s(length_s), best_s)
+        def missed(length_s: FloatArray) -> FloatArray:
+            return self._missed(visits, visits * self.model.time_s(length_s), best_s)[0]
 
-        near, far = (missed(factor * longest_s)[0] for factor in _BEYOND)
-        if np.all(far < near):
-            return np.full(best_s.shape, np.inf)
         low = np.full(best_s.shape, camera.exposure_min_s + camera.readout_s)
-        last, high = missed(np.full(best_s.shape, _LONGEST_S))
-        best, value = _lowest(lambda length_s: missed(length_s)[0], low, high)
-        return np.where(value < last * (1.0 - _CLOSE), best, np.inf)
+        # The same lengths whatever the longest is: so is the best of them.
+        grid = np.geomspace(low, np.full(best_s.shape, _LONGEST_S), _MANY_POINTS)
+        values = np.where(grid <= _WIDER * longest_s, missed(grid), np.inf)
+        best, value = _lowest(missed, *around_lowest(grid, values)[::2])
+        return np.where(value < missed(np.maximum(_WIDER * longest_s, low)) * (1.0 - _CLOSE), best, np.inf)
 
     def quickest(self) -> FloatArray:
         """Return the numbers of visits that reach the level in least wall time; 1 where none does."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray
+from cpic_core import FloatArray
 from cpic_planner.etc.chances import Chances, visit_chances
 from cpic_planner.etc.detection import threshold_array
 from cpic_planner.etc.model import EtcModel, Programme
@@ -64,7 +64,6 @@ def prospect_of(
     frames: tuple[float, float, float],
     programme: Programme,
     *,
-    sigma: ArrayLike | None = None,
     moving: bool = True,
 ) -> Prospect:
     """Return what given frames promise of planets.
@@ -82,8 +81,6 @@ def prospect_of(
         Exposure (s), number of frames of a visit, EM gain.
     programme : Programme
         Visits that are reduced together.
-    sigma : array_like, optional
-        Level of a detection, that of the model's strategy by default; broadcasts with the planets.
     moving : bool
         Whether a blind search pays for the motion of planets, as `cpic_planner.contrast_limit` counts it; images show
         planets that stand still.
@@ -94,7 +91,7 @@ def prospect_of(
     camera = model.camera(band)
     noise = stack_noise(rates, *frames, camera, model.strategy, made)
     elements = model.metrics[band].resolution_elements(separation)
-    threshold = threshold_array(elements, model.strategy.sigma if sigma is None else sigma)
+    threshold = threshold_array(elements, model.strategy.sigma)
     visit_s = np.asarray(frames[1] * (frames[0] + camera.readout_s))
     motion = np.ones_like(separation)
     if moving:

@@ -16,6 +16,7 @@ from cpic_planner.etc import budget
 from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
 from cpic_planner.etc.chances import Chances
 from cpic_planner.etc.detection import verdict_of
+from cpic_planner.etc.detection_law import law_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.groups import Found, Group
@@ -25,7 +26,6 @@ from cpic_planner.etc.motion import motion_factor, programme_days
 from cpic_planner.etc.noise import Objective, StackNoise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.planet import Planets, planets_of
 from cpic_planner.etc.programmes import Programmes, Span
-from cpic_planner.etc.search_law import law_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet

@@ -11,12 +11,12 @@ from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
 from cpic_planner.etc.chances import Chances
+from cpic_planner.etc.detection_law import SearchLaw, law_of
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, residuals, white_term
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.search_law import SearchLaw, law_of
 from cpic_planner.etc.searches import spread
 from simulator.detectors import FrameTerm
 from simulator.signal import ProgrammeLaw, SpeckleLaw
@@ -213,7 +213,7 @@ class Wanted:
     """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
 
     A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
-    average it: its level depends on the programme (`cpic_planner.etc.search_law`).
+    average it: its level depends on the programme (`cpic_planner.etc.detection_law`).
 
     Attributes
     ----------
@@ -289,11 +289,12 @@ class Wanted:
                 at_rest = np.broadcast_arrays(own, speckled)[0]
             else:
                 parts = np.broadcast_arrays(place, speckled, light, effective_of(programme, self.averaging))
-                halves = []
+                half = np.empty(parts[0].shape)
                 for i, law in enumerate(laws):
-                    where = [part[..., i, :, :] for part in parts]
-                    halves.append(law.half(where[0], where[1], where[2], where[3], at_place=self.at_place))
-                at_rest = np.where(np.isfinite(own), np.stack(halves, axis=-3), np.inf)
+                    band = ... if len(laws) == 1 else (..., i, slice(None), slice(None))
+                    where = [part[band] for part in parts]
+                    half[band] = law.half(where[0], where[1], where[2], where[3], at_place=self.at_place)
+                at_rest = np.where(np.isfinite(own), half, np.inf)
             return at_rest if motion is None else at_rest * motion.factor(programme, visit_s)
 
         return level
@@ -319,7 +320,8 @@ class Wanted:
             Chances.of(law, of_band(noise, i), place[i], light[i], visits[i], paid[i])
             for i, law in enumerate(self.laws)
         ]
-        return Chances(*(np.stack([getattr(one, name) for one in every]) for name in ("blind", "known_place")))
+        found = Chances(*(np.stack([getattr(one, name) for one in every]) for name in ("blind", "known_place")))
+        return found.where(np.isfinite(self.level))
 
 
 def of_band(noise: StackNoise, index: Any) -> StackNoise:

@@ -342,7 +342,9 @@ class _Search:
         # A bound leaves few stars to be solved again: white noise alone.
         with np.errstate(divide="ignore", invalid="ignore"):
             bound = around.signal_e * np.sqrt(model.visit_s(time_s) / choice.visit_s / programme.visits / around.white)
-            ends = (etc.needed_margin(model, band, fine, 0.0, 0.0, visits) for visits in (1.0, MAX_VISITS))
+            ends = (
+                etc.needed_margin(model, band, fine, 0.0, 0.0, visits, every.threshold) for visits in (1.0, MAX_VISITS)
+            )
             calmest = np.minimum(*ends)
             near = np.nan_to_num(bound / every.threshold / calmest).max(axis=1) * _SLACK >= 1.0
         fewest, factor = np.full((2, n), np.nan)

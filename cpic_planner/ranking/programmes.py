@@ -207,7 +207,8 @@ class Outlook:
             return self.level
         effective = etc.effective_of(programme, self.light)
         place = self.separation_arcsec
-        level = self.level * etc.needed_margin(self.model, self.band, place, speckled, light, effective)
+        needed = etc.needed_margin(self.model, self.band, place, speckled, light, effective, self.level)
+        level = self.level * needed
         return level if self.motion is None else level * self.motion.factor(programme, visit_s)
 
     def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:

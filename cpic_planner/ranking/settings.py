@@ -98,7 +98,8 @@ class Places:
         seen = noise or self.noise(choice, programme)
         speckled, light = etc.speckled_share(seen), etc.light_share(model, band, place, choice.visit_s)
         visits = etc.effective_of(programme, self.rates.speckle)
-        at_rest = etc.needed_margin(model, band, place, speckled, etc.lit_share(seen, light), visits)
+        shares = speckled, etc.lit_share(seen, light)
+        at_rest = etc.needed_margin(model, band, place, *shares, visits, self.threshold)
         return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
 
 

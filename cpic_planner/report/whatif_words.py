@@ -312,10 +312,11 @@ def _detection(rule: Mapping[str, Any]) -> str:
     if rule["rule"] == "expected":
         return text
     ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
+    times = "" if rule["half_factor"] == 1.0 else f"{rule['half_factor']:g} times "
     return (
-        f"{text}. Predicted over recovered SNR of images is {ratio:.3f} ± {error:.3f}, and the significance at which "
-        f"half of the planets are found is known to {rule['half_error']:.0%}. These errors are drawn anew in each "
-        "universe"
+        f"{text}. Predicted over recovered SNR of images is {ratio:.3f} ± {error:.3f}. Half of the planets are found "
+        f"at {times}the significance that the law of simulated images asks for, which is known to "
+        f"{percent_text(rule['half_error'])}. These errors are drawn anew in each universe"
     )
 
 

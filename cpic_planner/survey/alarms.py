@@ -114,7 +114,7 @@ def background_alarms(
     else:
         light, visits = etc.light_share(model, band, separation, visit_s), etc.effective_of(made, rates.speckle)
         where = separation, etc.speckled_share(noise), etc.lit_share(noise, light), visits
-        law = etc.search_law(model, band)
+        law = etc.band_law(model, band)
         needed = rule.half_factor * law.half(*where, at_place=rule.rule == "known_place")
     with np.errstate(divide="ignore"):
         faintest = _PROBE * needed / noise.significance

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,9 +50,9 @@ class ExpectedSignals:
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
     threshold is defined there; ``reached_blind`` and ``reached_known`` the logarithm of significance over that at which
-    half of the planets are detected, and ``width_blind`` and ``width_known`` the widths of the law in it
-    (`cpic_planner.etc.SearchLaw.reach`). The others are the planet's own, ``pa_deg`` east of north. ``motion`` is the
-    factor on the threshold of a blind search that looks along orbits.
+    half of the planets are detected, of a blind search that looks along orbits and at a known place, and
+    ``width_blind`` and ``width_known`` the widths of the law in it (`cpic_planner.etc.SearchLaw.reach`). The others are
+    the planet's own, ``pa_deg`` east of north.
     """
 
     margin: FloatArray
@@ -66,7 +66,6 @@ class ExpectedSignals:
     pa_deg: FloatArray
     distance_au: FloatArray
     phase_deg: FloatArray
-    motion: FloatArray = field(default_factory=lambda: np.ones(()))
 
 
 def programme_of(model: etc.EtcModel, setting: Setting) -> etc.Programme:
@@ -112,7 +111,7 @@ def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting]
         settings[0].band,
         **dict(zip(("exposure_s", "n_frames", "em_gain"), frames, strict=True)),
         visits=np.full(len(stars), float(model.strategy.visits or 1)),
-        law=None if rule.rule == "expected" else etc.search_law(model, settings[0].band),
+        law=None if rule.rule == "expected" else etc.band_law(model, settings[0].band),
     )
 
 
@@ -173,7 +172,7 @@ def pair_signals(
     roll = np.asarray(roll_deg, float)[pairs.visit]
     x, y, usable = on_detector(model, band, separation, pa_deg - roll)
     margin, snr, contrast = np.zeros((3, *shape))
-    reached, widths, motion = np.full((2, *shape), -np.inf), np.ones((2, *shape)), np.ones(shape)
+    reached, widths = np.full((2, *shape), -np.inf), np.ones((2, *shape))
     some = np.flatnonzero(usable & setting.possible)
     if some.size:
         planet = pairs.planet[some]
@@ -203,20 +202,20 @@ def pair_signals(
             rates = etc.aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
             noise = etc.stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
-            moving = etc.SearchMotion.of(model, rolls, band, separation[at])
+            motion = etc.SearchMotion.of(model, rolls, band, separation[at]).factor(made, _visit_s(model, setting))
             margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
             snr[put] = noise.snr[real]
             light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
             visits = etc.effective_of(made, rates.speckle)
             shares = etc.speckled_share(noise), etc.lit_share(noise, light)
-            of = noise.significance, etc.own_share(noise), separation[at], *shares, visits
-            for known in (False, True):
-                found = etc.search_law(model, band).reach(*of, at_place=known)
-                reached[int(known)][put], widths[int(known)][put] = (part[real] for part in found)
-            motion[put] = np.broadcast_to(moving.factor(made, _visit_s(model, setting)), real.shape)[real]
+            where = etc.own_share(noise), separation[at], *shares, visits
+            # At a known place the orbit is followed.
+            for known, paid in enumerate((noise.significance / motion, noise.significance)):
+                found = etc.band_law(model, band).reach(paid, *where, at_place=bool(known))
+                reached[known][put], widths[known][put] = (part[real] for part in found)
+            reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
     law = reached[0], widths[0], reached[1], widths[1]
-    others = pairs.distance_au, pairs.phase_deg, motion
-    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg, *others)
+    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg, pairs.distance_au, pairs.phase_deg)
 
 
 def expected_signals(
@@ -338,8 +337,9 @@ def detection_chance(
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
     from scipy.special import ndtr
 
-    off = np.log(np.asarray(calibration, float) / rule.half_factor) - rule.half_error * np.asarray(shift, float)
-    blind = ndtr((seen.reached_blind - np.log(seen.motion) + off) / seen.width_blind)
+    with np.errstate(divide="ignore"):  # a calibration of 0 detects nothing
+        off = np.log(np.asarray(calibration, float) / rule.half_factor) - rule.half_error * np.asarray(shift, float)
+    blind = ndtr((seen.reached_blind + off) / seen.width_blind)
     at_place = np.fmax(blind, ndtr((seen.reached_known + off) / seen.width_known))
     chance: FloatArray = np.where(np.asarray(known, bool) | (rule.rule == "known_place"), at_place, blind)
     return chance

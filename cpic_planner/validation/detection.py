@@ -198,11 +198,8 @@ class Searcher:
                 snr_map=zero,
             )
         peaks: list[Peak] = []
-        known: tuple[Candidate, ...] = ()
         while True:
             state = field.measure(image)
-            if places_arcsec and not known:
-                known = self._known(image, state, places_arcsec)
             level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
             found = field.peaks(state)
             clean = max(_CLEANED_SIGMA, level.unwrap())
@@ -211,6 +208,7 @@ class Searcher:
             peaks.append(found[0])
             image = image - field.source(found[0])
             field.exclude(found[0].x_pixel, found[0].y_pixel)
+        known = self._known(field, image, state, peaks, places_arcsec)
         peaks = field.with_final_noise(peaks, state)
         peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
         about = level.unwrap(), field.pairs, field.size, state.roughness
@@ -232,19 +230,26 @@ class Searcher:
         )
 
     def _known(
-        self, image: FloatArray, state: FilteredState, places_arcsec: Sequence[tuple[float, float]]
+        self,
+        cleaned: SearchField,
+        image: FloatArray,
+        state: FilteredState,
+        peaks: Sequence[Peak],
+        places_arcsec: Sequence[tuple[float, float]],
     ) -> tuple[Candidate, ...]:
-        """Return what an image shows at known places; ``state`` is that of the image with all sources in it."""
-        found, size, roughness = [], self.field.size, state.roughness
-        for number in range(len(places_arcsec)):
-            field, seen = self.field.anew(), state
-            others = [field.pixel_of(*place) for place in (*places_arcsec[:number], *places_arcsec[number + 1 :])]
+        """Return what stands at known places; peaks are out of field, image and state, lest wings count as noise."""
+        found, size, roughness = [], cleaned.size, state.roughness
+        for number, place in enumerate(places_arcsec):
+            field, seen, (x, y) = cleaned.anew(), state, cleaned.pixel_of(*place)
+            others = [*places_arcsec[:number], *places_arcsec[number + 1 :]]
             if others:
                 for other in others:
-                    field.exclude(*other)
+                    field.exclude(*field.pixel_of(*other))
                 seen = field.measure(image)
-            peak = field.at(seen, *field.pixel_of(*places_arcsec[number]))
-            found.append(_candidate(peak, field.offset_arcsec(peak), self.sigma, field.pairs, size, roughness))
+            reach = MATCH_LAMBDA_D * field.lambda_d_pixels
+            own = [peak for peak in peaks if math.hypot(peak.x_pixel - x, peak.y_pixel - y) <= reach]
+            here = field.at(seen, x, y, own)
+            found.append(_candidate(here, field.offset_arcsec(here), self.sigma, field.pairs, size, roughness))
         return tuple(found)
 
 

@@ -126,6 +126,8 @@ class SearchField:
         Positions that are searched.
     size : SearchedRegion
         Its size.
+    lambda_d_pixels : float
+        lambda/D.
     samples : float
         Independent samples of white noise in it.
     free : ndarray of bool, shape (p,)
@@ -148,8 +150,8 @@ class SearchField:
         self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
         self._pixel = psf.geometry.pixel_scale_arcsec
-        self._lambda_d = psf.geometry.lambda_d_arcsec / self._pixel
-        self.size = searched_region(self.region, self._lambda_d)
+        self.lambda_d_pixels = psf.geometry.lambda_d_arcsec / self._pixel
+        self.size = searched_region(self.region, self.lambda_d_pixels)
         self._y, self._x = np.nonzero(self.region)
         middle, half = len(psf.off_axis) // 2, len(maps.kernel) // 2
         cut = slice(middle - half, middle + half + 1)
@@ -167,7 +169,7 @@ class SearchField:
         self._index[self.region] = np.arange(self._y.size)
         nominal, stray = maps.nominal[self.region], maps.stray[self.region]
         # What the star does not light, such as the wings of a companion, is seen in the variance itself.
-        wings = smoothed(stack.white_variance_e2, self.region, self._lambda_d)[self.region]
+        wings = smoothed(stack.white_variance_e2, self.region, self.lambda_d_pixels)[self.region]
         pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray, wings])
         white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
@@ -210,7 +212,7 @@ class SearchField:
             Row of the place, pixels.
         """
         square = (self._x - x_pixel) ** 2 + (self._y - y_pixel) ** 2
-        return np.asarray(square <= (_EXCLUDED_LAMBDA_D * self._lambda_d) ** 2)
+        return np.asarray(square <= (_EXCLUDED_LAMBDA_D * self.lambda_d_pixels) ** 2)
 
     def exclude(self, x_pixel: float, y_pixel: float) -> None:
         """Take a source out of noise and search.
@@ -339,7 +341,7 @@ class SearchField:
                 maxima.append(self._alone(state, int(place), *self._top(image, int(row), int(column))))
         return sorted(self._judged(maxima), key=lambda peak: -peak.significance)
 
-    def at(self, state: FilteredState, x_pixel: float, y_pixel: float) -> Peak:
+    def at(self, state: FilteredState, x_pixel: float, y_pixel: float, taken_out: Sequence[Peak] = ()) -> Peak:
         """Return what stands at a place, judged by the noise without it; the height is a cubic between the pixels.
 
         Parameters
@@ -347,12 +349,18 @@ class SearchField:
         state : FilteredState
         x_pixel, y_pixel : float
             Column and row of the place, in the searched region.
+        taken_out : sequence of Peak
+            Sources that are not in the state but stand there.
         """
         from scipy.ndimage import map_coordinates
 
         place = int(self._index[round(y_pixel), round(x_pixel)])
         corner = [[y_pixel - self._box[0].start], [x_pixel - self._box[1].start]]
-        height = float(map_coordinates(self.unfold(state.snr)[self._box], corner, order=3)[0])
+        heights = state.snr
+        for peak in taken_out:
+            sums, _ = self._filtered(self.source(peak), 1.0 / state.assumed)
+            heights = heights + sums * np.sqrt(state.assumed / state.fit.variance)
+        height = float(map_coordinates(self.unfold(heights)[self._box], corner, order=3)[0])
         return self._judged([self._alone(state, place, x_pixel, y_pixel, height)])[0]
 
     def _alone(self, state: FilteredState, place: int, x_pixel: float, y_pixel: float, height: float) -> _Maximum:

@@ -1,9 +1,11 @@
 import gc
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
+import cpic_core
 from cpic_core.lazy_names import lazy_names
 
 SLOW = """import time
@@ -54,8 +56,20 @@ def restless():
 
 def test_several_threads_read_stubs_at_once(restless):
     """Python 3.11 raises SystemError where two threads build trees: one counts the depth of the other."""
-    import cpic_core
-
     with ThreadPoolExecutor(4) as threads:
         found = list(threads.map(lambda _: lazy_names("cpic_core", cpic_core.__file__)[2], range(24)))
     assert all(names == found[0] for names in found)
+
+
+@pytest.mark.parametrize("root", ["cpic_core", "catalogs", "simulator", "cpic_planner"])
+def test_no_name_is_that_of_a_module_beside_it(root):
+    """Once it is imported, a module stands in its package under its own name, and hides what the stub promises."""
+    found = []
+    for stub in (Path(cpic_core.__file__).parents[1] / root).rglob("__init__.pyi"):
+        names = lazy_names(".".join(stub.parent.parts), str(stub.with_suffix(".py")))[2]
+        found += [
+            name
+            for name in names
+            if (stub.parent / f"{name}.py").exists() or (stub.parent / name / "__init__.py").exists()
+        ]
+    assert not found

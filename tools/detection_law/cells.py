@@ -8,6 +8,7 @@ import numpy as np
 
 from cpic_core import FloatArray, stream
 from cpic_planner import etc
+from cpic_planner.etc.detection_law import band_law
 from cpic_planner.confirm.scene import scene_target
 from cpic_planner.queries import ConfirmQuestion
 from cpic_planner.validation import (
@@ -154,7 +155,7 @@ def measured(number: int, stacks: int, planets: int) -> dict[str, Any] | None:
     # About where half of the planets of that separation are found, whatever shines at the place.
     alone = replace(programme, target=replace(programme.target, scene=None))
     probe = alone.prospect(x, y, np.full(n, _PROBE))
-    law = etc.search_law(programme.model, cell.band)
+    law = band_law(programme.model, cell.band)
     where = np.hypot(x, y)[None], etc.speckled_share(probe.noise), 0.5, float(cell.visits)
     half = (_PROBE * law.half(*where, at_place=False) / probe.noise.significance)[0]
     contrast = half * np.exp(rng.normal(0.1, SCATTER, n))

@@ -161,7 +161,7 @@ processes; {machine()}).
 companion at 2 to 20 arcsec in three of ten, a star behind the hole in one of seven. Each has {known.get("stacks", 12)}
 programmes of images, into which {planets} planets in all are put one at a time, at random places and with a brightness
 about that at which half are found. The promise is the probability of the calculator for that place
-(`cpic_planner.etc.search_law`); no number in it is fitted to these images.
+(`cpic_planner.etc.detection_law`); no number in it is fitted to these images.
 
 ![found against promised](map.png)
 

@@ -2,6 +2,11 @@ import json
 
 import pytest
 
+from cpic_planner.etc import build_model
+from cpic_planner.ranking import rank_targets
+from cpic_planner.targets import find_target
+from simulator import load_instrument
+
 COMMAND = "plan"
 
 
@@ -43,8 +48,12 @@ def test_dry_run_ranks_nothing(call, monkeypatch):
     assert (cost["n_targets"], cost["n_tasks"], cost["n_realisations"]) == (7, 14, 7 * 2 * 8)
     one = json.loads(call("--top", "1", "--band", "F520", "--band", "F662", "--dry-run", "--json")[1])
     assert one["wall_s"] < cost["wall_s"] < 7 * one["wall_s"]  # ranking, sensitivity and report are as long for one
-    # A fifth of the frames of the star that stands first, which its audit runs: the nearest ones have fewer.
-    assert one["n_frames"] == 2 * 1290 // 5
+    # A fifth of the frames, science and reference, of the star that stands first, which its audit runs: the nearest ones
+    # have fewer.
+    procyon = find_target("alf CMi")[0]
+    first = rank_targets(build_model(load_instrument(), ["F520", "F662"]), procyon, time_s=36000.0).targets[0]
+    assert first.n_frames == first.visits * first.frames_per_visit > 1000
+    assert one["n_frames"] == round(2 * first.n_frames / 5)
 
 
 def test_help_shows_examples_and_what_overrides_are(done):

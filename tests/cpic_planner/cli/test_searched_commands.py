@@ -21,7 +21,7 @@ def test_curves_as_tables_and_sentences(done):
     told = " ".join(out.split())
     assert out.startswith("τ Cet (HIP 8102): V 3.50 mag, 3.650 pc; contrast limits at 5σ in 10.0 h")
     assert len(re.findall(r"^F662 +0\.\d{3} ", out, re.MULTILINE)) == 25
-    assert "F662: half of the planets of contrast 1.4e-09 at 0.74 arcsec are found blind in 15 visits" in told
+    assert "F662: half of the planets of contrast 1.4e-09 at 0.89 arcsec are found blind in 9 visits" in told
     assert "threshold of small samples (Mawet et al. 2014)" in told
     assert "Programmes" not in out
     assert "Programmes" in done(*CURVE, "-v")[0]

@@ -8,7 +8,6 @@ from scipy.stats import binom, norm
 
 from cpic_planner import contrast_curve, contrast_limit, signal_to_noise
 from cpic_planner.confirm.searched import Searched
-from cpic_planner.etc import default_law
 from simulator import load_instrument
 from simulator.imaging import HoleZone
 
@@ -61,17 +60,21 @@ def test_half_are_found_at_the_limit_and_the_law_says_how_many_elsewhere(curve):
     frames, strategy = programme(curve)
     frames.pop("exact")
     row = min(curve.points, key=lambda one: abs(one.separation_arcsec - 0.6))
-    for factor in (0.7, 1.0, 1.4):
-        contrast = factor * row.contrast_limit_blind
-        planet = {"separation_arcsec": row.separation_arcsec, "contrast": contrast}
-        (answer,) = signal_to_noise(strategy=strategy, **planet, **frames, exact=True)
-        law = default_law()
-        width = math.sqrt(
-            law.blind_width**2 / best.independent_visits + law.stack_width**2 * (1 - 1 / best.independent_visits)
-        )
-        assert answer.detection_probability == pytest.approx(norm.cdf(math.log(factor) / width), abs=0.03)
-        if factor == 1.0:
-            assert answer.detection_probability == pytest.approx(0.5, abs=1e-6)
+    assert best.independent_visits > 2.0
+    widths = []
+    for search, name in (("blind", ""), ("known_place", "_known_place")):
+        limit = getattr(row, f"contrast_limit_{search}")
+        for factor in (0.7, 1.0, 1.4):
+            planet = {"separation_arcsec": row.separation_arcsec, "contrast": factor * limit}
+            (answer,) = signal_to_noise(strategy=strategy, **planet, **frames, exact=True)
+            chance = getattr(answer, f"detection_probability{name}")
+            if factor == 1.0:
+                assert chance == pytest.approx(0.5, abs=1e-6)
+            else:
+                widths.append(math.log(factor) / norm.ppf(chance))
+    # A normal law in the logarithm: noise of 1 over what half are found at, 5 sigma and more, and a little wider.
+    np.testing.assert_allclose(widths[::2], widths[1::2], rtol=0.1)
+    assert 0.9 / 5.0 < min(widths) < max(widths) < 1.5 / 5.0
 
 
 def test_completeness_counts_the_part_of_the_circle_in_the_dark_hole(curve):

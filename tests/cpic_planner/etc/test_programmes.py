@@ -7,9 +7,18 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.etc import FixedFrames, Programme, Span, build_model, questions, stack_noise
+from cpic_planner.etc import (
+    FixedFrames,
+    Programme,
+    Span,
+    build_model,
+    light_share,
+    lit_share,
+    questions,
+    speckled_share,
+    stack_noise,
+)
 from cpic_planner.etc.cases import band_cases
-from cpic_planner.etc.detection import tail_share
 from cpic_planner.etc.frames import best_in_visit, least_time
 from cpic_planner.etc.planet import planets_of
 from cpic_planner.etc.questions import groups_of
@@ -151,7 +160,7 @@ def test_no_programme_is_quicker(star, level):
     )
     programme = Programme.of(model.strategy, EVERY)
     problem = cases.problem(objective, programme=programme)
-    aim = np.array(wanted.of_tails(programme)(np.zeros(EVERY.shape), np.ones(EVERY.shape)))
+    aim = np.array(wanted.at_speckles(programme)(np.zeros(EVERY.shape), np.ones(EVERY.shape)))
     for _ in range(25 if "detect" in level else 1):
         choice = least_time(problem, np.broadcast_to(aim, problem.signal_e_s.shape))
         some = choice.n_frames >= 1
@@ -224,16 +233,17 @@ def test_limit_and_time_are_inverses(visits, search, band):
     assert chance == pytest.approx(0.5, abs=1e-6)
 
 
-def test_tails_are_those_of_the_law_of_detection():
+def test_shares_are_those_of_the_law_of_detection():
     model = model_of()
     cases = cases_of(model)
     wanted, programme = Wanted.of(CameraCases.of([cases])), Programme.of(model.strategy, 4.0)
     noise = seen(model, cases, 4.0)
     visit = np.full((1, 1), 20.0 * (60.0 + model.camera("F520").readout_s))
     problem = cases.problem("significance", programme=programme)
-    tails = tail_share(model, "F520", np.hypot(cases.x_arcsec, cases.y_arcsec), visit, noise)
+    light = light_share(model, "F520", np.hypot(cases.x_arcsec, cases.y_arcsec), visit)
     there = wanted(programme, problem)(visit, noise.significance**-2.0)
-    np.testing.assert_allclose(there, wanted.of_tails(programme)(tails, visit), rtol=1e-9)
+    expected = wanted.at_speckles(programme)(speckled_share(noise), visit, lit_share(noise, light))
+    np.testing.assert_allclose(there, expected, rtol=1e-9)
 
 
 def test_fewest_visits_of_a_length_reach_the_level_and_one_less_does_not():

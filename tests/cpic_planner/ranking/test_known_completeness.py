@@ -43,7 +43,7 @@ def bright(tmp_path_factory):
     path = tmp_path_factory.mktemp("known") / "bright.csv"
     path.write_text(
         "star,planet,a,e,mass,inclination,radius,star_mass\n"
-        "tau Cet,tau Cet x,1.6,0.0,1,40,1.2,0.78\nHD 10700,tau Cet y,1.9,0.1,1,10,1.3,0.78\n"
+        "tau Cet,tau Cet x,1.6,0.0,1,40,1.4,0.78\nHD 10700,tau Cet y,1.9,0.1,1,10,1.3,0.78\n"
         "tau Cet,tau Cet z,50,0,1,0,1.3,0.78\nno such star,n b,1,0,1,0,1,1\n"
     )
     return load_known_planets(f"none+{path}")

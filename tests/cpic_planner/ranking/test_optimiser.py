@@ -78,9 +78,17 @@ def test_a_given_separation_is_the_one_of_the_etc():
     placed = replace(ONE, strategy=Strategy(visits=1, search="known_place"))
     best, answers = optimise(placed, STARS, **asked), signal_to_noise(ONE, STARS, **asked)
     np.testing.assert_allclose(best.separation_arcsec, 0.6)
-    # The question maximises the SNR, the optimiser the significance: nearly the same frames.
-    np.testing.assert_allclose(best.significance, [answer.significance for answer in answers], rtol=0.02)
-    assert np.all(best.significance >= np.array([answer.significance for answer in answers]) * (1 - 1e-4))
+    # The question maximises the SNR, the optimiser the chance: light of the wavefront's errors, which grows through a
+    # visit, costs a search more than a significance, so that shorter visits may detect more.
+    longer = np.array([answer.detection_probability_known_place for answer in answers])
+    assert np.all(best.chance_known_place >= longer * (1 - 1e-4))
+    assert np.all(best.significance <= np.array([answer.significance for answer in answers]) * (1 + 1e-4))
+    for i in np.flatnonzero(longer > 1e-6):
+        frames = {"exposure_s": best.exposure_s[i], "em_gain": best.em_gain[i], "exact": True}
+        own = asked | {"time_s": best.time_s[i]}
+        (answer,) = signal_to_noise(ONE, STARS.select([i]), **own, **frames)
+        assert best.significance[i] == pytest.approx(answer.significance, rel=1e-6)
+        assert best.chance_known_place[i] == pytest.approx(answer.detection_probability_known_place, rel=1e-4)
     outside = optimise(MODEL, STARS, time_s=7200.0, separation_arcsec=0.1, bands=["F520"])
     assert set(outside.outside) == {"inside_inner_edge"}
     assert not outside.detected.any()
@@ -113,7 +121,8 @@ def test_the_least_time_of_a_detection_is_one_and_no_more(visits):
     some = best.n_frames > 0
     assert some.sum() >= 2
     assert best.detected[some].all()
-    assert (best.chance_blind[some] >= 0.5 - 1e-9).all()
+    # A relative 1e-9 of the margin, which is how exactly times are solved for, is 1.4 times as much of a chance.
+    assert (best.chance_blind[some] >= 0.5 - 3e-9).all()
     # A visit of the one shortest frame cannot be shorter.
     longer = some & (best.exposure_s > model.camera("F520").exposure_min_s * (1.0 + 1e-9))
     assert longer.sum() >= 2

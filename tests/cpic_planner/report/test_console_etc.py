@@ -25,7 +25,9 @@ def test_an_snr_below_the_threshold_is_not_a_detection(capsys, tmp_path, star):
     assert "✓" not in text
     assert "· measured, not detected" in text
     shown = float(re.search(r"in F520 is not a detection: ([\d.]+) % of such programmes show", text)[1])
-    assert shown < 10.0
+    # The programme reaches 6.9 times the noise of the filtered image; 5 sigma in the tails of errors of two visits ask
+    # for about 8, and the planet's own light scatters that by 1.4: Phi(-0.8).
+    assert 10.0 < shown < 30.0
     assert "where the threshold is highest (a question for a detection takes that into account)" in text
     placed = told(capsys, "etc", star, "--snr", "5", "--band", "F520", "--separation-arcsec", "0.34", *own)
     assert "is not a detection" in placed
@@ -59,7 +61,7 @@ def test_the_ranking_says_what_score_zero_is_ordered_by(capsys):
     assert text.count("✓ detected") == 16
     assert "stars have a score above zero; the others follow by the margin of the reference planet" in text
     assert "Reference planets in 10.0 h, by a search that does not know the place, the best number of visits" in text
-    assert ": 16 detected, 77 limited by photons" in text
+    assert ": 16 detected, 75 limited by photons" in text
     assert "○ insufficient time" in text
     assert "○ too faint" in text
     assert "✓ ok" not in text

@@ -156,25 +156,23 @@ def test_rules_in_words():
         detection={
             "rule": "blind",
             "sigma": 5,
-            "blind_margin": 0.7,
-            "blind_margin_error": 0.05,
-            "known_margin": 0.97,
-            "known_margin_error": 0.03,
-            "blind_tails": 1.0,
             "calibration": 1.02,
             "calibration_error": 0.01,
+            "half_factor": 1.3,
+            "half_error": 0.045,
         },
     )
     facts = dict(shared_facts(own))
     assert facts["Visit"] == "the best of F520, F662, as long as it pays, at most 10.0 h of wall time"
     assert facts["Revisits"] == facts["Follow-up"] == facts["Changes to the instrument"] == "none"
     assert f"{own['population']['planets_per_star']:g} planets per star" in facts["Population of unknown planets"]
-    assert "predicted over recovered SNR is 0.980 ± 0.010." in facts["Detection"]  # 1 / 1.02
-    assert (
-        "threshold is 0.70 (± 5.0%) in Gaussian noise ten resolution elements from the star, 1.90 where all"
-        in (facts["Detection"])
+    assert facts["Detection"] == (
+        "a search that does not know where planets are; 5σ per resolution element. Predicted over recovered SNR of "
+        "images is 0.980 ± 0.010. Half of the planets are found at 1.3 times the significance that the law of "
+        "simulated images asks for, which is known to 4.5 %. These errors are drawn anew in each universe"
     )
-    assert "known planets at their place where it is 0.97 (± 3.0%)" in facts["Detection"]
+    usual = dict(shared_facts(settings(detection={"rule": "known_place", "half_error": 0.03})))["Detection"]
+    assert "found at the significance that the law of simulated images asks for, which is known to 3.0 %." in usual
     own = settings(
         population=None,
         targets={

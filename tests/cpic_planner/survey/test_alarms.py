@@ -86,7 +86,7 @@ def test_background_stars(model):
     # From some length on the walk of the wavefront, not the photons, says how deep a visit is.
     assert background_alarms(model, star, [replace(SETTING, n_frames=30.0)], rule) < one
     # Less is detected where more is asked for, and more stars stand near the plane.
-    assert background_alarms(model, star, [SETTING], DetectionRule(blind_margin=3.0)) < one
+    assert background_alarms(model, star, [SETTING], DetectionRule(half_factor=3.9)) < one
     low = replace(star, ra_deg=np.array([266.4]), dec_deg=np.array([-28.9]))
     assert background_alarms(model, low, [SETTING], rule) > 3.0 * one
     # No more than the brightest stars that any place of the hole shows, over its whole area.

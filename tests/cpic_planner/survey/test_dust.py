@@ -57,12 +57,13 @@ def test_each_planet_stands_in_the_dust_of_its_universe(dusty):
     zodis = dust_of(dusty.strategy, planets, 1, STAR, 0)
     assert len(set(zodis.tolist())) == len(set(planets.universe.tolist()))  # planets of one star share it
     every = expected_signals(dusty.model, star, way, planets, albedos, places, [0.0], zodis)
-    seen = np.flatnonzero(every.margin[0] > 0.0)
+    # An instrument takes up to 100 000 zodi.
+    seen = np.flatnonzero((every.margin[0] > 0.0) & (zodis <= 1e5))
     assert seen.size > 10
     for row in seen[:12]:
         alone = with_dust(dusty, float(zodis[row])).model
         one = expected_signals(alone, star, way, planets, albedos, places, [0.0])
-        for name in ("margin", "snr", "tails", "contrast"):
+        for name in ("margin", "reached_blind", "width_blind", "reached_known", "width_known", "snr", "contrast"):
             assert getattr(every, name)[0, row] == pytest.approx(getattr(one, name)[0, row], rel=1e-12)
 
 

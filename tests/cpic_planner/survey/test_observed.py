@@ -206,7 +206,7 @@ def setup():
         ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
         for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))
     ]
-    rule = DetectionRule(rule="blind", blind_margin=0.5, blind_width=0.3, known_margin=0.4, known_width=0.2)
+    rule = DetectionRule(rule="blind", half_factor=0.4)
     return model, star, population, bodies, visits, rule
 
 

@@ -106,7 +106,7 @@ def played(plain, change):
     """The small survey with many planets, stopped after the first detection, once an orbit is known, and never."""
     survey = plain.surveys[0]
     population = survey.strategy.population.model_copy(update={"planets_per_star": 3.0})
-    survey = change(survey, population=population, detection={"blind_margin": 0.05}, orbit=EASY)
+    survey = change(survey, population=population, detection={"half_factor": 0.065}, orbit=EASY)
     rules = {
         "detection": {"after_detection": True},
         "orbit": {"after_detection": False, "after_orbit": True},

@@ -214,7 +214,7 @@ def test_follow_up_to_an_snr_adds_in_quadrature(followed, change, only_visits, g
 def test_several_planets_of_a_star_are_found_each_for_itself(sharp, change, only_visits):
     """Thinned Poisson numbers stay Poisson: the share of stars with none, one and more follows from the mean alone."""
     number = list(sharp.surveys[0].targets.name).index(STAR)
-    survey = with_planets(only_visits(sharp.surveys[0], lambda visit: visit.star == number), 3.0)
+    survey = with_planets(only_visits(sharp.surveys[0], lambda visit: visit.star == number), 3.5)
     n = 4000
     found = simulate_survey(survey, block=0, n=n, seed=2).universes["new_planets"]
     mean = found.mean()

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import cpic_planner.survey.simulate as module
-from cpic_planner.etc.detection import default_law
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.ranking.known_completeness import completeness
 from cpic_planner.survey.detection import expected_signals
@@ -72,8 +71,8 @@ def test_one_visit_finds_the_planets_whose_significance_is_enough(sharp, only_vi
 def test_the_yield_of_one_visit_is_completeness_times_planets_per_star(sharp, only_visits, change, name):
     rate = 3.0
     survey = denser(first_visit(sharp.surveys[0], only_visits, name), rate)
-    law = default_law().model_copy(update={"calibration_error": 0.0, "blind_margin_error": 0.0})
-    survey = change(survey, detection={"rule": "blind"} | law.model_dump())
+    sure = {"calibration": 1.0, "calibration_error": 0.0, "half_error": 0.0}
+    survey = change(survey, detection={"rule": "blind"} | sure)
     star = survey.targets.select([star_number(survey, name)])
     way = survey.options[star_number(survey, name)][survey.schedule.visits[0].option]
     drawn = draw_population(load_population("giants"), 100_000, 3)
@@ -282,7 +281,7 @@ def test_follow_up(small):
 
 def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
     """Other stars, another budget, other rules elsewhere: the chance of a visit stays that of its star and number."""
-    one_visit = {"revisits": {"max_visits": 1}, "detection": {"blind_margin": 1.0}}
+    one_visit = {"revisits": {"max_visits": 1}, "detection": {"half_factor": 1.3}}
     others = ({"targets": {"names": ["eps Eri"]}, "time_budget_h": 20}, {"time_budget_h": 280, "value_known": 2})
     few, many = (prepare(small(one_visit | more)).surveys[0] for more in others)
     visits = [
@@ -300,8 +299,8 @@ def test_a_likelier_detection_keeps_what_was_found(plain, change):
     """The same numbers decide: a lower threshold adds planets and loses none."""
     survey = change(denser(plain.surveys[0], 1.0), stop={"after_detection": False})
     strict, easy = (
-        found(simulate_survey(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1))
-        for margin in (1.8, 1.2)
+        found(simulate_survey(change(survey, detection={"half_factor": factor}), block=0, n=200, seed=1))
+        for factor in (2.3, 1.6)
     )
     assert strict < easy
 
@@ -368,7 +367,7 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
     sure, unsure = (
         planets_of(
             simulate_survey(
-                change(survey, detection={"calibration_error": error, "blind_margin_error": error}),
+                change(survey, detection={"calibration_error": error, "half_error": error}),
                 block=0,
                 n=600,
                 seed=1,

@@ -66,9 +66,9 @@ def test_sources_of_numbers_follow_the_value():
     assert [item.value for key, item in found.items() if key[0] == "visit.time_s"] == [[36000.0], [60.0]]
     assert found["visit.time_s", "c's"].strategies == ["c"]
     assert not any(key == "visit.settlings" for key, _ in found)
-    law = [item for key, item in found.items() if key[0] == "detection.blind_margin"]
+    law = [item for key, item in found.items() if key[0] == "detection.half_error"]
     assert [item.strategies for item in law] == [["a", "b", "c"]]
-    assert law[0].value == config.strategies[0].detection.blind_margin
+    assert law[0].value == config.strategies[0].detection.half_error
     # What is varied or given on the command line is nobody's.
     swept = sources_of(varied(with_universe(config, {"slot_days": 5.0}), ["slot_share=0.1,0.3"]))
     assert not any(item.key in ("slot_share", "universe.slot_days") for item in swept)

@@ -159,7 +159,7 @@ def test_fewer_universes_are_the_first_of_more(run, small, tmp_path, no_report):
 CHANGES = {
     "slot_share": ({"slot_share": 0.2}, {}),
     "bands": ({"visit": {"bands": ["F662"]}}, {}),
-    "rule": ({"detection": {"blind_margin": 1.9}}, {}),
+    "rule": ({"detection": {"half_factor": 2.5}}, {}),
     "contrast": ({"assumptions": {"contrast": 1e-9}}, {}),
     "rate": ({"population": {"base": "giants", "planets_per_star": 0.3}}, {}),
     "names": ({"targets": {"names": ["eps Eri"]}}, {}),
@@ -243,7 +243,8 @@ def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
 
 
 EXTREMES = {
-    "a calendar without a visit": ({}, {"duration_days": 1, "slot_days": 1}, 0.0),
+    # A thousandth of a day is no time for the slews and settlings of a visit.
+    "a calendar without a visit": ({"slot_share": 0.001}, {"duration_days": 1, "slot_days": 1}, 0.0),
     "a thousand visits": ({"revisits": {"max_visits": 1000}}, {}, 300.0),
     "no drift": ({"assumptions": {"drift": 0}}, {}, 300.0),
 }

@@ -10,11 +10,10 @@ from scipy.signal import fftconvolve
 from scipy.stats import norm
 
 from cpic_core import Status, stream
+from cpic_planner.etc import SearchedRegion, equivalent_sigma
 from cpic_planner.validation import RdiResult, ReducedStack
 from cpic_planner.validation.detection import _candidate, search, searcher
 from cpic_planner.validation.injection import inject, recovered
-from cpic_planner.validation.noise_law import equivalent_sigma
-from cpic_planner.validation.search import SearchedRegion
 from cpic_planner.validation.search_field import Peak
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
@@ -89,6 +88,69 @@ def test_wings_of_a_companion_are_noise_where_they_fall(psf, still, n):
         elements += answer.region.n_elements
     expected = elements * norm.sf(3.0)
     assert abs(found - expected) < 4.0 * math.sqrt(expected)
+
+
+def known_places(psf, step=10):
+    """Pixels, columns and rows, on a grid in the quadrants whose filters hardly share any noise."""
+    axis = np.flatnonzero(psf.metrics.hole.any(axis=0))
+    near = [part[3::step][:3] for part in np.split(axis, 2)]
+    return [(x, y) for x in np.concatenate(near) for y in np.concatenate(near)]
+
+
+@pytest.mark.parametrize("n", [60, pytest.param(300, marks=pytest.mark.long)])
+def test_one_trial_at_a_known_place_has_the_false_alarms_of_a_normal_variate(psf, still, n):
+    """36 places of each image of white noise: how often the significance reaches 2 and 2.5 sigma, within 4 errors."""
+    ready, counts = searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S, sigma=2.5), []
+    places, scale, middle = known_places(psf), psf.metrics.pixel_scale_arcsec, len(psf.metrics.hole) // 2
+    for seed in range(n):
+        image = white(psf, seed).image_e
+        field = ready.field.anew()
+        state = field.measure(image)
+        seen = [field.at(state, float(x), float(y)) for x, y in places]
+        counts.append([sum(one.significance >= level for one in seen) for level in (2.0, 2.5)])
+        if seed < 4:  # the same as of a search that is told one of them
+            x, y = places[7 * seed]
+            (one,) = ready.search(image, [((x - middle) * scale, (y - middle) * scale)]).at_places
+            assert one.significance == pytest.approx(seen[7 * seed].significance, rel=1e-9)
+            assert one.detected is bool(one.significance >= 2.5)
+            assert equivalent_sigma(one.threshold, *one.law[1:])[0] == pytest.approx(2.5, rel=1e-6)
+    for count, level in zip(np.transpose(counts), (2.0, 2.5), strict=True):
+        expected = len(places) * norm.sf(level)
+        assert abs(count.mean() - expected) < 4.0 * max(count.std(), math.sqrt(expected)) / math.sqrt(n)
+
+
+@pytest.mark.parametrize("place", [(0.42, 0.40), (-0.4137, 0.4581), (0.3551, -0.6213)])
+def test_a_planet_at_a_known_place_has_the_snr_of_its_flux(psf, still, place):
+    """Injected flux over the known noise of the filter, whole in the hole, at pixel centres and between them."""
+    ready, unit, found = searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S), flux_error(psf), []
+    for seed in range(40):
+        stack = inject(white(psf, seed), psf.at(*place), 7.0 * unit)
+        answer = ready.search(stack.image_e, [place])
+        (one,) = answer.at_places
+        assert (one.x_arcsec, one.y_arcsec) == pytest.approx(place, abs=1e-9)
+        assert one.law[0] == answer.sigma == 5.0 < answer.threshold.unwrap()
+        found.append([one.snr_mf, one.flux_e / unit])
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / math.sqrt(40)
+    np.testing.assert_array_less(np.abs(mean - 7.0), 4.0 * error + 0.02 * 7.0)
+    assert np.std(found, axis=0)[1] == pytest.approx(1.0, abs=4.0 / math.sqrt(80))
+
+
+def test_each_known_place_is_judged_without_the_others(psf, still):
+    """A faint planet beside a bright one, and a place without any: nothing of the bright one is noise to them."""
+    unit, places = flux_error(psf), [(0.42, 0.40), (-0.41, 0.45), (0.42, -0.60)]
+    stack = inject(white(psf, 1), psf.at(*places[0]), 100 * unit)
+    stack = inject(stack, psf.at(*places[1]), 14 * unit)
+    ready = searcher(stack, psf, still, star_rate_e_s=STAR_E_S)
+    bright, faint, nothing = ready.search(stack.image_e, places).at_places
+    assert bright.snr_mf == pytest.approx(100, rel=0.1)
+    assert faint.snr_mf == pytest.approx(14, abs=3)
+    assert abs(nothing.snr_mf) < 4.0
+    assert [one.detected for one in (bright, faint, nothing)] == [True, True, False]
+    without = inject(white(psf, 1), psf.at(*places[1]), 14 * unit)
+    (alone,) = ready.search(without.image_e, places[1:2]).at_places
+    assert faint.snr_mf == pytest.approx(alone.snr_mf, rel=0.03)
+    # What the search reports besides is the same as without the places.
+    assert ready.search(stack.image_e, places).candidates == ready.search(stack.image_e).candidates
 
 
 def test_a_bright_planet_does_not_hide_itself_nor_a_faint_one(psf, still):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import fftconvolve
 
 from cpic_core import InputError
 from simulator.config import ARCSEC_PER_RAD, Drift, load_instrument
@@ -12,6 +13,7 @@ from simulator.imaging import (
     aperture_sums,
     build_imager,
     centred_axis,
+    matched_kernel,
     measure,
     overlap_weights,
     psf_metrics,
@@ -20,7 +22,7 @@ from simulator.imaging import (
 )
 from simulator.imaging.build import dark_hole_of
 from simulator.imaging.drift import ScreenModel, screen_model
-from simulator.imaging.measure import _register_tail, measure_floor, stamp_figures, strehl
+from simulator.imaging.measure import _register_tail, kernel_smoothness, measure_floor, stamp_figures, strehl
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
@@ -192,6 +194,13 @@ def cross_terms(imager, visits):
     return sums - linear[..., zone.covers(y, x)].mean(axis=-1, keepdims=True) * weights.sum()
 
 
+def tables_of(imager):
+    """Floor, and what the matched filter of the imager's unmasked source makes of it."""
+    pixel = imager.pixel_scale_arcsec
+    axis = imager.axis(centred_axis(31, pixel), masked=False)
+    return measure_floor(imager, 2.5, matched_kernel(imager.image(axis, axis), imager.lambda_d_arcsec / pixel))
+
+
 def test_the_cross_term_is_the_sum_over_all_waves(monkeypatch):
     """Wave by wave through the optics: each wave's own sums, squared and added."""
     imager = small_hole("F520")
@@ -201,7 +210,7 @@ def test_the_cross_term_is_the_sum_over_all_waves(monkeypatch):
     waves = 2 * int((few.amplitude > 0).sum())
     object.__setattr__(few, "drawn", [*range(waves), 0, 0])
     monkeypatch.setattr(measure, "screen_model", lambda samples, slope: few)
-    sums, floor = cross_terms(imager, waves), measure_floor(imager, 2.5)
+    sums, (floor, _) = cross_terms(imager, waves), tables_of(imager)
     assert floor.linear[0] == pytest.approx(2.0 * (sums**2).sum(axis=0).mean(), rel=1e-9)
     assert floor.linear.shape == floor.square.shape == (1 + floor.separation_arcsec.size,)
     assert (np.diff(floor.separation_arcsec) > 0).all()
@@ -212,7 +221,7 @@ def test_the_cross_term_of_visits_that_are_drawn(n_visits):
     imager = small_hole("F520")
     squares = (cross_terms(imager, n_visits) ** 2).mean(axis=-1)
     error = squares.std() / squares.mean() / np.sqrt(n_visits)
-    assert measure_floor(imager, 2.5).linear[0] == pytest.approx(2.0 * squares.mean(), rel=4.0 * error)
+    assert tables_of(imager)[0].linear[0] == pytest.approx(2.0 * squares.mean(), rel=4.0 * error)
 
 
 def test_the_light_between_the_apertures_that_are_measured():
@@ -239,11 +248,127 @@ def test_narrow_and_empty_holes(refused):
         narrow = INSTRUMENT.coronagraph.model_copy(update={"outer_half_side_arcsec": outer})
         instrument = INSTRUMENT.model_copy(update={"coronagraph": narrow})
         knobs = Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1)
-        return measure_floor(build_imager(instrument, "F520", knobs), 2.5)
+        return tables_of(build_imager(instrument, "F520", knobs))
 
-    narrow = floor_of(0.2)  # narrower than the aperture
-    for part in (narrow.linear, narrow.square):
+    narrow, seen = floor_of(0.2)  # narrower than the aperture
+    for part in (narrow.linear, narrow.square, *vars(seen).values()):
         assert np.all(np.isfinite(part) & (part > 0))
     with pytest.raises(InputError, match="inner_lambda_d"):
         floor_of(0.1655)  # between two pixel centres
     refused("hole edges", floor_of, 0.1)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """F850 through the matched filter and in whole apertures, by direct sums over images of visits of 1 nm.
+
+    Signal over noise of a source in white noise, filter over aperture, by place; sums of the cross term and of the light
+    of the errors over the standard deviation of such noise, by visit and place, of filter and of apertures; the places'
+    bins.
+    """
+    metrics, imager = psf_metrics(INSTRUMENT, "F850"), build_imager(INSTRUMENT, "F850")
+    pixel, radius = metrics.pixel_scale_arcsec, metrics.aperture_radius_arcsec
+    source = single_band_psf("F850", instrument=INSTRUMENT).off_axis
+    kernel = matched_kernel(source, metrics.lambda_d_arcsec / pixel)
+    lit = np.flatnonzero(metrics.hole.any(axis=0))
+    box = np.arange(lit[0], lit[-1] + 1)
+    offset = (box - len(metrics.hole) // 2) * pixel
+    axis = imager.axis(offset, masked=True)
+    images = measure.visit_responses(imager, axis, axis, INSTRUMENT.drift.psd_slope, 200, 8)[1:]
+    hole, away = metrics.hole[np.ix_(box, box)], np.abs(offset)
+    whole = (away >= metrics.hole_inner_arcsec + radius) & (away <= metrics.hole_outer_arcsec - radius)
+    place = np.outer(whole, whole)
+    half, fine = len(kernel) // 2, (np.arange(20 * len(kernel)) + 0.5) / 20 - len(kernel) / 2
+    disc = np.hypot(fine[:, None], fine) <= radius / pixel
+    disc = disc.reshape(len(kernel), 20, len(kernel), 20).mean(axis=(1, 3))
+
+    def sums(image, weights):
+        return fftconvolve(image, weights[..., ::-1, ::-1], mode="same", axes=(-2, -1))[..., place]
+
+    noise = np.sqrt(sums(hole.astype(float), kernel**2)), np.sqrt(np.sum(disc**2))
+    centre = slice(len(source) // 2 - half, len(source) // 2 + half + 1)
+    gain = noise[0] * noise[1] / np.sum(disc * source[centre, centre])
+    by_filter, by_aperture = [], []
+    for image in images:
+        even = image - image[:, hole].mean(axis=1)[:, None, None]
+        by_filter.append(sums(image * hole, kernel[None]) / noise[0])
+        by_aperture.append(sums(even * hole, disc[None]) / noise[1])
+    apart = np.hypot(*np.meshgrid(offset, offset))[place]
+    bins = np.abs(np.log(apart[:, None] / metrics.floor_separation_arcsec)).argmin(axis=1)
+    return metrics, gain, by_filter, by_aperture, bins
+
+
+def test_a_filter_sees_a_source_better_than_an_aperture_does(drawn):
+    """Within 1 %: a bin holds few of the places that are looked at."""
+    metrics, gain, _, _, bins = drawn
+    np.testing.assert_allclose(metrics.filter_gain, np.bincount(bins, gain) / np.bincount(bins), rtol=0.01)
+    assert (metrics.filter_gain > 1.0).all()
+
+
+def test_a_filter_sees_the_cross_term_of_visits_that_are_drawn(drawn):
+    """The same visits in apertures and through the filter; and fifths of the places, near one separation."""
+    metrics, _, (crossed, _), (even, _), bins = drawn
+    count, thirds = np.bincount(bins), np.array_split(np.arange(bins.max() + 1), 3)
+    for part in thirds:
+        mine = np.isin(bins, part)
+        groups = [
+            np.mean(crossed[rows][:, mine] ** 2) / np.mean(even[rows][:, mine] ** 2)
+            for rows in np.array_split(np.arange(200), 8)
+        ]
+        weight = count[part] * metrics.floor_linear[1:][part]
+        expected = np.average(metrics.filter_linear.mean(axis=1)[part], weights=weight)
+        assert expected == pytest.approx(np.mean(groups), abs=4.0 * np.std(groups) / np.sqrt(8))
+    variance, around = np.mean(crossed**2, axis=0), np.bincount(bins, np.mean(even**2, axis=0)) / count
+    fifths = []
+    for number in range(3, count.size - 1):
+        level = np.sort((variance / around[bins])[np.abs(bins - number) <= 1])
+        fifths.append([part.mean() for part in np.array_split(level, 5)])
+    # Two hundred visits know a variance to a tenth, by which the ends of an order lie too far out.
+    np.testing.assert_allclose(metrics.filter_linear[3:-1].mean(axis=0), np.mean(fifths, axis=0), rtol=0.12)
+    assert (np.diff(metrics.filter_linear, axis=1) >= 0.0).all()
+
+
+def test_a_filter_sees_the_light_of_errors_that_are_drawn(drawn):
+    """One number for all places, from 1.2 at the outer corners to 2.2; and its kurtosis, of pairs of visits."""
+    metrics, _, (_, light), (_, even), _ = drawn
+    ratio = light.var(axis=0) / even.var(axis=0)
+    assert metrics.filter_square == pytest.approx(ratio.mean(), rel=0.12)
+    pairs = light[:100] - light[100:]
+    kurtosis = np.mean(np.mean(pairs**4, axis=0) / np.mean(pairs**2, axis=0) ** 2) - 3.0
+    assert metrics.filter_tails == pytest.approx(kurtosis / 3.0, rel=0.2)  # that of a Laplace variate is 3
+
+
+def test_a_matched_filter_is_the_source_in_a_disc():
+    rng = np.random.default_rng(2)
+    for side, scale, reach in ((31, 4.2, 7), (31, 4.0, 6), (9, 4.2, 4)):  # ceil(1.5 scale), and a small stamp
+        source = rng.uniform(1.0, 2.0, (side, side))
+        kernel, middle = matched_kernel(source, scale), side // 2
+        assert kernel.shape == (2 * reach + 1, 2 * reach + 1)
+        cut = source[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+        rows, columns = np.indices(kernel.shape) - reach
+        inside = rows**2 + columns**2 <= (1.5 * scale + 0.5) ** 2
+        np.testing.assert_array_equal(kernel, np.where(inside, cut, 0.0))
+
+
+def test_smoothness_of_a_gaussian_filter():
+    """Correlation ``exp(-d^2 / 4 w^2)``: its square summed over the plane, and the curvature at its top."""
+    width, axis = 2.5, np.arange(-20, 21)
+    kernel = np.exp(-(axis[:, None] ** 2 + axis**2) / (2.0 * width**2))
+    assert kernel_smoothness(kernel) == pytest.approx((2.0 * np.pi * width**2, 1.0 / (2.0 * width**2)), rel=1e-6)
+
+
+def test_smoothness_of_white_noise_that_is_filtered():
+    """The scatter of the mean square of fields of noise, and the correlation of neighbours in them."""
+    metrics = psf_metrics(INSTRUMENT, "F662")
+    source = single_band_psf("F662", instrument=INSTRUMENT).off_axis
+    kernel = matched_kernel(source, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
+    assert kernel_smoothness(kernel) == pytest.approx((metrics.filter_positions, metrics.filter_roughness), rel=1e-5)
+    side, n = 64, 2000
+    through = np.fft.rfft2(kernel, (side, side))
+    fields = np.random.default_rng(4).standard_normal((n, side, side))
+    fields = np.fft.irfft2(np.fft.rfft2(fields) * through)
+    power = np.mean(fields**2, axis=(1, 2))
+    positions = power.var() / power.mean() ** 2 * side**2 / 2.0
+    assert metrics.filter_positions == pytest.approx(positions, rel=4.0 * np.sqrt(2.0 / n))
+    beside = np.mean(fields * np.roll(fields, 1, axis=2)) / power.mean()
+    assert metrics.filter_roughness == pytest.approx(-2.0 * np.log(beside), rel=0.01)

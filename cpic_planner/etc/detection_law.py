@@ -28,7 +28,7 @@ from cpic_core import ArrayLike, FloatArray, special
 from cpic_planner.etc.detection import near_threshold
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
-from cpic_planner.etc.search_level import search_threshold, searched_region
+from cpic_planner.etc.search_level import MIN_SIGMA, search_threshold, searched_region
 from cpic_planner.etc.tails import snr_at
 from simulator.imaging import PsfMetrics
 from simulator.signal import annulus_floor, error_light_share
@@ -41,7 +41,7 @@ LAW_ERROR = 0.03
 """Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
 _CROSSED = 0.6
 """Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
-_SEPARATIONS, _SHARES, _LIGHTS, _VISITS, _FINER = 14, 13, 4, 8, 8
+_SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 14, 11, 4, 8
 _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 9, 8, 0.4
 _LEVELS = 1.0, 1.12
@@ -55,26 +55,35 @@ class SearchLaw:
     Attributes
     ----------
     separation_arcsec : ndarray, shape (r,)
-    log_half, width : ndarray, shape (2, r, s, l, v)
-        Logarithm of the significance at which half of the planets are detected, blind and at a known place, and width
-        of the law in it; by separation, share of the speckles in the variance, share of the errors' light in these,
-        and inverse root of the number of visits.
+    log_half, fainter, brighter : ndarray, shape (2, r, v, l, s)
+        Logarithm of the significance at which half of the planets are detected, blind and at a known place, and widths
+        of the law in it to either side: by separation and inverse root of the number of visits, the polynomials in the roots of the
+        share of the errors' light in the speckles and of that of the speckles in the variance. Between polynomials of
+        these no valley opens that the law has not.
     """
 
     separation_arcsec: FloatArray
     log_half: FloatArray
-    width: FloatArray
+    fainter: FloatArray
+    brighter: FloatArray
 
-    def _read(self, table: FloatArray, *where: ArrayLike) -> Any:
-        from scipy.ndimage import map_coordinates
-
+    def _read(self, table: FloatArray, *where: ArrayLike) -> FloatArray:
         place, speckled, light, visits = (np.asarray(part, float) for part in where)
+        many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
         row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
-        many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS))
-        sizes = np.array(table.shape[1:]) - 1
-        shares = [np.nan_to_num(np.clip(part, 0.0, 1.0)) for part in (speckled, light)]
-        at = np.broadcast_arrays(row, np.sqrt(shares[0]) * sizes[0], shares[1] * sizes[1], many * sizes[2])
-        return map_coordinates(table, np.stack([part.ravel() for part in at]), order=1).reshape(at[0].shape)
+        row, many = np.broadcast_arrays(row, many)
+        i, j = (np.minimum(at.astype(np.intp), size - 2) for at, size in zip((row, many), table.shape, strict=False))
+        f, g = ((at - low)[..., None, None] for at, low in ((row, i), (many, j)))
+        near = (1.0 - f) * ((1.0 - g) * table[i, j] + g * table[i, j + 1])
+        near = np.moveaxis(near + f * ((1.0 - g) * table[i + 1, j] + g * table[i + 1, j + 1]), (-2, -1), (0, 1))
+        x, y = (2.0 * np.sqrt(np.nan_to_num(np.clip(part, 0.0, 1.0))) - 1.0 for part in (speckled, light))
+        found = np.zeros(np.broadcast_shapes(x.shape, y.shape, row.shape))
+        for of_light in near[::-1]:
+            value = np.zeros(np.broadcast_shapes(x.shape, row.shape))
+            for coefficient in of_light[::-1]:
+                value = value * x + coefficient
+            found = found * y + value
+        return found
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -119,10 +128,13 @@ class SearchLaw:
             As of `half`.
         """
         where = separation_arcsec, speckled, light, visits
-        log_half, width = (self._read(table[int(at_place)], *where) for table in (self.log_half, self.width))
+        tables = self.log_half, self.fainter, self.brighter
+        log_half, low, high = (self._read(table[int(at_place)], *where) for table in tables)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
-        return reached, np.sqrt(width**2 + own * np.exp(-2.0 * log_half))
+        width2 = np.where(reached < 0.0, low, high) ** 2
+        # Half are detected of fainter planets, whose own light is less.
+        return reached, np.sqrt(width2 + own * np.exp(-2.0 * log_half - np.maximum(reached, 0.0)))
 
     def probability(self, *of: Any, at_place: bool) -> FloatArray:
         """Return the probability of a detection; arguments as of `reach`."""
@@ -131,12 +143,16 @@ class SearchLaw:
 
     def least(self, separation_arcsec: ArrayLike, probability: float) -> FloatArray:
         """Return a significance below which nothing is detected with that probability, in any noise."""
-        lowest = self.log_half + special().ndtri(probability) * self.width
-        least = lowest.min(axis=(0, 2, 3, 4))
+        many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
+        shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
+        where = self.separation_arcsec, *shares, many
+        far, ways = special().ndtri(probability), zip(self.log_half, self.fainter, strict=True)
+        lowest = [self._read(half, *where) + far * self._read(width, *where) for half, width in ways]
+        least = np.min(lowest, axis=(0, 1, 2, 3))
         return np.asarray(np.exp(np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, least)))
 
 
-def search_law(model: EtcModel, band: str) -> SearchLaw:
+def band_law(model: EtcModel, band: str) -> SearchLaw:
     """Return the law of a band of a model, whether images have tested it or not.
 
     Parameters
@@ -158,11 +174,17 @@ def law_of(model: EtcModel, band: str) -> SearchLaw | None:
         None where no images were measured: in bands of the near-infrared camera, and where photons are counted.
     """
     measured = model.strategy.mode == "analogue" and band in model.instrument.visible_bands()
-    return search_law(model, band) if measured else None
+    return band_law(model, band) if measured else None
 
 
 def needed_margin(
-    model: EtcModel, band: str, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike
+    model: EtcModel,
+    band: str,
+    separation_arcsec: ArrayLike,
+    speckled: ArrayLike,
+    light: ArrayLike,
+    visits: ArrayLike,
+    threshold: FloatArray | None = None,
 ) -> FloatArray:
     """Return the significance over the small-sample threshold at which half of the observations detect a planet.
 
@@ -173,19 +195,22 @@ def needed_margin(
     band : str
     separation_arcsec, speckled, light, visits : array_like
         As of `SearchLaw.half`.
+    threshold : ndarray, optional
+        Small-sample threshold at the separation; from a table by default (`near_threshold`).
 
     Returns
     -------
     ndarray
-        1 where no law was measured (`law_of`).
+        1 where no law was measured (`law_of`), or no threshold is defined.
     """
     law = law_of(model, band)
     if law is None:
         return np.ones(np.broadcast_shapes(*map(np.shape, (separation_arcsec, speckled, light, visits))))
-    threshold = near_threshold(model.metrics[band].resolution_elements(separation_arcsec), model.strategy.sigma)
+    if threshold is None:
+        threshold = near_threshold(model.metrics[band].resolution_elements(separation_arcsec), model.strategy.sigma)
     known = model.strategy.search == "known_place"
     half = law.half(separation_arcsec, speckled, light, visits, at_place=known)
-    return np.asarray(half / threshold)
+    return np.where(np.isfinite(threshold), half / threshold, 1.0)
 
 
 def speckled_share(noise: StackNoise) -> FloatArray:
@@ -223,7 +248,7 @@ def light_share(model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_
 @functools.lru_cache(maxsize=8)
 def _log_thresholds(sigma: float) -> FloatArray:
     """Return the logarithm of `snr_at` for two levels, by inverse visits, share of Laplace variates, and `_root`."""
-    laplace, root = np.linspace(0.0, 1.0, _TAILS), np.linspace(0.0, 1.0, _RELATIVES)
+    laplace, root = _grid(_TAILS), _grid(_RELATIVES)
     inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * root**2, 1e-9)
     grid = np.meshgrid(1.0 / inverse, laplace, 2.0 / relative, indexing="ij")
     visits, share, dof = (part.ravel() for part in grid)
@@ -232,7 +257,11 @@ def _log_thresholds(sigma: float) -> FloatArray:
 
 
 def _inverse_visits() -> FloatArray:
-    return np.asarray(np.linspace(0.0, 1.0, _VISITS) ** 2 / _LEAST_VISITS)
+    return np.asarray(_grid(_VISITS) ** 2 / _LEAST_VISITS)
+
+
+def _grid(count: int) -> FloatArray:
+    return np.linspace(0.0, 1.0, count)
 
 
 class _Terms:
@@ -262,8 +291,8 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
         np.interp(place, bins, metrics.filter_gain),
         np.stack([np.interp(place, bins, part) for part in metrics.filter_linear.T], axis=-1),
     )
-    share = np.minimum(np.linspace(0.0, 1.0, _SHARES) ** 2, _MOST_SHARE)[:, None]
-    light = np.linspace(0.0, 1.0, _LIGHTS)
+    share = np.minimum(_nodes(_SHARES) ** 2, _MOST_SHARE)[:, None]
+    light = _nodes(_LIGHTS) ** 2
     odds = [(share / (1.0 - share) * part)[..., None] for part in (1.0 - light, light)]
 
     def terms(crossed: FloatArray, square: FloatArray) -> _Terms:
@@ -279,35 +308,30 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
     heavy = here.heavy[..., None, :] * (_TAILS - 1)
-    rows = np.arange(_VISITS)[:, None], heavy, np.sqrt(relative / _MOST_RELATIVE) * (_RELATIVES - 1)
+    at = np.broadcast_arrays(np.arange(_VISITS)[:, None], heavy, np.sqrt(relative / _MOST_RELATIVE) * (_RELATIVES - 1))
     region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
-    blind = search_threshold(region, metrics.filter_roughness, sigma=sigma).value or sigma
+    least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
+    blind = search_threshold(region, metrics.filter_roughness, sigma=least).value or least
     tables = []
     # A maximum over two coordinates lies above the mean.
-    for level, gained in ((blind / sigma, 2.0), (1.0, 0.0)):
+    for level, gained in ((blind / least, 2.0), (1.0, 0.0)):
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
-        at = np.broadcast_arrays(between, *rows)
-        needed = np.exp(map_coordinates(_log_thresholds(sigma), np.stack(at), order=1, mode="nearest"))
-        tables.append(_middle_and_width(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
-    halves, widths = (np.stack(parts) for parts in zip(*tables, strict=True))
-    return SearchLaw(place, *(_finer(part) for part in (halves, widths)))
+        lower, upper = _log_thresholds(sigma)
+        table = (1.0 - between) * lower + between * upper
+        needed = np.exp(map_coordinates(table, np.stack(at), order=3, mode="nearest"))
+        tables.append(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
+    return SearchLaw(place, *(_polynomials(np.stack(parts)) for parts in zip(*tables, strict=True)))
 
 
-def _finer(table: FloatArray) -> FloatArray:
-    """Return a table with more shares, on cubics between them: what falls with the share has one valley then."""
-    slope = np.gradient(table, axis=2)
-    low, high, slope_low, slope_high = (part[:, :, :, None] for part in _ends(table, slope))
-    t = (np.arange(_FINER) / _FINER)[:, None, None]
-    bend = (1.0 - t) ** 2 * (low * (1.0 + 2.0 * t) + slope_low * t) + t**2 * (
-        high * (3.0 - 2.0 * t) + slope_high * (t - 1.0)
-    )
-    shape = (*table.shape[:2], (_SHARES - 1) * _FINER, *table.shape[3:])
-    return np.concatenate([bend.reshape(shape), table[:, :, -1:]], axis=2)
+def _nodes(count: int) -> FloatArray:
+    """Return points from 0 to 1 through which a polynomial of many terms stays smooth (Chebyshev-Lobatto)."""
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
-def _ends(table: FloatArray, slope: FloatArray) -> tuple[FloatArray, ...]:
-    """Return values at both ends of the intervals of the shares, and slopes."""
-    return table[:, :, :-1], table[:, :, 1:], slope[:, :, :-1], slope[:, :, 1:]
+def _polynomials(table: FloatArray) -> FloatArray:
+    """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, r, v, l, s)."""
+    of_share, of_light = (np.linalg.inv(np.vander(2.0 * _nodes(n) - 1.0, increasing=True)) for n in (_SHARES, _LIGHTS))
+    return np.einsum("is,jl,krslv->krvji", of_share, of_light, table)
 
 
 def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:
@@ -344,10 +368,10 @@ def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, her
     return np.asarray(relative / (of_level * of_drift - both**2) + of_maps[..., None, :])
 
 
-def _middle_and_width(
+def _middle_and_widths(
     unit: FloatArray, needed: FloatArray, spread: FloatArray, gained: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the logarithm of the significance of a chance of one half, and the width of the law in it.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the logarithm of the significance of a chance of one half, and the widths of the law below and above.
 
     Parameters
     ----------
@@ -368,5 +392,5 @@ def _middle_and_width(
         middle = 0.5 * (low + high)
         enough = chance(middle) >= 0.5
         low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-    ends = [ndtri(np.clip(chance(high + side), 1e-12, 1.0 - 1e-12)) for side in (-_BESIDE, _BESIDE)]
-    return high, 2.0 * _BESIDE / (ends[1] - ends[0])
+    low, above = (side / ndtri(np.clip(chance(high + side), 1e-12, 1.0 - 1e-12)) for side in (-_BESIDE, _BESIDE))
+    return high, low, above
