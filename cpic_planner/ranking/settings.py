@@ -286,9 +286,9 @@ def setting_fields(
     """
     possible = best.n_frames[i] >= 1
 
-    def taken(values: FloatArray) -> float | None:
-        """Return the star's value where it can be observed."""
-        return float(values[i]) if possible else None
+    def taken(value: float) -> float | None:
+        """Return a value where the star can be observed."""
+        return float(value) if possible else None
 
     return {
         "status": standing[0].value,
@@ -300,16 +300,14 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{
-            name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")
-        },
-        "integration_s": taken(best.n_frames * best.exposure_s),
-        "span_days": float(best.span_days(model)[i]) if possible else None,
+        **{name: taken(getattr(best, name)[i]) for name in (*_SECONDS, "em_gain")},
+        "integration_s": taken(best.n_frames[i] * best.exposure_s[i]),
+        "span_days": taken(etc.programme_days(model, best.visits[i], best.time_s[i])),
         "orbits_searched": int(best.orbits_searched[i])
         if possible and math.isfinite(best.orbits_searched[i])
         else None,
-        "motion_factor": taken(best.motion_factor),
-        "independent_visits": taken(best.independent_visits),
+        "motion_factor": taken(best.motion_factor[i]),
+        "independent_visits": taken(best.independent_visits[i]),
         "required_visits": int(best.required_visits[i]) if math.isfinite(best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
