@@ -56,8 +56,8 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
     frame = {
         "flat": (np.where(maps.sensitivity > 0, maps.sensitivity - 1.0, 0.0), nothing),
         "dark_structure": (nothing, maps.dark_smooth_e_s - maps.dark_uniform_e_s),
-        "bad_pixels": (maps.dead * 1.0, np.where(hot, raised, 0.0)),
-        "bad_columns": (maps.bad_column * 1.0, np.where(maps.bad_column, raised, 0.0)),
+        "bad_pixels": (maps.dead * 1.0, hot * raised),
+        "bad_columns": (maps.bad_column * 1.0, maps.bad_column * raised),
     }
 
     def stamp(values: FloatArray) -> FloatArray:
@@ -68,11 +68,16 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
         return part
 
     found = {
-        key: Flaw(stamp(response), stamp(dark), float(np.abs(response).max()), float(np.abs(dark).max()))
+        key: Flaw(stamp(response), stamp(dark), _largest(response), _largest(dark))
         for key, (response, dark) in frame.items()
     }
     seen = maps.stripe_adu[max(corner[1], 0) : corner[1] + side]
     return found, np.array([np.abs(seen).max(initial=0.0), np.abs(maps.stripe_adu).max(initial=0.0)])
+
+
+def _largest(values: FloatArray) -> float:
+    """Return the largest absolute value, without a map of them."""
+    return max(float(values.max()), -float(values.min()))
 
 
 @dataclass(frozen=True, eq=False)
