@@ -8,7 +8,6 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
 """
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -267,7 +266,6 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
     return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value
 
 
-@functools.lru_cache(maxsize=1)
 def default_instrument() -> Instrument:
     """Return the shipped instrument, always the same object."""
     return load_instrument()

@@ -292,12 +292,24 @@ def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Ins
     >>> load_instrument({"detector": {"read_noise_e": 160}}).detector.read_noise_e
     160.0
     """
+    if source is None or (isinstance(source, str | Path) and preset_path("instrument", str(source)) is not None):
+        return _preset("cpic_default" if source is None else str(source))
     return Instrument.read(_tree(source), "instrument")
 
 
-def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
-    if source is None:
-        source = "cpic_default"
+@functools.lru_cache(maxsize=16)
+def _preset(name: str) -> Instrument:
+    """Return a preset, read once: nobody can change it."""
+    return Instrument.read(_preset_tree(name), "instrument")
+
+
+@functools.lru_cache(maxsize=16)
+def _preset_tree(name: str) -> dict[str, Any]:
+    """Return a preset as plain data, which nobody changes."""
+    return _tree(name)
+
+
+def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(source, Mapping):
         own: Any = dict(source)
     elif not isinstance(source, str | Path):
@@ -307,7 +319,11 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
-        tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
+        tree = (
+            load_mapping(source, "instrument", Instrument.model_fields)
+            if known is None
+            else load_yaml(known, shipped=True)
+        )
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
@@ -319,7 +335,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         base = own.pop("base", "cpic_default")
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
-        shipped = _tree(base)
+        shipped = _preset_tree(str(base))
         own = _with_own_sky(_with_curves(own), shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
@@ -346,12 +362,6 @@ def _with_curves(own: Mapping[str, Any]) -> dict[str, Any]:
             curve = band_from_file(file, name, t_opt=1.0, qe=1.0)
             bands[name] = {"center_nm": round(curve.center_nm, 6), "width_nm": round(curve.width_nm, 6), **band}
     return {**own, "bands": bands} if bands else dict(own)
-
-
-@functools.lru_cache(maxsize=16)
-def _shipped(path: Path) -> Any:
-    """Return a preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
-    return load_yaml(path, shipped=True)
 
 
 def _within(tree: Any, key: str) -> bool:
