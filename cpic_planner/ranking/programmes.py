@@ -242,11 +242,8 @@ class Outlook:
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            v = (
-                self.white
-                / visits
-                * self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1)) ** 2
-            )
+            wanted = self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1))
+            v = self.white / visits * wanted**2
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
             left = np.arange(len(v))
             for _ in range(_ROUNDS):
@@ -255,8 +252,6 @@ class Outlook:
                 moved = np.any(closer != v[left], axis=(1, 2))
                 v[left] = closer
                 left = left[moved]  # the others stay as they are
-                if not left.size:
-                    break
             v = np.where(v < _ENDLESS_S[-1], v, np.inf)
             # Where the search goes through ever more orbits, the level may have run away.
             if self.motion is not None:

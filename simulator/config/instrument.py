@@ -303,12 +303,6 @@ def _preset(name: str) -> Instrument:
     return Instrument.read(_preset_tree(name), "instrument")
 
 
-@functools.lru_cache(maxsize=16)
-def _preset_tree(name: str) -> dict[str, Any]:
-    """Return a preset as plain data, which nobody changes."""
-    return _tree(name)
-
-
 def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(source, Mapping):
         own: Any = dict(source)
@@ -319,11 +313,7 @@ def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
         if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
-        tree = (
-            load_mapping(source, "instrument", Instrument.model_fields)
-            if known is None
-            else load_yaml(known, shipped=True)
-        )
+        tree = load_yaml(known, shipped=True) if known else load_mapping(source, "instrument", Instrument.model_fields)
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
@@ -346,6 +336,9 @@ def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
     return deep_merge(brought, own)
+
+
+_preset_tree = functools.lru_cache(maxsize=16)(_tree)  # of names; nobody changes what it returns
 
 
 def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

@@ -68,16 +68,11 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
         return part
 
     found = {
-        key: Flaw(stamp(response), stamp(dark), _largest(response), _largest(dark))
+        key: Flaw(stamp(response), stamp(dark), float(np.abs(response).max()), float(np.abs(dark).max()))
         for key, (response, dark) in frame.items()
     }
     seen = maps.stripe_adu[max(corner[1], 0) : corner[1] + side]
     return found, np.array([np.abs(seen).max(initial=0.0), np.abs(maps.stripe_adu).max(initial=0.0)])
-
-
-def _largest(values: FloatArray) -> float:
-    """Return the largest absolute value, without a map of them."""
-    return max(float(values.max()), -float(values.min()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -290,7 +290,7 @@ def parametric_family(log10_mh: float, log10_fsed: float | None, near_au: float 
     grid = load_parametric_grid()
     first, last = 0, grid.insolation_au.size
     if near_au is not None:
-        first = min(max(int(np.searchsorted(grid.insolation_au, near_au)) - 1, 0), last - 2)
+        first = int(np.clip(np.searchsorted(grid.insolation_au, near_au) - 1, 0, last - 2))
         last = first + 2
     corners = _corners(grid, log10_mh, log10_fsed)
     family = np.asarray(sum(weight * _node_spectra(fsed, metal, first, last) for fsed, metal, weight in corners))
