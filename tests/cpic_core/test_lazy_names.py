@@ -1,4 +1,5 @@
 import gc
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -59,3 +60,11 @@ def test_several_threads_read_stubs_at_once(restless):
     with ThreadPoolExecutor(4) as threads:
         found = list(threads.map(lambda _: lazy_names("cpic_core", cpic_core.__file__)[2], range(24)))
     assert all(names == found[0] for names in found)
+
+
+def test_a_home_is_imported_once_and_its_names_are_those_that_it_has_now(package, monkeypatch):
+    load, *_ = package
+    assert load("answer") == 42
+    monkeypatch.setattr("importlib.import_module", None)
+    monkeypatch.setattr(sys.modules["slow_names.late"], "answer", 43)
+    assert load("answer") == 43
