@@ -5,6 +5,7 @@ import importlib
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 _PARSING = threading.Lock()  # Python 3.11 counts the depth of trees for all threads together, and raises SystemError
@@ -30,10 +31,14 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         stub = ast.parse(text)
     home = {alias.name: node.module for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
 
+    loaded: dict[str, ModuleType] = {}
+
     def load(name: str) -> Any:
         if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         # Not from `sys.modules`: what another thread is still importing stands there half made.
-        return getattr(importlib.import_module(str(home[name])), name)
+        if name not in loaded:
+            loaded[name] = importlib.import_module(str(home[name]))
+        return getattr(loaded[name], name)
 
     return load, lambda: sorted(home), sorted(home)

@@ -12,15 +12,20 @@ from importlib.util import find_spec, module_from_spec
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 
 class _Face(ModuleType):
-    """A package whose own code runs when the first name is asked for that none of its loaded parts is called by."""
+    """A package that hands out compiled functions; its own code runs when the first other name is asked for."""
 
     _lock: threading.RLock
     _begun: bool
 
     def __getattr__(self, name: str) -> Any:
         own = vars(self)
+        compiled = getattr(sys.modules.get(f"{self.__name__}._ufuncs"), name, None)
+        if isinstance(compiled, np.ufunc):
+            return compiled
         with own["_lock"]:
             if not own["_begun"]:
                 own["_begun"] = True

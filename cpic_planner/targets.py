@@ -12,8 +12,7 @@ import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_flag, check_number, check_word
-from cpic_planner.queries import default_instrument
-from simulator.config import Scene, checked_utc, julian_year
+from simulator.config import Scene, checked_utc, julian_year, load_instrument
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -141,7 +140,7 @@ def targets_from_table(
     InputError
         For a text that is no date.
     """
-    utc = checked_utc("date_utc", default_instrument().mission.start_utc if date_utc is None else date_utc)
+    utc = checked_utc("date_utc", load_instrument().mission.start_utc if date_utc is None else date_utc)
     table = stars_at(table, julian_year(utc), orbits=orbits)
     check_word("companions", companions, ("on", "off"))
 

@@ -16,12 +16,12 @@ from cpic_core import InputError, numeric_context
 from cpic_planner import queries
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.targets import Targets, as_catalogue, find_target
-from simulator.config import FrozenModel, limits_of, nearest, unit_of
+from simulator.config import FrozenModel, limits_of, load_instrument, nearest, unit_of
 
 
 def model_of(question: Any) -> EtcModel:
     """Return the model of the instrument, the bands and the strategy of a question; that of the shipped one is kept."""
-    if question.instrument is queries.default_instrument():
+    if question.instrument is load_instrument():
         return _default_model(question.bands, question.strategy)
     return build_model(question.instrument, question.bands, question.strategy)
 
@@ -29,7 +29,7 @@ def model_of(question: Any) -> EtcModel:
 @functools.lru_cache(maxsize=16)
 def _default_model(bands: tuple[str, ...] | None, strategy: queries.Strategy | None) -> EtcModel:
     """Return the model of the shipped instrument, which no file of the user's can change."""
-    return build_model(queries.default_instrument(), bands, strategy)
+    return build_model(load_instrument(), bands, strategy)
 
 
 def catalogue_of(question: Any) -> Catalogue:

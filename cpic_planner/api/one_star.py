@@ -322,7 +322,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     import pandas as pd
 
     from cpic_core import Status
-    from cpic_planner.etc import MODES_NOT_COUNTED, verdict_of
+    from cpic_planner.etc import MODES_NOT_COUNTED, programme_days, verdict_of
     from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of, timed_model
 
     model, time_s = model_of(question), None
@@ -341,7 +341,8 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     if model.strategy.n_modes:
         said["flags"] = MODES_NOT_COUNTED
     shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
-    columns = {name: getattr(best, name) for name in shown} | {"span_days": best.span_days(model)}
+    columns = {name: getattr(best, name) for name in shown}
+    columns["span_days"] = programme_days(model, best.visits, best.time_s)
     return pd.DataFrame({"name": stars.name} | columns | said)
 
 

@@ -78,10 +78,6 @@ class CountingLaw:
         mean = _checked_mean(mean_e)
         return 1.0 - _poisson_mean(1.0 - self.e, mean)
 
-    def dq_dlam(self, mean_e: ArrayLike) -> FloatArray:
-        """Return the derivative of `q` by the mean, per electron: ``sum of Pois(n; mean) (e_(n+1) - e_n) >= 0``."""
-        return _poisson_mean(np.diff(self.e), _checked_mean(mean_e))
-
     def usable(self, mean_e: ArrayLike) -> NDArray[np.bool_]:
         """Return whether counts tell the mean: it is at most `MAX_MEAN_E`, and a count's probability follows it.
 

@@ -44,22 +44,24 @@ def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, plane
 
 
 def reference_notes(
-    model: EtcModel, target: Targets, band: str, separation_arcsec: float, planet: ReferencePlanet
+    model: EtcModel, targets: Targets, band: str, separation_arcsec: float, planet: ReferencePlanet, star: int = 0
 ) -> tuple[str, ...]:
     """Return what was clamped or extrapolated in the reference planet of one star, as flags.
 
     Parameters
     ----------
     model : EtcModel
-    target : Targets
+    targets : Targets
     band : str
         Name of a band of the instrument, such as ``F520``.
     separation_arcsec : float
         Projected separation from the star, arcsec, above 0.
     planet : ReferencePlanet
+    star : int, optional
+        Number of the star.
     """
-    distance = float(reference_distance_au(target, np.array([separation_arcsec]), planet)[0, 0])
-    notes = albedo_notes(planet.albedo, distance / float(np.sqrt(target.luminosity_lsun[0])))
+    distance = float(targets.distance_pc[star] * separation_arcsec / sin_phase(planet.phase_deg))
+    notes = albedo_notes(planet.albedo, distance / float(np.sqrt(targets.luminosity_lsun[star])))
     beyond = model.passbands.albedo_flags(albedo_source(planet.albedo))[model.passbands.index(band)]
     return (*notes, "extrapolated") if beyond else notes
 

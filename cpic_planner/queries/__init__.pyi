@@ -16,7 +16,6 @@ from cpic_planner.queries.changes import (
     Change as Change,
     changed as changed,
     changed_instrument as changed_instrument,
-    default_instrument as default_instrument,
     instrument_rows as instrument_rows,
     instrument_title as instrument_title,
     is_optical as is_optical,

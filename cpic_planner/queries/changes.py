@@ -8,7 +8,6 @@ The one way in which simulator overrides, assumptions of rankings and surveys, a
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
 """
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -267,12 +266,6 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
     return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value
 
 
-@functools.lru_cache(maxsize=1)
-def default_instrument() -> Instrument:
-    """Return the shipped instrument, always the same object."""
-    return load_instrument()
-
-
 def read_instrument(source: Any) -> Instrument:
     """Return an instrument from what people write; see `simulator.load_instrument`."""
     return source if isinstance(source, Instrument) else load_instrument(source)
@@ -295,7 +288,7 @@ class InstrumentParts(Parts):
         given = base if self.instrument is None else self.instrument
         values = {name: value for name in self.NAMED if (value := getattr(self, name)) is not None}
         named = {name: Change(key=self.NAMED[name], value=value) for name, value in values.items()}
-        return changed_instrument(default_instrument() if given is None else given, self.changes, named)
+        return changed_instrument(given, self.changes, named)
 
 
 def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None) -> Instrument:

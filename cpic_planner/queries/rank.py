@@ -14,13 +14,13 @@ from cpic_core import InputError, is_file, read_text, unguarded
 from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import called, check_visits
-from cpic_planner.queries.changes import InstrumentParts, default_instrument, read_instrument
+from cpic_planner.queries.changes import InstrumentParts, read_instrument
 from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
 from cpic_planner.queries.etc import KnownPlanetsQuestion
 from cpic_planner.queries.fields import asked, asked_visit_time
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
-from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, preset_names
+from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, load_instrument, preset_names
 
 DEFAULT_YEARS = 5.0
 
@@ -80,7 +80,7 @@ class VisibilityQuestion(shared.CatalogQuestion):
         accepts="VisibilityConfig, mapping, str or Path",
     )
     instrument: Instrument = asked(
-        default_instrument,
+        load_instrument,
         "Preset name or YAML file with what differs; its mission has the orbit.",
         parts=InstrumentParts,
         read=read_instrument,

@@ -14,11 +14,11 @@ from catalogs import Catalogue, checked_table_name, load_stars
 from cpic_core import InputError, digest_of, is_file
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.base import Parts, Question, called
-from cpic_planner.queries.changes import SkyParts, default_instrument, read_instrument
+from cpic_planner.queries.changes import SkyParts, read_instrument
 from cpic_planner.queries.fields import asked
 from cpic_planner.registry import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
 from simulator import config
-from simulator.config import FrozenModel, Instrument
+from simulator.config import FrozenModel, Instrument, load_instrument
 
 if TYPE_CHECKING:
     from cpic_planner.jobs import RunSettings
@@ -298,7 +298,7 @@ class InstrumentQuestion(Question):
     """A question about an instrument and some of its bands."""
 
     instrument: Instrument = asked(
-        default_instrument,
+        load_instrument,
         "The instrument: a preset, a YAML file or a mapping with what differs.",
         parts=SkyParts,
         read=read_instrument,
@@ -310,7 +310,7 @@ class InstrumentQuestion(Question):
         option="--band",
         unset="all visible bands",
         accepts="sequence of str",
-        completes=lambda: (*default_instrument().bands, ALL),
+        completes=lambda: (*load_instrument().bands, ALL),
     )
 
     @classmethod
@@ -322,7 +322,7 @@ class InstrumentQuestion(Question):
         if ALL in bands:
             if len(bands) > 1:
                 raise InputError("bands", ", ".join(map(str, bands)), allowed=f"{ALL} alone, or names of bands")
-            bands = tuple(tree.get("instrument", default_instrument()).bands)
+            bands = tuple(tree.get("instrument", load_instrument()).bands)
         return tree | {"bands": tuple(dict.fromkeys(bands))}
 
     def band_names(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """The analytic ranking of the whole sample, and what the answer about selected stars alone says otherwise."""
 
+import functools
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
@@ -246,7 +247,7 @@ class Ranked:
     picked: IntArray
     score: FloatArray
 
-    @property
+    @functools.cached_property
     def completeness_time_s(self) -> FloatArray:
         """Wall time of the observation that the completeness refers to; 0 for none."""
         return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
@@ -419,13 +420,13 @@ def _row(
     clamped: bool,
 ) -> RankedTarget:
     best, model, planet = found.best, found.setting.model, found.setting.planet
-    star, band = targets.select([i]), str(best.band[i])
+    band = str(best.band[i])
     separation = float(best.separation_arcsec[i])
     distance = float(velocities.distance_au[i])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.library_flags]
     flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
-    flags += etc.reference_notes(model, star, band, separation, planet) + etc.hole_notes(model, band)
+    flags += etc.reference_notes(model, targets, band, separation, planet, i) + etc.hole_notes(model, band)
     if clamped and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
     flags += filter(None, [str(best.inherited[i])])

@@ -252,30 +252,35 @@ class Outlook:
 
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
         """
-        lost = ~np.isfinite(self.white)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            v = (
-                self.white
-                / visits
-                * self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1), np.zeros(1)) ** 2
-            )
+            wanted = self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1), np.zeros(1))
+            v = self.white / visits * wanted**2
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
+            left = np.arange(len(v))
             for _ in range(_ROUNDS):
-                programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
-                whole, white = self._residual(programme), self.white / visits
-                speckles = whole.variance(v) + self.wings
-                light = programme.law(self.light.averaging()).variance(v) / speckles
-                aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light) ** 2
-                for _ in range(_NEWTON_STEPS):
-                    slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
-                    excess = white / v + whole.variance(v) + self.wings - aim
-                    v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
-                v = np.where(lost | (aim <= whole.k0 + self.wings), np.inf, v)
+                many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
+                closer = self.select(left)._closer_s(many, v[left])
+                moved = np.any(closer != v[left], axis=(1, 2))
+                v[left] = closer
+                left = left[moved]  # the others stay as they are
             v = np.where(v < _ENDLESS_S[-1], v, np.inf)
             # Where the search goes through ever more orbits, the level may have run away.
             if self.motion is not None:
                 v = np.where(self.cost(visits, v) <= 1.0 + _RUNAWAY, v, np.inf)
         return v
+
+    def _closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
+        """Return lengths of visits that are closer to those of `_shortest_visit_s` than ``v`` is; not below them."""
+        programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
+        whole, white = self._residual(programme), self.white / visits
+        speckles = whole.variance(v) + self.wings
+        light = programme.law(self.light.averaging()).variance(v) / speckles
+        aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light) ** 2
+        for _ in range(_NEWTON_STEPS):
+            slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
+            excess = white / v + whole.variance(v) + self.wings - aim
+            v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
+        return np.where(~np.isfinite(self.white) | (aim <= whole.k0 + self.wings), np.inf, v)
 
     def fewest(self, visit_s: FloatArray) -> FloatArray:
         """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.

@@ -10,7 +10,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray, announce, fingerprint
 from cpic_planner.etc import EtcModel, build_model, check_range
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import Change, ReferencePlanet, changed, default_instrument
+from cpic_planner.queries import Change, ReferencePlanet, changed
 from cpic_planner.ranking.known_completeness import CountedPlanets, KnownChoice
 from cpic_planner.ranking.order import RankSetting, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
@@ -85,7 +85,7 @@ def _with_published_hole(setting: RankSetting) -> RankSetting:
 
 def _has_default_optics(setting: RankSetting) -> bool:
     """Return whether the optics of all bands are the default instrument's: their published holes are shipped."""
-    instrument, default = setting.model.instrument, default_instrument()
+    instrument, default = setting.model.instrument, load_instrument()
     return all(
         band in default.bands and metrics_key(instrument, band) == metrics_key(default, band)
         for band in setting.model.bands

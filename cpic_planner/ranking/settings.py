@@ -169,10 +169,6 @@ class OptimalSetting:
     outside: NDArray[np.str_]
     inherited: NDArray[np.str_]
 
-    def span_days(self, model: etc.EtcModel) -> FloatArray:
-        """Return the days from the begin of the first visit to the end of the last, one directly after the other."""
-        return etc.programme_days(model, self.visits, self.time_s)
-
     @property
     def detected(self) -> BoolArray:
         """Whether half of such observations or more detect the planet."""
@@ -262,7 +258,7 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-_SECONDS = ("exposure_s", "visit_time_s", "time_s", "unused_s")
+_TAKEN = ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s", "motion_factor", "independent_visits")
 
 
 def setting_fields(
@@ -283,9 +279,9 @@ def setting_fields(
     """
     possible = best.n_frames[i] >= 1
 
-    def taken(values: FloatArray) -> float | None:
-        """Return the star's value where it can be observed."""
-        return float(values[i]) if possible else None
+    def taken(value: float) -> float | None:
+        """Return a value where the star can be observed."""
+        return float(value) if possible else None
 
     return {
         "status": standing[0].value,
@@ -297,17 +293,11 @@ def setting_fields(
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
         **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{
-            name: taken(getattr(best, name)) for name in ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s")
-        },
-        "integration_s": taken(best.n_frames * best.exposure_s),
-        "span_days": float(best.span_days(model)[i]) if possible else None,
-        "orbits_searched": int(best.orbits_searched[i])
-        if possible and math.isfinite(best.orbits_searched[i])
-        else None,
-        "motion_factor": taken(best.motion_factor),
-        "independent_visits": taken(best.independent_visits),
-        "required_visits": int(best.required_visits[i]) if math.isfinite(best.required_visits[i]) else None,
+        **{name: taken(getattr(best, name)[i]) for name in _TAKEN},
+        "integration_s": taken(best.n_frames[i] * best.exposure_s[i]),
+        "span_days": taken(float(etc.programme_days(model, best.visits[i], best.time_s[i]))),
+        "orbits_searched": int(n) if possible and math.isfinite(n := best.orbits_searched[i]) else None,
+        "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
     }

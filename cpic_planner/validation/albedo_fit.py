@@ -111,7 +111,7 @@ def albedo_model(
     insolation_au: float,
     phase_function: str = "lambert",
 ) -> AlbedoModel:
-    """Integrate the parametric model over bands, once for any number of fits (0.2 s the first time).
+    """Integrate the parametric model over bands, once for any number of fits.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def albedo_model(
         rules.append((x, measure / measure.sum()))
 
     def means(metal: float, cloud: float | None) -> list[float]:
-        node = parametric_family(metal, cloud).at(insolation_au)
+        node = parametric_family(metal, cloud, insolation_au).at(insolation_au)
         return [float(share @ np.interp(x, node.wavelength_nm, node.albedo)) for x, share in rules]
 
     def phase(metal: float, cloud: float | None) -> float:
@@ -167,9 +167,8 @@ def albedo_model(
     if phase_function not in ("lambert", "grid"):
         raise InputError("phase_function", phase_function, allowed="lambert, grid")
     full = float(contrast_at(radius_rjup, distance_au, 0.0, 1.0))
-    family = parametric_family(float(metals[0]), float(clouds[0]))
     names = {
-        "insolation_clamped": bool(family.outside(insolation_au)),
+        "insolation_clamped": not grid.insolation_au[0] <= insolation_au <= grid.insolation_au[-1],
         "extrapolated": any(band.support_nm[1] > grid.documented_to_nm for band in chosen),
     }
     pairs = [[(float(metal), float(cloud)) for cloud in clouds] for metal in metals]

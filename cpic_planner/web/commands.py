@@ -27,12 +27,13 @@ def costs() -> dict[str, Mapping[str, float]]:
     """Return commands with their expected cost: counts, ``wall_s``, ``memory_mb``, ``disk_mb``, with one worker."""
     from cpic_planner.confirm import plan_job
     from cpic_planner.jobs import estimate
-    from cpic_planner.queries import PlanQuestion, WhatIfQuestion, default_instrument
+    from cpic_planner.queries import PlanQuestion, WhatIfQuestion
     from cpic_planner.survey import load_strategies, whatif_job, with_universe
+    from simulator.config import load_instrument
 
     plan, whatif = PlanQuestion.of({}), WhatIfQuestion.of({"strategies": "survey_default"})
     config = with_universe(load_strategies("survey_default"), whatif.shared(), whatif.share_of_time)
-    dug = {"n_bands": len(default_instrument().visible_bands())}
+    dug = {"n_bands": len(load_instrument().visible_bands())}
     return {
         f"cpic plan --top {plan.top}": estimate(plan_job(plan)),
         "cpic whatif survey_default": estimate(whatif_job(config, n_images=whatif.images)),

@@ -10,7 +10,7 @@ from typing import Any
 from cpic_core import InputError, was_sent
 from cpic_planner import report
 from cpic_planner.api import Answered, answered
-from cpic_planner.queries import called_as, default_instrument, instrument_rows, instrument_title, read_instrument
+from cpic_planner.queries import called_as, instrument_rows, instrument_title, read_instrument
 from cpic_planner.results import InstrumentResult, TwoInstrumentsResult
 from cpic_planner.version import __version__
 from cpic_planner.web.asking import ETC, Pairs
@@ -96,7 +96,7 @@ def compared(pairs: Pairs, sent: Sent | None = None) -> Compared:
     star = "target" in names or "v_mag" in names
     with called_as(ETC.names):
         question = ETC.question(asked if star else (*asked, ("target", "tau Cet")))
-    first, other = question.instrument, read_instrument(names[OTHER]) if OTHER in names else default_instrument()
+    first, other = question.instrument, read_instrument(names.get(OTHER))
     bands = question.band_names()
     if sent is not None and sent.files:
         check_shipped(first, bands)

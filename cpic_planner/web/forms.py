@@ -9,9 +9,9 @@ from importlib import resources
 from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
-from cpic_planner.queries import Option, default_instrument, spelled
+from cpic_planner.queries import Option, spelled
 from cpic_planner.web.asking import ETC, IMAGES, RANK, Asking, parameter
-from simulator.config import preset_names, unit_of
+from simulator.config import load_instrument, preset_names, unit_of
 
 _WORDS = json.loads(resources.files("cpic_planner.web").joinpath("templates/forms.json").read_text(encoding="utf-8"))
 _LABELS: dict[str, str] = _WORDS["labels"]
@@ -176,7 +176,7 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
     if option.kind is bool:
         kind = "tick"
     elif name == "bands":
-        kind, choices = "ticks", tuple(default_instrument().bands)
+        kind, choices = "ticks", tuple(load_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
     labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}

@@ -222,9 +222,9 @@ def _drawing(image: str) -> str:
 
 
 def _bands() -> Sequence[str]:
-    from cpic_planner.queries import default_instrument
+    from simulator.config import load_instrument
 
-    return default_instrument().visible_bands()
+    return load_instrument().visible_bands()
 
 
 def _star(standing: Standing) -> str:

@@ -426,7 +426,8 @@ def load_calibration_set(detector: AnyDetector) -> CalibrationSet:
         range (naming file and pixel); for more bad columns than there are active ones.
     """
     prints = tuple(file_print(kind, path) for kind, path in detector.maps.items())
-    return _cached_set(detector, prints)
+    every = dict.fromkeys(type(detector.switches).model_fields, True)  # one set, whatever is switched off
+    return _cached_set(detector.with_switches(every), prints)
 
 
 def bias_level_adu(detector: AnyDetector) -> float:

@@ -292,12 +292,18 @@ def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Ins
     >>> load_instrument({"detector": {"read_noise_e": 160}}).detector.read_noise_e
     160.0
     """
+    if source is None or (isinstance(source, str | Path) and preset_path("instrument", str(source)) is not None):
+        return _preset("cpic_default" if source is None else str(source))
     return Instrument.read(_tree(source), "instrument")
 
 
-def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
-    if source is None:
-        source = "cpic_default"
+@functools.lru_cache(maxsize=16)
+def _preset(name: str) -> Instrument:
+    """Return a preset, read once: nobody can change it."""
+    return Instrument.read(_preset_tree(name), "instrument")
+
+
+def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(source, Mapping):
         own: Any = dict(source)
     elif not isinstance(source, str | Path):
@@ -307,7 +313,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
-        tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
+        tree = load_yaml(known, shipped=True) if known else load_mapping(source, "instrument", Instrument.model_fields)
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
@@ -319,7 +325,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         base = own.pop("base", "cpic_default")
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
-        shipped = _tree(base)
+        shipped = _preset_tree(str(base))
         own = _with_own_sky(_with_curves(own), shipped["sky"])
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
@@ -330,6 +336,9 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     # Effects may bring defaults of their own.
     brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
     return deep_merge(brought, own)
+
+
+_preset_tree = functools.lru_cache(maxsize=16)(_tree)  # of names; nobody changes what it returns
 
 
 def _with_own_sky(own: dict[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
@@ -346,12 +355,6 @@ def _with_curves(own: Mapping[str, Any]) -> dict[str, Any]:
             curve = band_from_file(file, name, t_opt=1.0, qe=1.0)
             bands[name] = {"center_nm": round(curve.center_nm, 6), "width_nm": round(curve.width_nm, 6), **band}
     return {**own, "bands": bands} if bands else dict(own)
-
-
-@functools.lru_cache(maxsize=16)
-def _shipped(path: Path) -> Any:
-    """Return a preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
-    return load_yaml(path, shipped=True)
 
 
 def _within(tree: Any, key: str) -> bool:

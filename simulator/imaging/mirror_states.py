@@ -25,8 +25,6 @@ LEVELS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Mean square errors of sensing of the states, over those of the preset ``as_published``."""
 SHARED = ("wing_map", "aperture_map", "wing_profile", "column_profile")
 """Figures that a file of a state leaves to the instrument's own: of the far light of a source without the mask."""
-STATE_DIGITS = {"raw_contrast": 12, "core_table": 14}
-"""Binary digits that such a file keeps of each value."""
 _PUBLISHED = "as_published"
 
 

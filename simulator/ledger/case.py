@@ -56,8 +56,8 @@ def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple
     frame = {
         "flat": (np.where(maps.sensitivity > 0, maps.sensitivity - 1.0, 0.0), nothing),
         "dark_structure": (nothing, maps.dark_smooth_e_s - maps.dark_uniform_e_s),
-        "bad_pixels": (maps.dead * 1.0, np.where(hot, raised, 0.0)),
-        "bad_columns": (maps.bad_column * 1.0, np.where(maps.bad_column, raised, 0.0)),
+        "bad_pixels": (maps.dead * 1.0, hot * raised),
+        "bad_columns": (maps.bad_column * 1.0, maps.bad_column * raised),
     }
 
     def stamp(values: FloatArray) -> FloatArray:

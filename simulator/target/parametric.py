@@ -265,7 +265,7 @@ def node_albedo(
 
 
 @functools.lru_cache(maxsize=32)
-def parametric_family(log10_mh: float, log10_fsed: float | None) -> AlbedoFamily:
+def parametric_family(log10_mh: float, log10_fsed: float | None, near_au: float | None = None) -> AlbedoFamily:
     """Return the parametric albedo over insolation.
 
     Parameters
@@ -274,6 +274,8 @@ def parametric_family(log10_mh: float, log10_fsed: float | None) -> AlbedoFamily
         Decimal logarithm of the metallicity over the Sun's, 0 to 2.
     log10_fsed : float or None
         Decimal logarithm of f_sed, -2 to log10 6; above, log10 6 is used. None: cloud-free.
+    near_au : float, optional
+        An insolation distance: only the two nodes next to it are worked out.
 
     Returns
     -------
@@ -286,10 +288,14 @@ def parametric_family(log10_mh: float, log10_fsed: float | None) -> AlbedoFamily
         If a parameter is out of range.
     """
     grid = load_parametric_grid()
-    albedo = sum(weight * _node_spectra(fsed, metal) for fsed, metal, weight in _corners(grid, log10_mh, log10_fsed))
-    family = np.asarray(albedo)
+    first, last = 0, grid.insolation_au.size
+    if near_au is not None:
+        first = int(np.clip(np.searchsorted(grid.insolation_au, near_au) - 1, 0, last - 2))
+        last = first + 2
+    corners = _corners(grid, log10_mh, log10_fsed)
+    family = np.asarray(sum(weight * _node_spectra(fsed, metal, first, last) for fsed, metal, weight in corners))
     family.setflags(write=False)
-    return AlbedoFamily(grid.insolation_au, grid.wavelength_nm, family, grid.documented_to_nm)
+    return AlbedoFamily(grid.insolation_au[first:last], grid.wavelength_nm, family, grid.documented_to_nm)
 
 
 def phase_curve(shape: ArrayLike, phase_deg: ArrayLike) -> np.ndarray:
@@ -347,11 +353,12 @@ def grid_phase_curve(
 
 
 @functools.lru_cache(maxsize=64)
-def _node_spectra(fsed: int, metal: int) -> np.ndarray:
-    """Return the spectra of all insolations at one metallicity and f_sed, shape (10, n)."""
+def _node_spectra(fsed: int, metal: int, first: int, last: int) -> np.ndarray:
+    """Return the spectra of some insolations at one metallicity and f_sed, shape (k, n)."""
     grid = load_parametric_grid()
-    metallicity = np.full(grid.insolation_au.size, grid.log10_mh[metal])
-    return node_albedo(grid.parameters[fsed, :, metal], metallicity, grid.wavelength_nm, grid.methane_per_km_am)
+    metallicity = np.full(last - first, grid.log10_mh[metal])
+    parameters = grid.parameters[fsed, first:last, metal]
+    return node_albedo(parameters, metallicity, grid.wavelength_nm, grid.methane_per_km_am)
 
 
 def _corners(grid: ParametricGrid, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:

@@ -1,4 +1,5 @@
 import gc
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -73,3 +74,11 @@ def test_no_name_is_that_of_a_module_beside_it(root):
             if (stub.parent / f"{name}.py").exists() or (stub.parent / name / "__init__.py").exists()
         ]
     assert not found
+
+
+def test_a_home_is_imported_once_and_its_names_are_those_that_it_has_now(package, monkeypatch):
+    load, *_ = package
+    assert load("answer") == 42
+    monkeypatch.setattr("importlib.import_module", None)
+    monkeypatch.setattr(sys.modules["slow_names.late"], "answer", 43)
+    assert load("answer") == 43

@@ -11,6 +11,8 @@ ALONE = """
 import sys
 from cpic_core import special
 assert special().ndtr(0.0) == 0.5
+from scipy.special import gammaln, hyp2f1
+assert (gammaln, hyp2f1) == (special().gammaln, special().hyp2f1)
 loaded = {"scipy.linalg", "scipy.special._orthogonal", "numpy.f2py"} & set(sys.modules)
 assert not loaded, loaded
 """

@@ -6,12 +6,13 @@ import pkgutil
 import pytest
 
 from cpic_core import InputError
-from cpic_planner import queries, signal_to_noise
+from cpic_planner import signal_to_noise
 from cpic_planner.cli.asking import command_of
 from cpic_planner.cli.main import app
 from cpic_planner.queries import EtcQuestion, SimulateQuestion, changed_instrument, options_of
 from cpic_planner.schemas import QUESTIONS
 from cpic_planner.web.asking import ETC, IMAGES, RANK
+from simulator import load_instrument
 
 
 def commands(group, above=()):
@@ -140,4 +141,4 @@ def test_options_and_changes_without_contradiction_are_those_of_changes_alone():
     changes = ["read_noise=x2", "exozodi=2zodi", "drift=0.1nm"]
     made = parts(changes=("read_noise=x2",), **told).made(None)
     assert made.model_dump() == changed_instrument("cpic_default", changes).model_dump()
-    assert made.model_dump() != queries.default_instrument().model_dump()
+    assert made.model_dump() != load_instrument().model_dump()

@@ -48,8 +48,8 @@ def test_dry_run_ranks_nothing(call, monkeypatch):
     assert (cost["n_targets"], cost["n_tasks"], cost["n_realisations"]) == (7, 14, 7 * 2 * 8)
     one = json.loads(call("--top", "1", "--band", "F520", "--band", "F662", "--dry-run", "--json")[1])
     assert one["wall_s"] < cost["wall_s"] < 7 * one["wall_s"]  # ranking, sensitivity and report are as long for one
-    # A fifth of the frames, science and reference, of the star that stands first, which its audit runs: the nearest ones
-    # have fewer.
+    # A fifth of the frames, science and reference, of the star that stands first, which its audit runs: the nearest
+    # ones have fewer.
     procyon = find_target("alf CMi")[0]
     first = rank_targets(build_model(load_instrument(), ["F520", "F662"]), procyon, time_s=36000.0).targets[0]
     assert first.n_frames == first.visits * first.frames_per_visit > 1000

@@ -18,11 +18,11 @@ from cpic_planner.queries import (
     ReferencePlanet,
     RocQuestion,
     Strategy,
-    default_instrument,
 )
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target
 from cpic_planner.validation import prepare_task, target_scene
+from simulator import load_instrument
 
 BRIGHT, FAINT = "tau Cet", "HD 122064"
 HOURS = 3600.0
@@ -54,7 +54,7 @@ def numbers(answer):
 
 def scene_of(star, band, separation, planet=None, pa_deg=None):
     """Return a star with one planet of the calculator, as a scene."""
-    model = build_model(default_instrument(), [band])
+    model = build_model(load_instrument(), [band])
     target = find_target(star, companions="off")[0]
     planet = planet or ReferencePlanet()
     distance = float(reference_distance_au(target, [separation], planet)[0, 0])
@@ -114,7 +114,7 @@ def test_a_long_time_of_a_bright_star_is_many_visits():
 def test_off_the_diagonal_the_programme_is_that_of_the_place():
     star, band, separation = BRIGHT, "F520", 0.6
     task = confirmed(scene_of(star, band, separation, pa_deg=10.0), band, {})
-    model = build_model(default_instrument(), [band])
+    model = build_model(load_instrument(), [band])
     scene = scene_of(star, band, separation, pa_deg=10.0)
     place = task.predictions[0]
     angle = math.radians(place["pa_deg"])
@@ -178,7 +178,7 @@ TIMES = [options for options in OPTIONS if not {"exposure_s", "em_gain"} & set(o
 )
 def test_characteristics_and_curves_have_the_programme_of_the_calculator(star, place, options):
     band, target = "F662", find_target(star, companions="off")[0]
-    model = build_model(default_instrument(), [band], Strategy(**options.get("strategy", {})))
+    model = build_model(load_instrument(), [band], Strategy(**options.get("strategy", {})))
     asked = AskedStar(target, "", "")
     common = {"target": star, "bands": [band], **options}
     roc, _ = programme_of_roc(RocQuestion.of(common | {"separation_arcsec": place}), model, asked, band)
@@ -195,7 +195,7 @@ def test_characteristics_and_curves_have_the_programme_of_the_calculator(star, p
 def test_plans_have_the_programme_of_the_ranking(star, visits):
     """Rankings and plans ask for the clearest detection, as `cpic_planner.optimise` does, and not for most SNR."""
     band, target = "F520", find_target(star)[0]
-    model = build_model(default_instrument(), [band], Strategy(visits=visits))
+    model = build_model(load_instrument(), [band], Strategy(visits=visits))
     task = prepare_task(model, target, band, time_s=5 * HOURS, planet=ReferencePlanet(), seed=1)
     best = cpic_planner.optimise(star, time_s=5 * HOURS, bands=[band], strategy={"visits": visits})
     assert numbers(task) == (

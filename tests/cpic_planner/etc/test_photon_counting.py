@@ -96,16 +96,7 @@ def test_scatter_of_a_perfect_register():
     mean = np.array([0.0, 1e-6, 0.1, 1.0, 3.0, MAX_MEAN_E])
     for law in (counting_law(1000.0, 604, 0.0, 0.0), counting_law(1000.0, 604, 1e-3, 6e-3)):
         assert law.q(mean) == pytest.approx(-np.expm1(-mean), abs=2e-9)
-        assert law.dq_dlam(mean) == pytest.approx(np.exp(-mean), rel=1e-6)
         assert counting_variance(mean, law)[1:] == pytest.approx(np.expm1(mean[1:]), rel=2e-3)
-
-
-def test_slope_is_the_derivative():
-    law = counting_law(300.0, 604, 110.0, 330.0)
-    mean = np.linspace(0.01, 7.9, 50)
-    step = 1e-5
-    numeric = (law.q(mean + step) - law.q(mean - step)) / (2 * step)
-    assert law.dq_dlam(mean) == pytest.approx(numeric, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +164,7 @@ def test_bad_registers_are_refused(refused, arguments, word):
 @pytest.mark.parametrize("mean", [-0.1, math.nan, math.inf])
 def test_bad_means_are_refused(refused, mean):
     law = counting_law(300.0, 604, 110.0, 330.0)
-    for ask in (law.q, law.dq_dlam, law.usable, lambda value: counting_variance(value, law)):
+    for ask in (law.q, law.usable, lambda value: counting_variance(value, law)):
         refused("mean_e", ask, mean)
     refused("0 to 8", law.q, 8.1)
 

@@ -9,6 +9,7 @@ from cpic_planner.etc import build_model, contrast_limit, place_status, referenc
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
 from cpic_planner.ranking import optimise, separation_grid
+from cpic_planner.ranking.programmes import Outlook
 from cpic_planner.ranking.settings import best_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
@@ -252,3 +253,20 @@ def test_rolled_planets_stay_in_the_zone_and_no_place_is_refused(refused):
     assert len(separation_grid(roll, "F520")) < len(separation_grid(MODEL, "F520"))
     for strategy in (Strategy(library="roll", roll_deg=2.0), Strategy(annulus_lambda_d=0.01)):
         refused("band = F520", optimise, build_model(load_instrument(), ["F520"], strategy), STARS, time_s=3600.0)
+
+
+def test_a_star_has_the_least_time_that_it_has_alone(monkeypatch):
+    """Rounds of the search go on for the stars that still change, which changes nothing for any of them."""
+    rounds, closer_s = [], Outlook._closer_s
+
+    def counted(outlook, visits, length_s):
+        rounds.append(len(length_s))
+        return closer_s(outlook, visits, length_s)
+
+    monkeypatch.setattr(Outlook, "_closer_s", counted)
+    together = optimise(MODEL, STARS, detect=True)
+    assert np.mean(np.array(rounds) < len(STARS)) > 0.3
+    for star in range(0, len(STARS), 3):
+        alone = optimise(MODEL, STARS.select([star]), detect=True)
+        assert alone.time_s[0] == pytest.approx(together.time_s[star], rel=1e-12)
+        assert alone.visits[0] == together.visits[star]

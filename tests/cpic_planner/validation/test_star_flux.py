@@ -233,3 +233,12 @@ def test_field_star_adds_the_error_of_its_magnitude(refused) -> None:
         with pytest.raises(InputError, match=next(iter(wrong))):
             star_flux_of_field_star(**({"measured": flux, "core": 0.1, "time_s": 100.0, "rate_ratio": 1e6} | wrong))
     refused(r"measured\.flux", star_flux_of_field_star, dataclasses.replace(flux, flux=-5.0), 0.1, 100.0, 1e6)
+
+
+def test_one_wavefront_serves_the_whole_series() -> None:
+    """The drift of the wavefront moves the light in the aperture by far less than its counts vary."""
+    one, walked = (observe_off_mask(SCENE, "F850", n_frames=4, **more).unwrap() for more in ({}, {"max_epochs": 4}))
+    assert (one.light.epochs, walked.light.epochs) == (1, 4)
+    images = [seen.light.mean() for seen in (one, walked)]
+    aperture = images[0] > 0.05 * images[0].max()
+    assert images[0][aperture].sum() == pytest.approx(images[1][aperture].sum(), rel=2e-5)

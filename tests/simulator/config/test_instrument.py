@@ -308,3 +308,13 @@ def test_a_curve_that_cannot_be_read_is_refused_with_its_name(tmp_path, refused)
     band = HAT | {"transmission_file": str(tmp_path / "svo.dat")}
     refused("svo.dat wavelength unit = not stated, .*# Angstrom", load_instrument, {"bands": {"mine": band}})
     refused("none.dat", load_instrument, {"bands": {"mine": HAT | {"transmission_file": "none.dat"}}})
+
+
+def test_a_preset_is_read_once_and_stays_as_it_is_under_others():
+    shipped = load_instrument()
+    before = shipped.content_hash
+    for own in ({"detector": {"read_noise_e": 3.0, "em_gain_max": 1}}, {"bands": {"F520": {"t_opt": 0.1}}}):
+        assert load_instrument(own).content_hash != before
+        assert load_instrument(own) is not load_instrument(own)
+    assert load_instrument("cpic_default") is load_instrument() is shipped
+    assert load_instrument({"name": shipped.name}).content_hash == before

@@ -254,3 +254,11 @@ def test_rayleigh_slope_is_near_the_inverse_fourth_power():
     # The leading term alone at long wavelengths.
     assert rayleigh_slope(5000.0) / rayleigh_slope(10000.0) == pytest.approx(16.0, rel=2e-3)
     assert rayleigh_slope(400.0) == pytest.approx((550.0 / 400.0) ** 4.09, rel=0.03)
+
+
+@pytest.mark.parametrize("insolation_au", [0.1, 0.5, 0.7, 2.0, 3.3, 5.0, 40.0])
+@pytest.mark.parametrize("log10_fsed", [None, -0.3])
+def test_two_insolations_are_enough_for_what_lies_between(insolation_au, log10_fsed):
+    near, whole = parametric_family(0.6, log10_fsed, insolation_au), parametric_family(0.6, log10_fsed)
+    assert near.albedo.shape == (2, len(whole.wavelength_nm))
+    np.testing.assert_array_equal(near.at(insolation_au).albedo, whole.at(insolation_au).albedo)

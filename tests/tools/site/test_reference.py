@@ -74,10 +74,11 @@ def test_types_that_functions_return():
 
 def test_every_value_of_the_instrument_with_its_source():
     """The command shows every value of the instrument; those of bands, which have the same keys, stand once."""
-    from cpic_planner.queries import default_instrument, instrument_rows
+    from cpic_planner.queries import instrument_rows
+    from simulator import load_instrument
 
     rows = {found: line for line in keys.page().splitlines() for found in anchors(line)}
-    for row in instrument_rows(default_instrument()):
+    for row in instrument_rows(load_instrument()):
         name = re.sub(r"^bands\.\w+", "bands.*", row.key)
         above = name.rpartition(".")[0]
         line = rows.get(anchored("key", "instrument", name)) or rows.get(anchored("key", "instrument", above))
