@@ -57,9 +57,9 @@ class SearchLaw:
     separation_arcsec : ndarray, shape (r,)
     log_half, fainter, brighter : ndarray, shape (2, r, v, l, s)
         Logarithm of the significance at which half of the planets are detected, blind and at a known place, and widths
-        of the law in it to either side: by separation and inverse root of the number of visits, the polynomials in the roots of the
-        share of the errors' light in the speckles and of that of the speckles in the variance. Between polynomials of
-        these no valley opens that the law has not.
+        of the law in it to either side: by separation and inverse root of the number of visits, the polynomials in the
+        roots of the share of the errors' light in the speckles and of that of the speckles in the variance. Along
+        polynomials no valley opens that the law has not.
     """
 
     separation_arcsec: FloatArray
@@ -71,19 +71,20 @@ class SearchLaw:
         place, speckled, light, visits = (np.asarray(part, float) for part in where)
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
         row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
-        row, many = np.broadcast_arrays(row, many)
         i, j = (np.minimum(at.astype(np.intp), size - 2) for at, size in zip((row, many), table.shape, strict=False))
-        f, g = ((at - low)[..., None, None] for at, low in ((row, i), (many, j)))
-        near = (1.0 - f) * ((1.0 - g) * table[i, j] + g * table[i, j + 1])
-        near = np.moveaxis(near + f * ((1.0 - g) * table[i + 1, j] + g * table[i + 1, j + 1]), (-2, -1), (0, 1))
+        f, g, corner = row - i, many - j, i * table.shape[1] + j
+        weights = (1.0 - f) * (1.0 - g), (1.0 - f) * g, f * (1.0 - g), f * g
+        corners = [(corner + step, weights[k]) for k, step in enumerate((0, 1, table.shape[1], table.shape[1] + 1))]
         x, y = (2.0 * np.sqrt(np.nan_to_num(np.clip(part, 0.0, 1.0))) - 1.0 for part in (speckled, light))
-        found = np.zeros(np.broadcast_shapes(x.shape, y.shape, row.shape))
-        for of_light in near[::-1]:
-            value = np.zeros(np.broadcast_shapes(x.shape, row.shape))
+        # One coefficient after the other: those of many planets at once do not fit into the cache.
+        columns = np.moveaxis(table.reshape(-1, *table.shape[2:]), 0, -1).copy()
+        found: Any = 0.0
+        for of_light in columns[::-1]:
+            value: Any = 0.0
             for coefficient in of_light[::-1]:
-                value = value * x + coefficient
+                value = value * x + sum(weight * coefficient[at] for at, weight in corners)
             found = found * y + value
-        return found
+        return np.asarray(found)
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -229,7 +230,8 @@ def lit_share(noise: StackNoise, light: ArrayLike) -> FloatArray:
         Its share in what visits average (`light_share`): what all visits have in common is taken for the cross term.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.nan_to_num(light * noise.speckle / (noise.quiet - noise.white)))
+        averaged = np.asarray(light, float) * noise.speckle
+        return np.asarray(np.nan_to_num(averaged / (noise.quiet - noise.white)))
 
 
 def own_share(noise: StackNoise) -> FloatArray:
@@ -331,7 +333,7 @@ def _nodes(count: int) -> FloatArray:
 def _polynomials(table: FloatArray) -> FloatArray:
     """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, r, v, l, s)."""
     of_share, of_light = (np.linalg.inv(np.vander(2.0 * _nodes(n) - 1.0, increasing=True)) for n in (_SHARES, _LIGHTS))
-    return np.einsum("is,jl,krslv->krvji", of_share, of_light, table)
+    return np.asarray(np.einsum("is,jl,krslv->krvji", of_share, of_light, table))
 
 
 def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:

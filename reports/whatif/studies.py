@@ -8,7 +8,6 @@ from typing import Any
 import brute_force
 import numpy as np
 
-from cpic_planner.etc import default_law
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.known_completeness import completeness
@@ -147,7 +146,7 @@ def one_visit() -> list[dict[str, Any]]:
         seen = expected_signals(
             survey.model, survey.targets, option, bodies, albedos_of(population), places, np.zeros(1)
         )
-        rule = DetectionRule(**default_law().model_dump())
+        rule = DetectionRule()
         chance = detection_chance(seen, rule, bodies.known != NEW, calibration=rule.calibration)
         rows.append(
             {

@@ -270,5 +270,5 @@ def _floor(instrument: Instrument, band: str, table: CoronagraphTable) -> dict[s
         "floor_square": np.concatenate([[square.mean()], square]),
         "filter_gain": table.columns.get("filter_gain", np.full(place.shape, _GAIN)),
         "filter_linear": np.stack(fifths, axis=-1),
-        **{name: said if (said := table.constant(name)) is not None else np.array(usual) for name, usual in single},
+        **{name: np.array(usual if (said := table.constant(name)) is None else said) for name, usual in single},
     }

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,23 @@ import pytest
 from scipy import stats
 
 from cpic_planner import exposure_time, lambert_phase, planet_contrast
-from cpic_planner.etc import Programme, aperture_rates, build_model, stack_noise
-from cpic_planner.etc.detection import default_law, detection_probability, half_margin, law_width
+from cpic_planner.etc import (
+    Programme,
+    aperture_rates,
+    build_model,
+    search_threshold,
+    searched_region,
+    snr_at,
+    stack_noise,
+)
+from cpic_planner.etc.detection_law import MAP_VISITS, _law
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import detection_threshold
 from simulator.config import load_instrument
 from simulator.detectors import aperture_noise_pixels, clean_fraction, excess_noise_factor2
 from simulator.detectors.gain import output_cumulants
+from simulator.imaging import psf_metrics
 from simulator.signal.light import exozodi_fraction_arcsec2
 from simulator.signal.speckles import ProgrammeLaw, SpeckleLaw
 from tests.docs.formulas import evaluated, formulas
@@ -197,29 +207,31 @@ def test_threshold(elements):
     assert found == pytest.approx(detection_threshold(elements).unwrap(), rel=1e-9)
 
 
-@pytest.mark.parametrize("visits", [1.0, 4.0, 16.0])
-def test_law_of_detection(visits):
-    law, tails, inward, margin, calibration = default_law(), 0.4, 0.13, 0.9, 1.02
-    common = {"i": inward, "V": visits}
-    single = page(DETECTION, "eq-single", m_1=law.blind_margin, beta_i=law.blind_inward, **common)
-    stack = page(DETECTION, "eq-stack", m_s=law.stack_margin, beta_s=law.stack_inward, **common)
-    half = page(
-        DETECTION,
-        "eq-half",
-        tau_t=tails,
-        beta_t=law.blind_tails,
-        beta_v=law.blind_visits,
-        g_1=single,
-        g_s=stack,
-        V=visits,
-    )
-    assert math.exp(half) == pytest.approx(float(half_margin(law, False, tails, inward, visits)), **EXACT)
-    width = page(DETECTION, "eq-width", w_1=law.blind_width, w_s=law.stack_width, V=visits)
-    assert width == pytest.approx(float(law_width(law.blind_width, law.stack_width, visits)), **EXACT)
-    numbers = {"mu": margin, "m": math.exp(half), "w": width, "c": calibration}
-    found = page(DETECTION, "eq-probability", Phi_n=stats.norm.cdf, **numbers)
-    exact = detection_probability(law, margin, False, tails, inward, visits=visits, calibration=calibration)
-    assert found == pytest.approx(float(exact), rel=1e-9)
+@pytest.mark.parametrize("speckled", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("at_place", [False, True])
+def test_law_of_detection(speckled, at_place):
+    """At the half of the law the chance is one half: in so many visits that fit and speckles are known."""
+    metrics = replace(psf_metrics(load_instrument(), "F662"), floor_separation_arcsec=np.array([0.4, 0.9]))
+    even = {"filter_gain": np.full(2, 1.14), "filter_linear": np.full((2, 5), 0.9)}
+    metrics = replace(metrics, floor_linear=np.ones(3), floor_square=np.ones(3), **even)
+    law, light, many = _law(metrics, 2.0, 5.0), 0.5, 1e9
+    half = float(law.half(0.6, speckled, light, many, at_place=at_place))
+    shares = {"w": 1.0 - speckled, "c": speckled * (1.0 - light), "l": speckled * light}
+    through = {"c": shares["c"], "l": shares["l"], "f_c": 0.9, "f_l": float(metrics.filter_square)}
+    noise = page(DETECTION, "eq-filtered-noise", w=shares["w"], **through)
+    mean = page(DETECTION, "eq-filtered-signal", S=half, g=1.14, v=noise)
+    height = mean if at_place else page(DETECTION, "eq-peak", mu=mean)
+    laplace = page(DETECTION, "eq-laplace", kappa=float(metrics.filter_tails), v=noise, **through)
+    slopes = shares["w"] / noise, (through["c"] * 0.9 + 2.0 * through["l"] * through["f_l"]) / noise
+    known = {"I_11": 1e9, "I_12": 0.0, "I_22": 1e9, "s_1": slopes[0], "s_2": slopes[1]}
+    relative = page(DETECTION, "eq-relative", **known, N=float(MAP_VISITS), **{"lambda": laplace})
+    level = 5.0
+    if not at_place:
+        region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
+        level = search_threshold(region, metrics.filter_roughness).unwrap()
+    threshold = float(snr_at(level, 0.0, 2.0 / max(relative, 1e-9))[0])
+    numbers = {"h": height, "tau": threshold, "o": 0.0, "rho": relative}
+    assert page(DETECTION, "eq-chance", Phi_n=stats.norm.cdf, **numbers) == pytest.approx(0.5, abs=0.02)
 
 
 def test_no_equation_is_left_out():

@@ -1,144 +1,62 @@
-"""Fit, bins and report of the law of detection, on planets that are found by a law stated here."""
-
-import math
+"""The tool that tests the law of detection on images: cells, their planets, and the report of both."""
 
 import numpy as np
 import pytest
-from scipy.stats import norm, poisson
+from scipy.stats import norm
 
-from cpic_planner.etc import DetectionLaw, default_law
-from tools.detection_law import fit, measure, report, stacks
-
-TRUTH = {
-    "blind_margin": 0.8,
-    "blind_tails": 0.9,
-    "blind_inward": 4.0,
-    "blind_visits": 0.3,
-    "blind_width": 0.35,
-    "stack_margin": 0.6,
-    "stack_inward": -3.0,
-    "stack_width": 0.22,
-    "known_margin": 0.9,
-    "known_width": 0.3,
-    "known_stack_width": 0.15,
-}
+from tools.detection_law import cells, report
 
 
-@pytest.fixture
-def measured(monkeypatch):
-    """What the tool keeps of all its cases, planets found by the law of `TRUTH`, false alarms as many as expected."""
-    expected = {}
-    monkeypatch.setattr(fit, "_expected", lambda case, frames, visits: expected[case, visits])
-
-    def made(seed, planets=300):
-        rng = np.random.default_rng(seed)
-        found = {"stacks": [], "alarms": [], "minutes": {"planets": 1.0, "alarms": 1.0}, "machine": "none"}
-        for number, case in enumerate(stacks.CASES):
-            for visits in stacks.VISITS:
-                margin = np.exp(rng.uniform(math.log(0.35), math.log(3.5), planets))
-                tails, inward = rng.uniform(0.0, 1.0, planets), rng.uniform(0.06, 0.2, planets)
-                single, stack = math.log(0.8) + 4.0 * (inward - 0.1), math.log(0.6) - 3.0 * (inward - 0.1)
-                middle = 0.9 * tails * visits**-0.3 + single / visits + stack * (1.0 - 1.0 / visits)
-                width, placed = (
-                    math.sqrt(one**2 / visits + many**2 * (1.0 - 1.0 / visits))
-                    for one, many in ((0.35, 0.22), (0.3, 0.15))
-                )
-                chances = norm.cdf((np.log(margin) - middle) / width), norm.cdf(np.log(margin / 0.9) / placed)
-                hits = [(rng.random(planets) < chance).astype(int).tolist() for chance in chances]
-                expected[case, visits] = {"margin": np.full(planets, 1e8), "tails": tails, "inward": inward}
-                columns = {"place": list(range(planets)), "contrast": (1e-8 * margin).tolist()}
-                columns |= {"found": hits[0], "placed": hits[1], "frames": [10.0, 100, 200.0]}
-                found["stacks"].append({"case": number, "visits": visits} | columns)
-                if case.part != "frames":
-                    alarms = {f"{level:g}": round(1e5 * norm.sf(level)) for level in measure.LEVELS}
-                    alarms |= {"stacks": 100, "elements": 1e5, "spread": alarms["3"] + alarms["3"] ** 2 / 100}
-                    found["alarms"].append({"case": number, "visits": visits, "pool": 0} | alarms)
-        return found
-
-    return made
+@pytest.fixture(scope="module")
+def measured():
+    """One cell of few planets, and what is known of the file that the tool writes."""
+    found = cells.measured(1, 1, 3)
+    assert found is not None
+    return {"1": found, "2": None}
 
 
-@pytest.mark.parametrize("mode", fit.MODES)
-def test_the_fit_finds_the_law_that_planets_follow(measured, mode):
-    found = fit.fitted(fit.table_of(measured(1), ("fit",)), mode)
-    for name in fit.FITTED[mode]:
-        best, error = found[name]
-        assert 0.0 < error < (1.0 if name.endswith("inward") else 0.1)
-        assert abs(best - TRUTH[name]) < 4.0 * error
-    assert 0.0 < found[f"{fit.FITTED[mode][0]}_error"][0] < 0.05
+def test_cells_are_the_same_every_time_and_fill_their_ranges():
+    every = [cells.Cell.drawn(number) for number in range(300)]
+    assert every[7] == cells.Cell.drawn(7)
+    assert {cell.band for cell in every} == set(cells.BANDS)
+    assert {cell.visits for cell in every} == set(cells.VISITS)
+    assert 0.2 < np.mean([cell.companion is not None for cell in every]) < 0.4
+    assert all(0.01 <= cell.drift_nm <= 0.5 for cell in every)
 
 
-@pytest.mark.parametrize("mode", fit.MODES)
-@pytest.mark.parametrize("part", ["fit", "test", "frames"])
-def test_bins_hold_enough_planets_and_the_right_fractions(measured, part, mode):
-    bins = fit.bins_of(DetectionLaw(**TRUTH), fit.table_of(measured(2), (part,)), mode)
-    cases = sum(case.part == part for case in stacks.CASES)
-    assert sum(line[1] for line in bins) == 3 * 300 * cases
-    assert {line[0] for line in bins} == set(stacks.VISITS)
-    for _, planets, predicted, found in bins:
-        assert planets >= min(fit.LEAST, 300 * cases)
-        assert abs(found - predicted) < 4.5 * math.sqrt(max(predicted * (1 - predicted), 1e-3) / planets)
+def test_planets_stand_in_the_hole_and_are_counted(measured):
+    found = measured["1"]
+    assert len(found["found"]) == len(found["placed"]) == len(found["contrast"]) == 3
+    assert found["elements"] > 20.0
+    (row,) = report.predicted(measured.values())
+    assert (np.array(row["promised"]["found"]) <= row["promised"]["placed"]).all()
+    assert ((row["promised"]["found"] >= 0.0) & (row["promised"]["placed"] <= 1.0)).all()
 
 
-def test_the_report_says_whether_false_alarms_are_those_expected(monkeypatch, measured):
-    monkeypatch.setattr(report, "default_law", lambda: DetectionLaw(**TRUTH))
-    kept = measured(3)
-    kept["law"] = {name: [value, 0.01] for name, value in TRUTH.items()}
-    page = report.text(kept)
-    assert page.count(" | yes |") == 16
-    assert " | no |" not in page
-    # As many alarms again as their number in each of 100 stacks: variance and mean are the same.
-    for ratio in report.clustering(kept).values():
-        assert ratio == pytest.approx(100.0 / 99.0, rel=1e-12)
-    kept["alarms"][0]["3"] *= 3
-    assert report.text(kept).count(" | no |") == 2  # of single visits, and of all
+def test_report_adds_up():
+    """Hits drawn with the chances that are promised differ from them by what counting makes."""
+    rng, rows = np.random.default_rng(3), []
+    for number in range(40):
+        chance = {mode: rng.random(400) for mode in report.MODES}
+        hits = {mode: (rng.random(400) < chance[mode]).astype(float) for mode in report.MODES}
+        place = rng.uniform(0.4, 0.9, 400)
+        alarms = {
+            f"{level:g}": round(1e4 * tail) for level, tail in zip((3, 4, 5), (1.35e-3, 3.2e-5, 2.9e-7), strict=True)
+        }
+        row = {"cell": cells.Cell.drawn(number), "separation": place, "promised": chance, "alarms": alarms}
+        rows.append(row | hits | {"speckled": rng.random(400), "elements": 1e4})
+    for mode in report.MODES:
+        apart, error = report.differences(rows, mode)
+        assert np.mean((apart / error) ** 2) == pytest.approx(1.0, abs=0.6)
+        lines = report.groups(rows, mode)
+        assert lines[0][:2] == ["all", "16000"]
+        assert sum(int(line[1]) for line in lines if line[0] in cells.BANDS) == 16000
+    assert [line[-1] for line in report.alarm_rows(rows)] == ["yes"] * 3
+    text = report.text(rows, {"minutes": 1.0})
+    assert "map.png" in text
+    assert all(f"{name}" in text for name in report.MODES.values())
 
 
-def test_what_was_measured_is_not_measured_again(monkeypatch, tmp_path, measured):
-    """A case that is all there is left alone, whatever its pool; of another only what is missing is added."""
-    scene = stacks.Scene(stacks.CASES[0], *[None] * 7, drawn=None)
-    monkeypatch.setattr(measure, "FILE", tmp_path / "law.json")
-    monkeypatch.setattr(measure, "scenes", lambda: [scene])
-    monkeypatch.setattr(stacks.Scene, "renewed", lambda self, number: self)
-    monkeypatch.setattr(measure, "nulls", lambda scene, visits, count, rng: {"3": int(rng.integers(1000))})
-    found = measured(4)
-    before = [dict(one) for one in found["alarms"]]
-    measure.measure(found)
-    assert found["alarms"] == before
-    lost = found["alarms"].pop(1)
-    assert lost["case"] == 0
-    measure.measure(found)
-    added = [one for one in found["alarms"] if one not in before]
-    assert [{**one, "3": 0} for one in added] == [{"case": 0, "visits": lost["visits"], "pool": 0, "3": 0}]
-    measure.measure(again := {**found, "alarms": before[2:] + before[:1]})
-    assert [one for one in again["alarms"] if one not in before] == added
-
-
-@pytest.mark.long
-def test_stacks_hold_false_alarms_and_find_as_many_planets_as_the_law_says(monkeypatch, record_property):
-    """One case that the fit knows nothing of, from the optics on: false alarms within Poisson, planets within 0.05.
-
-    Blind, and by photometry at the place.
-    """
-    case = next(case for case in stacks.CASES if (case.part, case.star) == ("test", "bet Hyi"))
-    monkeypatch.setattr(stacks, "CASES", (case,))
-    monkeypatch.setattr(stacks, "POOL", 400)
-    (scene,) = stacks.scenes()
-    for visits in (4, 16):
-        rng = np.random.default_rng(visits)
-        alarms = measure.nulls(scene.renewed(visits), visits, 60, rng)
-        for level in (3.0, 5.0):
-            found, expected = alarms[f"{level:g}"], alarms["elements"] * norm.sf(level)
-            record_property(f"false alarms at {level:g} sigma, {visits} visits", f"{found} of {expected:.3g}")
-            # As rare as 4 sigma to either side.
-            assert min(poisson.sf(found - 1, expected), poisson.cdf(found, expected)) > norm.sf(4.0)
-        rows = measure.injections(scene, visits, rng)
-        known = stacks.expected(scene.case, scene.frames, visits)
-        place, contrast = (np.array([row[name] for row in rows]) for name in ("place", "contrast"))
-        expected = {"tails": known["tails"][place], "inward": known["inward"][place]}
-        expected |= {"margin": contrast * known["margin"][place], "visits": np.full(len(rows), float(visits))}
-        for mode, words in (("found", "found"), ("placed", "seen at their place")):
-            chance = fit.chances(default_law(), expected, mode)
-            found, predicted = np.mean([row[mode] for row in rows]), chance.mean()
-            record_property(f"planets {words}, {visits} visits", f"{found:.3f} of {predicted:.3f}")
-            assert abs(found - predicted) < 0.05 + 3.0 * math.sqrt(float((chance * (1.0 - chance)).sum())) / len(rows)
+def test_the_map_is_a_picture(measured, tmp_path):
+    report.write_map(report.predicted(measured.values()), tmp_path / "map.png")
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"

@@ -8,8 +8,8 @@ import numpy as np
 
 from cpic_core import FloatArray, stream
 from cpic_planner import etc
-from cpic_planner.etc.detection_law import band_law
 from cpic_planner.confirm.scene import scene_target
+from cpic_planner.etc.detection_law import band_law
 from cpic_planner.queries import ConfirmQuestion
 from cpic_planner.validation import (
     ConfirmTask,
@@ -63,21 +63,23 @@ class Cell:
 
     def question(self) -> ConfirmQuestion:
         """Return the question about its images."""
-        star = {"magnitude": self.v_mag, "teff_k": self.teff_k, "log_g": 4.4, "metallicity": 0.0}
+        star: dict[str, Any] = {"magnitude": self.v_mag, "teff_k": self.teff_k, "log_g": 4.4, "metallicity": 0.0}
         star |= {"name": "star", "distance_pc": 10.0, "ra": 100.0, "dec": 40.0}
-        others = []
+        others: list[dict[str, Any]] = []
         for name, other, hot in (
             ("companion", self.companion, self.teff_k * 0.85),
             ("star 2", self.background, 4500.0),
         ):
             if other is not None:
-                place = {"separation_arcsec": other[0], "pa_deg": other[1], "magnitude": other[2]}
+                place: dict[str, Any] = {"separation_arcsec": other[0], "pa_deg": other[1], "magnitude": other[2]}
                 others.append(
                     place | {"name": name, "model": "blackbody", "teff_k": hot, "companion": name != "star 2"}
                 )
         drift = {"visit_nm": self.drift_nm, "walk_nm_per_sqrt_hour": self.drift_nm}
         drift |= {"orbital_nm": min(2.0 * self.drift_nm, 0.1)}
-        asked = {"scene": {"name": "cell", "kind": "scene", "cstar": star, "planets": [], "stars": others}}
+        asked: dict[str, Any] = {
+            "scene": {"name": "cell", "kind": "scene", "cstar": star, "planets": [], "stars": others}
+        }
         asked |= {"instrument": load_instrument({"drift": drift}), "bands": (self.band,), "audit": False}
         asked |= {"strategy": {"visits": self.visits}, "time_s": 3600.0 * self.visit_h * self.visits}
         return ConfirmQuestion.of(asked)
@@ -100,8 +102,10 @@ class Programme:
         target = scene_target(question.scene)
         if frames is None:
             x, y = model.metrics[cell.band].zone.middle
-            asked = {"separation_arcsec": math.hypot(x, y), "bands": [cell.band], "contrast": _PROBE}
-            (answer,) = etc.signal_to_noise(model, target, time_s=question.time_s, **asked)
+            place = math.hypot(x, y)
+            (answer,) = etc.signal_to_noise(
+                model, target, time_s=question.time_s, separation_arcsec=place, bands=[cell.band], contrast=_PROBE
+            )
             if not answer.frames_per_visit or answer.exposure_s is None or answer.em_gain is None:
                 return None
             frames = Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, cell.visits)
@@ -111,7 +115,7 @@ class Programme:
         """Return what is predicted of planets in the images."""
         visits = etc.Programme.of(self.model.strategy, self.cell.visits, gap_s(self.model, self.cell.band, self.frames))
         setting = self.frames.exposure_s, float(self.frames.n_frames), self.frames.em_gain
-        places = (part[None] for part in (x, y, contrast))
+        places = x[None], y[None], contrast[None]
         return etc.prospect_of(self.model, self.target, self.cell.band, *places, setting, visits, moving=False)
 
     def images(self) -> VisitPair:
@@ -145,7 +149,8 @@ def measured(number: int, stacks: int, planets: int) -> dict[str, Any] | None:
     geometry, rng, maps = pair.geometry, stream(SEED, "planets", number), maps_of(pair)
     rate_e_s = pair.science.truth.sources[0].rate_e_s
     beside = [(one.x_arcsec, one.y_arcsec) for one in pair.science.truth.sources[1:]]
-    n, places = stacks * planets, []
+    n = stacks * planets
+    places: list[tuple[float, float]] = []
     while len(places) < n:
         reach = geometry.zone.outer_corner_arcsec
         at = draw_place(geometry, math.hypot(*rng.uniform(-reach, reach, 2)), rng)
