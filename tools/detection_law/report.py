@@ -120,7 +120,7 @@ def write_map(rows: list[dict[str, Any]], path: Path) -> None:
     """Draw found against promised shares, one point a cell, blind and at a known place."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     colours = dict(zip(("F520", "F662", "F720", "F850"), ("C0", "C2", "C1", "C3"), strict=True))
     for axes, (mode, name) in zip(figure.subplots(1, 2, sharey=True), MODES.items(), strict=True):
         axes.plot([0, 1], [0, 1], color="0.6", lw=1)
