@@ -41,9 +41,9 @@ LAW_ERROR = 0.03
 """Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
 _CROSSED = 0.6
 """Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
-_SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 14, 11, 4, 8
+_SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 14, 8, 3, 8
 _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
-_TAILS, _RELATIVES, _MOST_RELATIVE = 9, 8, 0.4
+_TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
 _STEPS, _BESIDE, _LOWEST, _HIGHEST = 20, 0.15, 0.5, 1e3
 
@@ -72,12 +72,16 @@ class SearchLaw:
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
         row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
         i, j = (np.minimum(at.astype(np.intp), size - 2) for at, size in zip((row, many), table.shape, strict=False))
-        f, g, corner = row - i, many - j, i * table.shape[1] + j
-        weights = (1.0 - f) * (1.0 - g), (1.0 - f) * g, f * (1.0 - g), f * g
-        corners = [(corner + step, weights[k]) for k, step in enumerate((0, 1, table.shape[1], table.shape[1] + 1))]
+        f, g = row - i, many - j
+        corners = [(i, 1.0 - f), (i + 1, f)]
+        if many.ndim:
+            ends = (0, 1.0 - g), (1, g)
+            corners = [(at * table.shape[1] + j + k, part * here) for at, part in corners for k, here in ends]
+        else:
+            table = (1.0 - g) * table[:, j] + g * table[:, j + 1]
         x, y = (2.0 * np.sqrt(np.nan_to_num(np.clip(part, 0.0, 1.0))) - 1.0 for part in (speckled, light))
         # One coefficient after the other: those of many planets at once do not fit into the cache.
-        columns = np.moveaxis(table.reshape(-1, *table.shape[2:]), 0, -1).copy()
+        columns = np.moveaxis(table.reshape(-1, *table.shape[-2:]), 0, -1).copy()
         found: Any = 0.0
         for of_light in columns[::-1]:
             value: Any = 0.0
@@ -144,13 +148,19 @@ class SearchLaw:
 
     def least(self, separation_arcsec: ArrayLike, probability: float) -> FloatArray:
         """Return a significance below which nothing is detected with that probability, in any noise."""
-        many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
-        shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
-        where = self.separation_arcsec, *shares, many
-        far, ways = special().ndtri(probability), zip(self.log_half, self.fainter, strict=True)
-        lowest = [self._read(half, *where) + far * self._read(width, *where) for half, width in ways]
-        least = np.min(lowest, axis=(0, 1, 2, 3))
-        return np.asarray(np.exp(np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, least)))
+        least = np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, _least_logs(self, probability))
+        return np.asarray(np.exp(least))
+
+
+@functools.lru_cache(maxsize=64)
+def _least_logs(law: SearchLaw, probability: float) -> FloatArray:
+    """Return the logarithm of the least significance in any noise, at the separations of a law."""
+    many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
+    shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
+    where = law.separation_arcsec, *shares, many
+    far, ways = special().ndtri(probability), zip(law.log_half, law.fainter, strict=True)
+    lowest = [law._read(half, *where) + far * law._read(width, *where) for half, width in ways]
+    return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:

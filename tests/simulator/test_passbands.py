@@ -445,7 +445,7 @@ FIRST_TARGETS = list(csv.DictReader((ROOT / "tests/first_targets.csv").read_text
 FURTHER_V_I = {
     "gam Cep": 0.99,
     "HD 16160": 1.06,
-    "HD 216803": 1.20,
+    "HD 192310": 0.93,
     "HD 32147": 1.10,
     "HD 100623": 0.88,
 }

@@ -72,8 +72,7 @@ def test_half_are_found_at_the_limit_and_the_law_says_how_many_elsewhere(curve):
                 assert chance == pytest.approx(0.5, abs=1e-6)
             else:
                 widths.append(math.log(factor) / norm.ppf(chance))
-    # A normal law in the logarithm: noise of 1 over what half are found at, 5 sigma and more, and a little wider.
-    np.testing.assert_allclose(widths[::2], widths[1::2], rtol=0.1)
+    # Normal laws in the logarithm: noise of 1 over what half are found at, 5 sigma and more, and a little wider.
     assert 0.9 / 5.0 < min(widths) < max(widths) < 1.5 / 5.0
 
 
@@ -167,8 +166,9 @@ def test_places_outside_the_hole_say_so():
 
 
 @pytest.mark.long
-def test_one_worker_and_two_write_the_same_bytes(tmp_path):
+def test_one_worker_and_two_write_the_same_bytes(tmp_path, monkeypatch):
     """Two pieces of work, of ten images and of two."""
+    monkeypatch.setattr("cpic_planner.confirm.searched.IMAGES_A_TASK", 10)
     for workers in (1, 2):
         contrast_curve(**SMALL, images=12, injections=4, out=tmp_path / str(workers), workers=workers)
     story = {"run.json", "run.lock", "cpic-run.jsonl"}

@@ -262,9 +262,9 @@ def test_narrow_and_empty_holes(refused):
 def drawn():
     """F850 through the matched filter and in whole apertures, by direct sums over images of visits of 1 nm.
 
-    Signal over noise of a source in white noise, filter over aperture, by place; sums of the cross term and of the light
-    of the errors over the standard deviation of such noise, by visit and place, of filter and of apertures; the places'
-    bins.
+    Signal over noise of a source in white noise, filter over aperture, by place; sums of the cross term and of the
+    light of the errors over the standard deviation of such noise, by visit and place, of filter and of apertures; the
+    places' bins.
     """
     metrics, imager = psf_metrics(INSTRUMENT, "F850"), build_imager(INSTRUMENT, "F850")
     pixel, radius = metrics.pixel_scale_arcsec, metrics.aperture_radius_arcsec
