@@ -257,15 +257,26 @@ def light_share(model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_
     return error_light_share(metrics, drift, separation_arcsec, width, ratio, visit_s, model.timing)
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=32)
 def _log_thresholds(sigma: float) -> FloatArray:
-    """Return the logarithm of `snr_at` for two levels, by inverse visits, share of Laplace variates, and `_root`."""
-    laplace, root = _grid(_TAILS), _grid(_RELATIVES)
+    """Return the logarithm of `snr_at` for two levels by number of visits, (2, v, t, q): polynomials, see `_value`."""
+    laplace, root = _nodes(_TAILS), _nodes(_RELATIVES)
     inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * root**2, 1e-9)
     grid = np.meshgrid(1.0 / inverse, laplace, 2.0 / relative, indexing="ij")
     visits, share, dof = (part.ravel() for part in grid)
     found = [snr_at(level * sigma, share, dof, visits).reshape(grid[0].shape) for level in _LEVELS]
-    return np.log(np.stack(found))
+    return np.asarray(np.einsum("it,jq,kvtq->kvij", *map(_through, (_TAILS, _RELATIVES)), np.log(np.stack(found))))
+
+
+def _value(coefficients: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return polynomials in the nodes' x and y, from 0 to 1; the last axes of the coefficients are their powers."""
+    found: Any = 0.0
+    for row in np.moveaxis(coefficients, -2, 0)[::-1]:
+        value: Any = 0.0
+        for coefficient in np.moveaxis(row, -1, 0)[::-1]:
+            value = value * (2.0 * y - 1.0) + coefficient[:, None]
+        found = found * (2.0 * x - 1.0) + value
+    return np.asarray(found)
 
 
 def _inverse_visits() -> FloatArray:
@@ -293,8 +304,6 @@ class _Terms:
 @functools.lru_cache(maxsize=64)
 def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLaw:
     """Return the law of a band; its tables take 0.1 s."""
-    from scipy.ndimage import map_coordinates
-
     bins = metrics.floor_separation_arcsec
     place = np.geomspace(*metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec), _SEPARATIONS)
     local = [np.exp(np.interp(place, bins, part)) for part in metrics.floor_logs()]
@@ -319,8 +328,6 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
     # Signal over noise through the filter of a planet of the significance 1.
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
-    heavy = here.heavy[..., None, :] * (_TAILS - 1)
-    at = np.broadcast_arrays(np.arange(_VISITS)[:, None], heavy, np.sqrt(relative / _MOST_RELATIVE) * (_RELATIVES - 1))
     region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
     least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
     blind = search_threshold(region, metrics.filter_roughness, sigma=least).value or least
@@ -330,7 +337,7 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
         lower, upper = _log_thresholds(sigma)
         table = (1.0 - between) * lower + between * upper
-        needed = np.exp(map_coordinates(table, np.stack(at), order=3, mode="nearest"))
+        needed = np.exp(_value(table, here.heavy[..., None, :], np.sqrt(relative / _MOST_RELATIVE)))
         tables.append(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
     return SearchLaw(place, *(_polynomials(np.stack(parts)) for parts in zip(*tables, strict=True)))
 
@@ -340,10 +347,14 @@ def _nodes(count: int) -> FloatArray:
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
+def _through(count: int) -> FloatArray:
+    """Return the matrix from values at `_nodes` to the coefficients of their polynomial in ``2 x - 1``."""
+    return np.asarray(np.linalg.inv(np.vander(2.0 * _nodes(count) - 1.0, increasing=True)))
+
+
 def _polynomials(table: FloatArray) -> FloatArray:
     """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, r, v, l, s)."""
-    of_share, of_light = (np.linalg.inv(np.vander(2.0 * _nodes(n) - 1.0, increasing=True)) for n in (_SHARES, _LIGHTS))
-    return np.asarray(np.einsum("is,jl,krslv->krvji", of_share, of_light, table))
+    return np.asarray(np.einsum("is,jl,krslv->krvji", *map(_through, (_SHARES, _LIGHTS)), table))
 
 
 def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, special
 
 MIN_ELEMENTS = 3.0
 MIN_SIGMA, MAX_SIGMA = 2.0, 20.0
 """Below 2 sigma excursions run together: their number is no longer that of their Euler characteristic."""
 _LOWEST, _HIGHEST = 1.0, 1e60  # thresholds: the density of maxima falls beyond 1
 _MOST_LEVEL = 1e100  # its square is finite
+_CLOSE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float)
     ``L_1`` and ``L_2`` (Adler & Taylor 2007, Random Fields and Geometry, ch. 12). The densities ``rho_1 = exp(-u^2/2) /
     (2 pi)`` and ``rho_2 = u exp(-u^2/2) / (2 pi)^(3/2)`` hold for known noise.
     """
-    from scipy.special import ndtr
+    ndtr = special().ndtr
 
     level = np.asarray(threshold, dtype=np.float64)
     if not ((level >= _LOWEST) & (level <= _MOST_LEVEL)).all():
@@ -144,8 +145,7 @@ def search_threshold(
     >>> round(search_threshold(square, 0.2, sigma=3.0).unwrap(), 2)
     3.43
     """
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
+    ndtr = special().ndtr
 
     if not (MIN_SIGMA <= sigma <= MAX_SIGMA):
         raise InputError("sigma", sigma, unit="sigma", allowed=f"{MIN_SIGMA:g} to {MAX_SIGMA:g}")
@@ -158,7 +158,12 @@ def search_threshold(
     def excess(log_level: float) -> float:
         return math.log(max(float(false_alarms(math.exp(log_level), region, roughness)), 1e-320)) - asked
 
-    low, high = math.log(_LOWEST), math.log(_HIGHEST)
+    low = high = math.log(_LOWEST)
     if excess(low) <= 0.0:  # a region whose few positions cannot give that many alarms
         return Outcome.ok(_LOWEST, unit="sigma")
-    return Outcome.ok(math.exp(float(brentq(excess, low, high, xtol=1e-9))), unit="sigma")
+    while excess(high) > 0.0 and high < math.log(_HIGHEST):
+        low, high = high, high + 1.0
+    while high - low > _CLOSE:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0.0 else (low, middle)
+    return Outcome.ok(math.exp(0.5 * (low + high)), unit="sigma")

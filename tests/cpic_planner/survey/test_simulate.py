@@ -94,14 +94,14 @@ def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, b
     days = [survey.calendar.day[i, visit.slot] for visit in survey.schedule.visits]
     assert len(days) == 4
     (way,) = {survey.options[i][visit.option] for visit in survey.schedule.visits}
-    mass, n = float(star_mass_msun(star)[0]), 300_000
+    mass, n = float(star_mass_msun(star)[0]), 400_000
     first, ever = brute_force.detected(survey.model, star, way, mass, days, n, seed=8)
     once = only_visits(survey, lambda visit: visit.ordinal == 0)
     for count, one in ((ever, survey), (first, once)):
-        planets = simulate_survey(one, block=0, n=6_000, seed=4).universes["new_planets"].sum()
-        share, expected = planets / (6_000 * 40.0), count / n
+        planets = simulate_survey(one, block=0, n=7_500, seed=4).universes["new_planets"].sum()
+        share, expected = planets / (7_500 * 40.0), count / n
         # Errors of counting: half a percent of all visits together, more of the first alone.
-        error = np.hypot(np.sqrt(share / (6_000 * 40.0)), np.sqrt(expected / n))
+        error = np.hypot(np.sqrt(share / (7_500 * 40.0)), np.sqrt(expected / n))
         assert abs(share - expected) < 4.0 * error
         if one is survey:
             assert error < 0.0065 * expected
