@@ -54,6 +54,31 @@ def test_known_place_in_white_noise_is_students_law(band):
     assert band_law(MODEL, band).half(place, 0.0, 0.0, MANY, at_place=True) == pytest.approx(5.0 / gain, rel=3e-3)
 
 
+@pytest.mark.parametrize("level", [2.0, 3.7, 7.3])
+def test_law_of_every_level_in_white_noise_is_students(level):
+    """Thresholds between those that are tabulated are those of Student's law, too."""
+    metrics, samples, place = geometry("F720")
+    gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain)
+    expected = student.isf(norm.sf(level), 2.0 * (0.5 * samples + PRIOR_WHITE**-2)) / gain
+    law = band_law(build_model(load_instrument(), ["F720"], Strategy(sigma=level)), "F720")
+    assert law.half(place, 0.0, 0.0, 1.0, at_place=True) == pytest.approx(expected, rel=5e-3)
+
+
+def test_law_of_many_planets_at_once_is_that_of_each():
+    """Separations, shares and visits broadcast in any way, few with many, and more than are looked up at once."""
+    law, rng = band_law(MODEL, "F520"), np.random.default_rng(8)
+    shapes = ((1, 7, 1), (400, 7, 22), (22,)), ((400, 1, 1), (400, 1, 22), (22,)), ((1, 7, 1), (400, 7, 22), (1,))
+    for places, shares, numbers in (*shapes, ((1, 7, 1), (400, 7, 11), (400, 7, 11)), ((30000,),) * 3):
+        place, visits = rng.uniform(0.3, 0.9, places), rng.uniform(1.0, 60.0, numbers)
+        speckled, light = rng.random((2, *shares))
+        found = law.half(place, speckled, light, visits, at_place=False)
+        every = np.broadcast_arrays(place, speckled, light, visits)
+        for at in rng.integers(0, found.size, 5):
+            alone = law.half(*(part.flat[at] for part in every), at_place=False)
+            assert alone.shape == ()
+            assert found.flat[at] == pytest.approx(float(alone), rel=1e-12)
+
+
 @pytest.mark.parametrize("band", BANDS)
 def test_blind_search_in_known_white_noise_asks_for_its_threshold(band):
     """A maximum over two coordinates has the mean square of the signal plus 2."""
