@@ -156,7 +156,7 @@ class Programmes:
     def _bottom(self, visits: FloatArray, longest_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the length of visits that comes nearest to the level, up to some beyond the longest, and how near."""
         # The same lengths whatever the longest is: so is the best of them.
-        low, high = (np.full(self._exposure_s.shape, end) for end in (self._shortest_s, _LONGEST_S))
+        low, high = (np.full(longest_s.shape, end) for end in (self._shortest_s, _LONGEST_S))
         grid = np.geomspace(low, high, _MANY_POINTS)
         values = np.where(grid <= longest_s, self._missed_by(visits, grid), np.inf)
         return _lowest(lambda length_s: self._missed_by(visits, length_s), *around_lowest(grid, values)[::2])
@@ -268,11 +268,12 @@ class Programmes:
         found = reaching(visit_s, np.isfinite(visit_s))
         found = np.where(self._missed_by(visits, found) <= 1.0 + _REACHED, found, np.inf)
         # Shorter ones may do in a narrow range, beyond which modes or a search ask for more than time gains.
-        bottom_s, value = self._bottom(visits, found)
-        narrow = (bottom_s < found) & (value <= 1.0 + _REACHED)
-        if narrow.any():
-            shorter = np.where(value > 1.0, bottom_s, reaching(bottom_s, narrow & (value <= 1.0)))
-            found = np.where(narrow, shorter, found)
+        if not self.steady or np.isinf(found).any():
+            bottom_s, value = self._bottom(visits, found)
+            narrow = (bottom_s < found) & (value <= 1.0 + _REACHED)
+            if narrow.any():
+                shorter = np.where(value > 1.0, bottom_s, reaching(bottom_s, narrow & (value <= 1.0)))
+                found = np.where(narrow, shorter, found)
         return found, self._shortest(visits, self.model.time_s(found), best_s)[1]
 
     def _shortest(self, visits: FloatArray, wall_s: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:

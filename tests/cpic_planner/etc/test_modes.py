@@ -178,6 +178,12 @@ def test_the_best_number_of_visits_counts_the_modes_that_it_brings():
     assert free.value >= max(every) * (1.0 - 1e-4)
     plain = signal_to_noise(model(), TAU_CET, time_s=time_s, contrast=2e-9, **PLACE)[0]
     assert free.value > plain.value
+    quickest = exposure_time(model(n_modes=6), TAU_CET, detect=True, contrast=2e-9, **PLACE)[0]
+    near = (quickest.visits - 1, quickest.visits, quickest.visits + 1)
+    times = [
+        exposure_time(model(n_modes=6, visits=v), TAU_CET, detect=True, contrast=2e-9, **PLACE)[0].value for v in near
+    ]
+    assert quickest.value == pytest.approx(min(times), rel=1e-4)
 
 
 def test_bands_stars_and_planets_are_answered_as_one_by_one(field):
