@@ -19,6 +19,7 @@ places at a separation.
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,6 +46,7 @@ _SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 14, 8, 3, 8
 _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
+_TOGETHER = 16384  # numbers that are looked up at once: they stay in the cache
 _STEPS, _BESIDE, _LOWEST, _HIGHEST = 20, 0.15, 0.5, 1e3
 
 
@@ -55,7 +57,7 @@ class SearchLaw:
     Attributes
     ----------
     separation_arcsec : ndarray, shape (r,)
-    log_half, fainter, brighter : ndarray, shape (2, r, v, l, s)
+    log_half, fainter, brighter : ndarray, shape (2, l, s, r, v)
         Logarithm of the significance at which half of the planets are detected, blind and at a known place, and widths
         of the law in it to either side: by separation and inverse root of the number of visits, the polynomials in the
         roots of the share of the errors' light in the speckles and of that of the speckles in the variance. Along
@@ -67,28 +69,60 @@ class SearchLaw:
     fainter: FloatArray
     brighter: FloatArray
 
-    def _read(self, table: FloatArray, *where: ArrayLike) -> FloatArray:
-        place, speckled, light, visits = (np.asarray(part, float) for part in where)
+    def _read(self, tables: Sequence[FloatArray], *where: ArrayLike) -> FloatArray:
+        """Return tables at separations, shares of speckles and of their light, and numbers of visits."""
+        parts = [np.asarray(part, float) for part in where]
+        shape = np.broadcast_shapes(*(part.shape for part in parts)) or (1,)
+        found = np.empty((len(tables), *shape))
+        step = max(_TOGETHER * shape[0] // max(found[0].size, 1), 1)
+        for block in (slice(start, start + step) for start in range(0, shape[0], step)):
+            some = (part[block] if part.ndim == len(shape) and len(part) > 1 else part for part in parts)
+            self._fill(found[:, block], tables, *some)
+        return found if any(part.ndim for part in parts) else found[:, 0]
+
+    def _fill(
+        self,
+        found: FloatArray,
+        tables: Sequence[FloatArray],
+        place: FloatArray,
+        speckled: FloatArray,
+        light: FloatArray,
+        visits: FloatArray,
+    ) -> None:
+        """Write what `_read` returns, of so many numbers that all stay in the cache."""
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
-        row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
-        i, j = (np.minimum(at.astype(np.intp), size - 2) for at, size in zip((row, many), table.shape, strict=False))
-        f, g = row - i, many - j
-        corners = [(i, 1.0 - f), (i + 1, f)]
-        if many.ndim:
-            ends = (0, 1.0 - g), (1, g)
-            corners = [(at * table.shape[1] + j + k, part * here) for at, part in corners for k, here in ends]
+        rows = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size)), many
+        sizes = self.log_half.shape[-2:]
+        ends = []
+        for row, size in zip(rows, sizes, strict=True):
+            low = np.minimum(row.astype(np.intp), size - 2)
+            ends.append(((low, 1.0 - (row - low)), (low + 1, row - low)))
+        # A few places or numbers of visits are looked up once, for all the others that they go with.
+        few = int(rows[1].size < rows[0].size)
+        once = rows[few].size * sizes[1 - few] <= np.broadcast(*rows).size
+        if once:
+            number = np.arange(rows[few].size).reshape(rows[few].shape)
+            corners = [(at * number.size + number, weight) for at, weight in ends[1 - few]]
         else:
-            table = (1.0 - g) * table[:, j] + g * table[:, j + 1]
-        x, y = (2.0 * np.sqrt(np.nan_to_num(np.clip(part, 0.0, 1.0))) - 1.0 for part in (speckled, light))
-        # One coefficient after the other: those of many planets at once do not fit into the cache.
-        columns = np.moveaxis(table.reshape(-1, *table.shape[-2:]), 0, -1).copy()
-        found: Any = 0.0
-        for of_light in columns[::-1]:
-            value: Any = 0.0
-            for coefficient in of_light[::-1]:
-                value = value * x + sum(weight * coefficient[at] for at, weight in corners)
-            found = found * y + value
-        return np.asarray(found)
+            corners = [(i * sizes[1] + j, f * g) for i, f in ends[0] for j, g in ends[1]]
+        x, y = (2.0 * np.sqrt(np.fmin(np.fmax(part, 0.0), 1.0)) - 1.0 for part in (speckled, light))
+        for whole, table in zip(found, tables, strict=True):
+            columns = table if few or not once else table.swapaxes(-1, -2)
+            if once:
+                columns = sum(columns[..., at.ravel()] * weight.ravel() for at, weight in ends[few])
+            whole[...] = 0.0
+            for of_light in columns.reshape(*table.shape[:2], -1)[::-1]:
+                coefficients = of_light.take(corners[0][0], axis=1)
+                coefficients *= corners[0][1]
+                for at, weight in corners[1:]:
+                    coefficients += of_light.take(at, axis=1) * weight
+                value = np.empty(whole.shape)
+                value[...] = coefficients[-1]
+                for coefficient in coefficients[-2::-1]:
+                    value *= x
+                    value += coefficient
+                whole *= y
+                whole += value
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -107,8 +141,8 @@ class SearchLaw:
         at_place : bool
             Planets are looked for at a known place.
         """
-        where = separation_arcsec, speckled, light, visits
-        return np.asarray(np.exp(self._read(self.log_half[int(at_place)], *where)))
+        tables = self.log_half[int(at_place), None]
+        return np.asarray(np.exp(self._read(tables, separation_arcsec, speckled, light, visits)[0]))
 
     def reach(
         self,
@@ -132,9 +166,8 @@ class SearchLaw:
         separation_arcsec, speckled, light, visits, at_place
             As of `half`.
         """
-        where = separation_arcsec, speckled, light, visits
-        tables = self.log_half, self.fainter, self.brighter
-        log_half, low, high = (self._read(table[int(at_place)], *where) for table in tables)
+        tables = [table[int(at_place)] for table in (self.log_half, self.fainter, self.brighter)]
+        log_half, low, high = self._read(tables, separation_arcsec, speckled, light, visits)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
         width2 = np.where(reached < 0.0, low, high) ** 2
@@ -158,8 +191,8 @@ def _least_logs(law: SearchLaw, probability: float) -> FloatArray:
     many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
     shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
     where = law.separation_arcsec, *shares, many
-    far, ways = special().ndtri(probability), zip(law.log_half, law.fainter, strict=True)
-    lowest = [law._read(half, *where) + far * law._read(width, *where) for half, width in ways]
+    far = special().ndtri(probability)
+    lowest = law._read(law.log_half, *where) + far * law._read(law.fainter, *where)
     return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
 
 
@@ -353,8 +386,8 @@ def _through(count: int) -> FloatArray:
 
 
 def _polynomials(table: FloatArray) -> FloatArray:
-    """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, r, v, l, s)."""
-    return np.asarray(np.einsum("is,jl,krslv->krvji", *map(_through, (_SHARES, _LIGHTS)), table))
+    """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, l, s, r, v)."""
+    return np.asarray(np.einsum("is,jl,krslv->kjirv", *map(_through, (_SHARES, _LIGHTS)), table))
 
 
 def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:
