@@ -170,9 +170,10 @@ class SearchLaw:
         log_half, low, high = self._read(tables, separation_arcsec, speckled, light, visits)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
-        width2 = np.where(reached < 0.0, low, high) ** 2
-        # Half are detected of fainter planets, whose own light is less.
-        return reached, np.sqrt(width2 + own * np.exp(-2.0 * log_half - np.maximum(reached, 0.0)))
+        # Beyond one half the excess is linear in the significance: a lower threshold never detects fewer.
+        bright = np.clip(reached, 1e-9, 50.0)
+        width2 = np.where(reached < 0.0, low, high * math.expm1(_BESIDE) / _BESIDE) ** 2 + own * np.exp(-2.0 * log_half)
+        return reached, np.sqrt(width2) * bright / np.expm1(bright)
 
     def probability(self, *of: Any, at_place: bool) -> FloatArray:
         """Return the probability of a detection; arguments as of `reach`."""

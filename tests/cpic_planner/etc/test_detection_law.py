@@ -78,11 +78,26 @@ def test_probability_in_white_noise_is_that_of_draws(at_place):
     threshold = student.isf(norm.sf(level), dof)
     estimate = np.sqrt(rng.chisquare(dof, n) / dof)
     law = band_law(MODEL, "F662")
-    for significance in (4.0, 4.8, 5.6):
+    for significance in (4.0, 4.8, 5.6, 6.2, 6.8, 7.4):
         mean = significance * gain if at_place else math.sqrt((significance * gain) ** 2 + 2.0)
         drawn = np.mean((mean + rng.standard_normal(n)) / estimate > threshold)
         found = law.probability(significance, 0.0, place, 0.0, 0.0, 1.0, at_place=at_place)
         assert found == pytest.approx(drawn, abs=0.012)
+        assert 1.0 - found == pytest.approx(1.0 - drawn, rel=0.2, abs=0.002)
+
+
+@pytest.mark.parametrize("separation_arcsec", [0.4, 0.6, 0.85])
+def test_a_lower_threshold_never_detects_fewer(separation_arcsec):
+    """Of faint and of bright planets, in white noise and in speckles."""
+    levels = [
+        band_law(build_model(load_instrument(), None, Strategy(sigma=level)), "F520") for level in (2, 3, 4, 5, 6)
+    ]
+    bright, speckled, visits = (
+        part.ravel() for part in np.meshgrid(np.geomspace(2.0, 40.0, 15), [0.0, 0.2, 0.8], [1.0, 9.0])
+    )
+    for way in (False, True):
+        every = [law.probability(bright, 0.0, separation_arcsec, speckled, 0.5, visits, at_place=way) for law in levels]
+        assert (np.diff(every, axis=0) <= 1e-9).all()
 
 
 def test_heavy_tails_raise_the_threshold_as_their_own_law_says():
