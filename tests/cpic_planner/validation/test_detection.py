@@ -135,6 +135,18 @@ def test_a_planet_at_a_known_place_has_the_snr_of_its_flux(psf, still, place):
     assert np.std(found, axis=0)[1] == pytest.approx(1.0, abs=4.0 / math.sqrt(80))
 
 
+@pytest.mark.parametrize("height", [4.0, 8.0, 12.0])
+def test_wings_of_a_planet_are_no_noise_to_it(psf, still, height):
+    """Its flux over its signal-to-noise ratio is the noise there, the same as without the planet."""
+    stack, unit, place = white(psf, 3), flux_error(psf), (0.42, 0.40)
+    ready, found = searcher(stack, psf, still, star_rate_e_s=STAR_E_S), []
+    for flux in (0.0, height * unit):
+        field = ready.field.anew()
+        one = field.at(field.measure(inject(stack, psf.at(*place), flux).image_e), *field.pixel_of(*place))
+        found.append(one.flux_e / one.snr)
+    assert found[1] == pytest.approx(found[0], rel=5e-3)
+
+
 def test_each_known_place_is_judged_without_the_others(psf, still):
     """A faint planet beside a bright one, and a place without any: nothing of the bright one is noise to them."""
     unit, places = flux_error(psf), [(0.42, 0.40), (-0.41, 0.45), (0.42, -0.60)]
