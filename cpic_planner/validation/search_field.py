@@ -175,6 +175,7 @@ class SearchField:
         white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
+        self._stray = star_e * stray
         linear, square = maps.linear[self.region], maps.square[self.region]
         self.terms = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=False)
         self._within = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=True)
@@ -234,7 +235,7 @@ class SearchField:
         logs = np.zeros(len(self.terms.believed))
         for _ in range(2):
             assumed = self.terms.variance(logs)
-            snr, spread = self._filtered(image, 1.0 / assumed)
+            snr, spread = self._filtered(image - self._common_light(image, assumed), 1.0 / assumed)
             fit = self._fitter(assumed, logs)(snr**2, self.weight(assumed, logs) * self.free)
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
@@ -242,6 +243,17 @@ class SearchField:
         gauss = np.where(self.free, _sigma_map(normal, self.laplace(fit), self.pairs), 0.0)
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
+
+    def _common_light(self, image: FloatArray, variance: FloatArray) -> FloatArray:
+        """Return the mean light of the wavefront that science has and reference has not, in every visit.
+
+        Its strength is the most probable one: it is believed to be the square of the common fraction, give or take.
+        """
+        if self.terms.shared is None:
+            return np.zeros(image.shape)
+        believed, weights = self._programme.common_fraction**2, self.free * self._stray / variance
+        strength = (weights @ image[self.region] + 1.0 / believed) / (weights @ self._stray + believed**-2)
+        return self.unfold(max(strength, 0.0) * self._stray)
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
