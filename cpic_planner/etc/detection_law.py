@@ -31,7 +31,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.search_level import MIN_SIGMA, search_threshold, searched_region
 from cpic_planner.etc.tails import snr_at
-from simulator.imaging import PsfMetrics
+from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import annulus_floor, error_light_share
 
 PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
@@ -362,8 +362,9 @@ def _polynomials(table: FloatArray) -> FloatArray:
 
 def _hole_arcsec(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:
     """Return the offsets x and y of the pixels of the hole."""
-    y, x = (at - len(metrics.hole) // 2 for at in np.nonzero(metrics.hole))
-    return metrics.pixel_scale_arcsec * x, metrics.pixel_scale_arcsec * y
+    row, column = np.nonzero(metrics.hole)
+    axis = centred_axis(len(metrics.hole), metrics.pixel_scale_arcsec)
+    return axis[column], axis[row]
 
 
 def _filtered_light(metrics: PsfMetrics, floor: FloatArray) -> FloatArray:
@@ -392,15 +393,11 @@ def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, her
     here : _Terms
         At the places that are judged.
     """
-    edges = np.sqrt(place[1:] * place[:-1])
     x, y = _hole_arcsec(metrics)
-    at = np.searchsorted(edges, np.hypot(x, y))
-    discs = np.hypot(x - (place / math.sqrt(2.0))[:, None], y - (place / math.sqrt(2.0))[:, None])
-    near = discs < _EXCLUDED * metrics.lambda_d_arcsec
-    room, taken = (
-        np.stack([np.bincount(at[part], minlength=place.size) for part in parts]) / metrics.filter_positions
-        for parts in ([np.full(at.size, True)], near)
-    )
+    rings = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y)) == np.arange(place.size)[:, None]
+    diagonal = (place / math.sqrt(2.0))[:, None]
+    near = np.hypot(x - diagonal, y - diagonal) < _EXCLUDED * metrics.lambda_d_arcsec
+    room, taken = (part @ rings.T.astype(float) / metrics.filter_positions for part in (np.ones(x.size), near))
     once = room / (1.0 + hole.speckled**2)
     # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
     again = once / (1.0 + 3.0 * hole.heavy**2)

@@ -253,7 +253,7 @@ class SearchField:
             return np.zeros(image.shape)
         believed, weights = self._programme.common_fraction**2, self.free * self._stray / variance
         strength = (weights @ image[self.region] + 1.0 / believed) / (weights @ self._stray + believed**-2)
-        return self.unfold(max(strength, 0.0) * self._stray)
+        return self.unfold(np.maximum(strength, 0.0) * self._stray)
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
