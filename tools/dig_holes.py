@@ -18,7 +18,7 @@ from simulator.imaging.build import dig
 from simulator.imaging.mirror_states import LEVELS, SHARED, sensed_with
 from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file, to_arrays
 
-STATE_DIGITS = {"raw_contrast": 12, "core_table": 14}
+STATE_DIGITS = {"raw_contrast": 12, "core_table": 14, "column_light": 14, "filter_gain": 13, "filter_linear": 13}
 """Binary digits that a file of a state keeps of each value."""
 
 

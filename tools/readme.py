@@ -138,13 +138,6 @@ def whatif() -> Figures:
     }
 
 
-def blind() -> Figures:
-    """Return what a blind search asks for."""
-    found = data("blind_validator/results.json")["unaltered"]["rows"]
-    asked = [row["search_threshold"] for row in found if row["search_threshold"]]
-    return {"least": f"{min(asked):.1f}", "most": f"{max(asked):.1f}"}
-
-
 def visits() -> Figures:
     """Return how the calculator stands against images of programmes of visits."""
     found = search(r"^\| mean of the references \| \d+ \| ([\d.]+ ± [\d.]+) \|", report("programmes"))
@@ -236,7 +229,6 @@ FIGURES: dict[str, Callable[[], Figures]] = {
     "table": tables,
     "plan": plan,
     "whatif": whatif,
-    "blind": blind,
     "visits": visits,
     "albedo": albedo,
     "imaging": imaging,

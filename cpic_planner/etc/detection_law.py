@@ -3,18 +3,19 @@
 The search compares a matched-filtered residual, over the standard deviation that it estimates, with a threshold
 (`cpic_planner.validation.detection`). For a planet of the significance ``S`` in its aperture, at a place where white
 noise is the share ``w`` of the variance, the cross term of the wavefront's errors with the static field ``c`` and the
-light of the errors ``l``, these have closed forms:
+light of the errors ``l``, these have closed forms (``F`` of `PsfMetrics.filter_square`, ``m`` the mean's variance):
 
     v     = w + c f_c + l f_l                         noise through the filter; f of `PsfMetrics.filter_linear`
     mu    = S g / sqrt(v)                             signal over noise; g of `PsfMetrics.filter_gain`
+    f_l   = F (1 - m / b) / mean(1 - m / b)           apertures, of variance b, are measured less the mean of the hole
     peak  = sqrt(mu^2 + 2), or mu at a known place    a maximum over two coordinates
     rel   = s' I^-1 s                                 relative variance of the noise estimate; s slopes of ln v
     tau   = snr_at(level, laplace, 2 / rel, visits)   threshold; laplace from the kurtosis of the errors' light
     P     = Phi((peak - tau) / sqrt(1 + own + tau^2 rel / 4))
 
-``I`` is the information of all places of the hole, and of the scatter of the visits, on the level of the white noise
-and the drift, by which ``s`` are slopes. The cross term varies from place to place: P is the mean over fifths of the
-places at a separation.
+``I`` is the information of all places of the hole but the planet's disc and, as far as speckles rule, its mirror image,
+and of the scatter of the visits, on the level of the white noise and the drift, by which ``s`` are slopes. The cross
+term varies from place to place: P is the mean over fifths of the places at a separation.
 """
 
 import functools
@@ -31,7 +32,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.search_level import MIN_SIGMA, search_threshold, searched_region
 from cpic_planner.etc.tails import equivalent_sigma
-from simulator.imaging import PsfMetrics
+from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import annulus_floor, error_light_share
 
 PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
@@ -40,6 +41,8 @@ MAP_VISITS = 256
 """Visits behind the maps of speckles that a search assumes."""
 LAW_ERROR = 0.03
 """Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
+_REACH = 3.0
+"""Places that a speckle of the light correlates with, over those of the filter: 3/2 of a Gaussian, at mirror places."""
 _CROSSED = 0.6
 """Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
 _SEPARATIONS, _SHARES, _LIGHTS, _VISITS = 14, 8, 3, 8
@@ -107,21 +110,23 @@ class SearchLaw:
         else:
             corners = [(i * sizes[1] + j, f * g) for i, f in ends[0] for j, g in ends[1]]
         x, y = (2.0 * np.sqrt(np.fmin(np.fmax(part, 0.0), 1.0)) - 1.0 for part in (speckled, light))
-        found[...] = 0.0
-        for k, table in enumerate(tables):
-            columns = table
+        for whole, table in zip(found, tables, strict=True):
+            columns = table if few or not once else table.swapaxes(-1, -2)
             if once:
-                along = table if few else table.swapaxes(-1, -2)
-                columns = sum(along[..., at.ravel()] * weight.ravel() for at, weight in ends[few])
+                columns = sum(columns[..., at.ravel()] * weight.ravel() for at, weight in ends[few])
+            whole[...] = 0.0
             for of_light in columns.reshape(*table.shape[:2], -1)[::-1]:
-                coefficients = sum(of_light.take(at, axis=1) * weight for at, weight in corners)
-                value = np.empty(found[k].shape)
+                coefficients = of_light.take(corners[0][0], axis=1)
+                coefficients *= corners[0][1]
+                for at, weight in corners[1:]:
+                    coefficients += of_light.take(at, axis=1) * weight
+                value = np.empty(whole.shape)
                 value[...] = coefficients[-1]
                 for coefficient in coefficients[-2::-1]:
                     value *= x
                     value += coefficient
-                found[k] *= y
-                found[k] += value
+                np.multiply(whole, y, out=whole)
+                np.add(whole, value, out=whole)
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -169,9 +174,10 @@ class SearchLaw:
         log_half, low, high = self._read(tables, separation_arcsec, speckled, light, visits)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
-        width2 = np.where(reached < 0.0, low, high) ** 2
-        # Half are detected of fainter planets, whose own light is less.
-        return reached, np.sqrt(width2 + own * np.exp(-2.0 * log_half - np.maximum(reached, 0.0)))
+        # Beyond one half the excess is linear in the significance: a lower threshold never detects fewer.
+        bright = np.clip(reached, 1e-9, 50.0)
+        width2 = np.where(reached < 0.0, low, high * math.expm1(_BESIDE) / _BESIDE) ** 2 + own * np.exp(-2.0 * log_half)
+        return reached, np.sqrt(width2) * bright / np.expm1(bright)
 
     def probability(self, *of: Any, at_place: bool) -> FloatArray:
         """Return the probability of a detection; arguments as of `reach`."""
@@ -375,9 +381,9 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
         lit = [share_of * part[:, None, None] for share_of, part in zip(odds, (crossed, square), strict=True)]
         return _Terms(lit[0], lit[1], metrics.filter_tails)
 
-    lights = [fifths.mean(axis=1), metrics.filter_square]
-    hole = terms(*(one * part / of[:, None] for one, part, of in zip(local, lights, ring, strict=True)))
-    places = [fifths, metrics.filter_square * np.ones((1, fifths.shape[1]))]
+    own, lit = fifths.mean(axis=1), _filtered_light(metrics, local[1])
+    hole = terms(*(one * part / of[:, None] for one, part, of in zip(local, (own, lit), ring, strict=True)))
+    places = fifths, lit[:, None]
     here = terms(*((one / of)[:, None] * part for one, of, part in zip(local, ring, places, strict=True)))
     relative = _relative_variance(metrics, place, hole, here)
     # Signal over noise through the filter of a planet of the significance 1.
@@ -412,6 +418,26 @@ def _polynomials(table: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("is,jl,krslv->kjirv", *map(_through, (_SHARES, _LIGHTS)), table))
 
 
+def _hole_arcsec(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:
+    """Return the offsets x and y of the pixels of the hole."""
+    row, column = np.nonzero(metrics.hole)
+    axis = centred_axis(len(metrics.hole), metrics.pixel_scale_arcsec)
+    return axis[column], axis[row]
+
+
+def _filtered_light(metrics: PsfMetrics, floor: FloatArray) -> FloatArray:
+    """Return the variance of the errors' light through the filter over that in apertures, ``floor``, at the places."""
+    bins, logs = np.log(metrics.floor_separation_arcsec), metrics.floor_logs()[1]
+    pixels = np.log(np.hypot(*_hole_arcsec(metrics)))
+    inward = (logs[1] - logs[0]) / (bins[1] - bins[0]) * np.minimum(pixels - bins[0], 0.0)
+    levels = np.exp(np.interp(pixels, bins, logs) + inward)
+    # Apertures are measured less the mean of the hole, which the filter keeps: far out most of the variance is its.
+    share = _REACH * metrics.filter_square * metrics.aperture_pixels / pixels.size
+    mean = share / (1.0 - share) * levels.mean()
+    alone, everywhere = (np.maximum(1.0 - mean / part, 0.1) for part in (floor, levels))
+    return np.asarray(metrics.filter_square * alone / everywhere.mean())
+
+
 def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:
     """Return the relative variance of the noise that a search estimates at places, by number of visits too.
 
@@ -425,12 +451,16 @@ def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, her
     here : _Terms
         At the places that are judged.
     """
-    pixels = metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
-    room = place * np.gradient(place) * metrics.azimuth_fraction(place)
-    samples = np.count_nonzero(metrics.hole) - math.pi * (_EXCLUDED * pixels) ** 2
-    once = max(samples / metrics.filter_positions, 1.0) * room / room.sum() / (1.0 + hole.speckled**2)
+    x, y = _hole_arcsec(metrics)
+    rings = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y)) == np.arange(place.size)[:, None]
+    diagonal = (place / math.sqrt(2.0))[:, None]
+    near = np.hypot(x - diagonal, y - diagonal) < _EXCLUDED * metrics.lambda_d_arcsec
+    room, taken = (part @ rings.T.astype(float) / metrics.filter_positions for part in (np.ones(x.size), near))
+    once = room / (1.0 + hole.speckled**2)
     # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
     again = once / (1.0 + 3.0 * hole.heavy**2)
+    # Neither the disc around a planet nor, as far as speckles rule, its mirror image tells the noise there.
+    once = np.maximum(once - taken[:, None, None], 0.0)
     more = np.maximum(1.0 / np.maximum(_inverse_visits(), 1e-4) - 1.0, 0.0)
 
     def known(product: FloatArray, prior: float) -> FloatArray:

@@ -27,7 +27,7 @@ from cpic_planner.queries import MAX_VISITS, check_visits
 
 _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
-_SHORTEST_S, _WIDER, _NEARBY, _REACHED = 1e-3, 1.5, 30.0, 1e-9
+_SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
 
 
@@ -123,8 +123,7 @@ class Programmes:
         time_s : array_like
             Of the whole programme.
         """
-        best_s, camera = self._exposure_s, self.problem(ONE_VISIT).camera
-        visit_s = float(self.model.time_s(camera.exposure_min_s + camera.readout_s))
+        best_s, visit_s = self._exposure_s, float(self.model.time_s(self._shortest_s))
         most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
         most = spread(most, best_s.shape)
         return lowest_whole(lambda visits: self._missed(visits, time_s, best_s)[0], most)
@@ -150,17 +149,21 @@ class Programmes:
         visits, longest_s : ndarray
             Number of the visits, and their longest length.
         """
-        best_s, camera = self._exposure_s, self.problem(ONE_VISIT).camera
+        longest_s = np.maximum(_WIDER * longest_s, self._shortest_s)
+        best, value = self._bottom(visits, longest_s)
+        return np.where(value < self._missed_by(visits, longest_s) * (1.0 - _CLOSE), best, np.inf)
 
-        def missed(length_s: FloatArray) -> FloatArray:
-            return self._missed(visits, visits * self.model.time_s(length_s), best_s)[0]
-
-        low = np.full(best_s.shape, camera.exposure_min_s + camera.readout_s)
+    def _bottom(self, visits: FloatArray, longest_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the length of visits that comes nearest to the level, up to some beyond the longest, and how near."""
         # The same lengths whatever the longest is: so is the best of them.
-        grid = np.geomspace(low, np.full(best_s.shape, _LONGEST_S), _MANY_POINTS)
-        values = np.where(grid <= _WIDER * longest_s, missed(grid), np.inf)
-        best, value = _lowest(missed, *around_lowest(grid, values)[::2])
-        return np.where(value < missed(np.maximum(_WIDER * longest_s, low)) * (1.0 - _CLOSE), best, np.inf)
+        low, high = (np.full(longest_s.shape, end) for end in (self._shortest_s, _LONGEST_S))
+        grid = np.geomspace(low, high, _MANY_POINTS)
+        values = np.where(grid <= longest_s, self._missed_by(visits, grid), np.inf)
+        return _lowest(lambda length_s: self._missed_by(visits, length_s), *around_lowest(grid, values)[::2])
+
+    def _missed_by(self, visits: FloatArray, length_s: FloatArray) -> FloatArray:
+        """Return ``(level / SNR)^2`` of visits of a length."""
+        return self._missed(visits, visits * self.model.time_s(length_s), self._exposure_s)[0]
 
     def quickest(self) -> FloatArray:
         """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
@@ -196,6 +199,12 @@ class Programmes:
     def _exposure_s(self) -> FloatArray:
         """Exposures of most SNR per time, which depend little on the programme."""
         return best_exposure_s(self.problem(ONE_VISIT))[0]
+
+    @property
+    def _shortest_s(self) -> float:
+        """Length of one frame of the shortest exposure."""
+        camera = self.problem(ONE_VISIT).camera
+        return camera.exposure_min_s + camera.readout_s
 
     def _made(self, visits: FloatArray, visit_time_s: ArrayLike) -> tuple[Programme, FrameProblem]:
         programme = self.programme(visits, visit_time_s)
@@ -251,21 +260,21 @@ class Programmes:
         # About as long as with the modes of references without noise, or without modes.
         endless_s = self._shortest(visits, np.array(np.inf), best_s)[0]
         visit_s = np.minimum(endless_s, replace(self, modes=None)._solved(visits, best_s)[0])
-        reachable = np.isfinite(visit_s)
 
-        def missed(length_s: FloatArray) -> FloatArray:
-            return self._missed(visits, visits * self.model.time_s(length_s), best_s)[0]
+        def reaching(start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+            start_s = np.where(wanted, start_s, 1.0)
+            return np.where(wanted, shortest(lambda each: self._missed_by(visits, each), start_s, wanted), np.inf)
 
-        start_s = np.where(reachable, visit_s, 1.0)
-        found = shortest(missed, start_s, reachable)
-        lost = reachable & (missed(found) > 1.0 + _REACHED)
-        if lost.any():  # but for a narrow range of lengths, beyond which a search asks for more than time gains
-            bottom_s, value = _lowest(missed, start_s, start_s * _NEARBY)
-            narrow = lost & (value <= 1.0)
-            found = np.where(narrow, shortest(missed, np.where(narrow, bottom_s, 1.0), narrow), found)
-            reachable = reachable & (narrow | ~lost)
-        wall_s = self.model.time_s(np.where(reachable, found, np.inf))
-        return np.where(reachable, found, np.inf), self._shortest(visits, wall_s, best_s)[1]
+        found = reaching(visit_s, np.isfinite(visit_s))
+        found = np.where(self._missed_by(visits, found) <= 1.0 + _REACHED, found, np.inf)
+        # Shorter ones may do in a narrow range, beyond which modes or a search ask for more than time gains.
+        if not self.steady or np.isinf(found).any():
+            bottom_s, value = self._bottom(visits, found)
+            narrow = (bottom_s < found) & (value <= 1.0 + _REACHED)
+            if narrow.any():
+                shorter = np.where(value > 1.0, bottom_s, reaching(bottom_s, narrow & (value <= 1.0)))
+                found = np.where(narrow, shorter, found)
+        return found, self._shortest(visits, self.model.time_s(found), best_s)[1]
 
     def _shortest(self, visits: FloatArray, wall_s: FloatArray, best_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""

@@ -389,15 +389,16 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
 def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
     """Return the fewest visits of these frames that detect the planet, to 0.3 % beyond some 300, or ``inf``."""
     model, camera = cases.model, cases.free_camera
-    wall_s, problem = model.time_s(choice.visit_s), cases.problem("significance")
+    wall_s = model.time_s(choice.visit_s)
     frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
 
     def enough(visits: FloatArray) -> NDArray[np.bool_]:
         programme = cases.programme_of(visits, wall_s, choice)
+        level = wanted(programme, cases.problem("significance", programme=programme))
         significance = stack_noise(cases.rates, *frames, programme).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
-        return np.asarray(significance >= wanted(programme, problem)(choice.visit_s, inverse) * (1.0 - _ROUNDING))
+        return np.asarray(significance >= level(choice.visit_s, inverse) * (1.0 - _ROUNDING))
 
     grid = _FEW_OR_MANY
     reached = enough(grid)

@@ -100,7 +100,7 @@ def best_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
     every = np.arange(len(targets))
-    best, outlook, endless = search.lowest(every, lambda outlook: outlook.finely_in_time(time_s)[0])
+    best, outlook, endless = search.lowest(every, lambda outlook: outlook.finely_in_time(time_s))
     chosen = search.places.at(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
@@ -119,7 +119,7 @@ def _least_in_band(
     """Return the least time of each target in one band, for an SNR or a detection."""
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
-    best, outlook, endless = search.lowest(every, lambda outlook: outlook.for_level()[0])
+    best, outlook, endless = search.lowest(every, Outlook.for_level, Outlook.for_level)
     chosen = search.places.at(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
@@ -223,32 +223,44 @@ class _Search:
         return self.outlook(np.arange(len(self.targets)), np.arange(0, len(self.grid), STRIDE)[None, :])
 
     def lowest(
-        self, stars: IntArray, cost: Callable[[Outlook], FloatArray], *, dark: bool = False
+        self,
+        stars: IntArray,
+        cost: Callable[[Outlook], list[FloatArray]],
+        finer: Callable[[Outlook, FloatArray], list[FloatArray]] | None = None,
+        *,
+        dark: bool = False,
     ) -> tuple[IntArray, Outlook, FloatArray]:
         """Return which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
 
-        And the outlook there, and the least level over SNR that any programme has, ``(n,)``.
+        And the outlook there, and the least level over SNR that any programme has, ``(n,)``. Between the points of the
+        coarse grid ``finer`` looks at all numbers of visits near the best ones there.
         """
         n = len(self.grid)
         steps = np.arange(0, n, STRIDE)[None, :]
         coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.at(stars, steps // STRIDE)
         if n == 1:
             return np.zeros((len(stars), 1), int), coarse, coarse.endless()[:, 0]
-        rough = cost(coarse)
-        middle = np.argmin(rough, axis=1) * STRIDE
+        rough, visits = cost(coarse)[:2]
+        column = np.argmin(rough, axis=1)
+        middle = column * STRIDE
         middle = np.where(np.isfinite(rough).any(axis=1), middle, n // 2)
         around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, n - 1)
         fine = self.outlook(stars, around, dark=dark)
-        close = cost(fine)
+        if finer is None or self.model.strategy.visits is not None:
+            close = cost(fine)[0]
+        else:
+            close = finer(fine, nearby(np.take_along_axis(visits, column[:, None], axis=1)))[0]
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
         found = fine.at(np.arange(len(stars)), best)
         return np.take_along_axis(around, best, axis=1), found, coarse.endless().min(axis=1)
 
-    def _changed(self, stars: BoolArray, change: Callable[[Outlook], FloatArray], *, dark: bool = False) -> FloatArray:
+    def _changed(
+        self, stars: BoolArray, change: Callable[[Outlook], list[FloatArray]], *, dark: bool = False
+    ) -> FloatArray:
         """Return the least cost of some stars under a change, at its best separation; infinite for the others."""
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
-            found[some] = change(self.lowest(some, change, dark=dark)[1])[:, 0]
+            found[some] = change(self.lowest(some, change, dark=dark)[1])[0][:, 0]
         return found
 
     def best(
@@ -351,9 +363,9 @@ class _Search:
         fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
         few = lost & (endless <= 1.0)
-        still = self._changed(few & near, lambda item: item.at_rest().in_time(time_s)[0]) <= 1.0
-        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)[0]) <= 1.0
-        dark = self._changed(few, lambda item: item.in_time(time_s)[0], dark=True) <= 1.0
+        still = self._changed(few & near, lambda item: item.at_rest().in_time(time_s)) <= 1.0
+        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)) <= 1.0
+        dark = self._changed(few, lambda item: item.in_time(time_s), dark=True) <= 1.0
         if calm.any():
             every_place = np.arange(len(fine))[None, :]
             factor[calm] = self.outlook(np.flatnonzero(calm), every_place).drift_factor(time_s)

@@ -246,8 +246,9 @@ class Searcher:
                 for other in others:
                     field.exclude(*field.pixel_of(*other))
                 seen = field.measure(image)
-            reach = MATCH_LAMBDA_D * field.lambda_d_pixels
-            own = [peak for peak in peaks if math.hypot(peak.x_pixel - x, peak.y_pixel - y) <= reach]
+            # Noise moves a peak: what is not resolved from the place is its own, whichever pixel is the highest.
+            near = (math.hypot(peak.x_pixel - x, peak.y_pixel - y) for peak in peaks)
+            own = [peak for peak, apart in zip(peaks, near, strict=True) if apart <= field.lambda_d_pixels]
             here = field.at(seen, x, y, own)
             found.append(_candidate(here, field.offset_arcsec(here), self.sigma, field.pairs, size, roughness))
         return tuple(found)

@@ -1,4 +1,4 @@
-"""What a pixel without a cosmic ray can show: upper limits from the exact law of the camera.
+"""Upper limits of what a pixel without a cosmic ray shows, from the exact law of the camera.
 
 One pixel of one frame holds a Poisson number of electrons of mean ``lambda``, multiplied by the register and read with
 Gaussian noise. In electrons at the register input its cumulant function is exactly

@@ -159,7 +159,8 @@ class SearchField:
         self._response = float(np.sum(maps.kernel * template) / np.sum(maps.kernel**2))
         # Positions that share their noise, of a white residual: the sum of the squared autocorrelation of the kernel.
         alone = matched_sum(np.pad(maps.kernel, len(maps.kernel) - 1), maps.kernel)
-        self._shared = float(np.sum(alone**2) / alone.max() ** 2)
+        self._alike = alone / alone.max()
+        self._shared = float(np.sum(self._alike**2))
         self.samples = self.size.n_positions / self._shared
         self.free = np.ones(self._y.size, np.bool_)
         self._hidden = np.zeros(self._y.size, np.bool_)
@@ -174,6 +175,7 @@ class SearchField:
         white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
+        self._stray = star_e * stray
         linear, square = maps.linear[self.region], maps.square[self.region]
         self.terms = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=False)
         self._within = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=True)
@@ -233,7 +235,7 @@ class SearchField:
         logs = np.zeros(len(self.terms.believed))
         for _ in range(2):
             assumed = self.terms.variance(logs)
-            snr, spread = self._filtered(image, 1.0 / assumed)
+            snr, spread = self._filtered(image - self._common_light(image, assumed), 1.0 / assumed)
             fit = self._fitter(assumed, logs)(snr**2, self.weight(assumed, logs) * self.free)
             logs = fit.logs
         factor = np.sqrt(fit.variance / assumed)
@@ -241,6 +243,17 @@ class SearchField:
         gauss = np.where(self.free, _sigma_map(normal, self.laplace(fit), self.pairs), 0.0)
         sigma_e = factor / (np.sqrt(spread) * self._response)
         return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
+
+    def _common_light(self, image: FloatArray, variance: FloatArray) -> FloatArray:
+        """Return the mean light of the wavefront that science has and reference has not, in every visit.
+
+        Its strength is the most probable one: it is believed to be the square of the common fraction, give or take.
+        """
+        if self.terms.shared is None:
+            return np.zeros(image.shape)
+        believed, weights = self._programme.common_fraction**2, self.free * self._stray / variance
+        strength = (weights @ image[self.region] + 1.0 / believed) / (weights @ self._stray + believed**-2)
+        return self.unfold(np.maximum(strength, 0.0) * self._stray)
 
     def _filtered(self, images: FloatArray, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return matched sums over their standard deviation, with these inverse variances; and the sums of weights."""
@@ -338,7 +351,8 @@ class SearchField:
         for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
             place = self._index[row + self._box[0].start, column + self._box[1].start]
             if place >= 0 and not self._hidden[place]:
-                maxima.append(self._alone(state, int(place), *self._top(image, int(row), int(column))))
+                x, y, height = self._top(image, int(row), int(column))
+                maxima.append(self._alone(state, int(place), x, y, height, height))
         return sorted(self._judged(maxima), key=lambda peak: -peak.significance)
 
     def at(self, state: FilteredState, x_pixel: float, y_pixel: float, taken_out: Sequence[Peak] = ()) -> Peak:
@@ -361,27 +375,46 @@ class SearchField:
             sums, _ = self._filtered(self.source(peak), 1.0 / state.assumed)
             heights = heights + sums * np.sqrt(state.assumed / state.fit.variance)
         height = float(map_coordinates(self.unfold(heights)[self._box], corner, order=3)[0])
-        return self._judged([self._alone(state, place, x_pixel, y_pixel, height)])[0]
+        shown = 0.0 if taken_out else height
+        return self._judged([self._alone(state, place, x_pixel, y_pixel, height, shown)])[0]
 
-    def _alone(self, state: FilteredState, place: int, x_pixel: float, y_pixel: float, height: float) -> _Maximum:
-        """Return a place with its SNR by the noise without it, its electrons, position, and that fit of the noise."""
+    def _alone(
+        self, state: FilteredState, place: int, x_pixel: float, y_pixel: float, height: float, shown: float
+    ) -> _Maximum:
+        """Return a place with its SNR by the noise without it, its electrons, position, and that fit of the noise.
+
+        Of its height ``shown`` is in the state, whose wings beyond the disc would count as noise.
+        """
         fit, weights = state.fit, self.weight(state.assumed, state.fit.logs) * self.free
         without = weights * self.near(x_pixel, y_pixel)
         mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
         shared = self._speckled(fit.logs, fit.variance[place], self.terms.at(place)) ** 2
-        alone = self._without(state, weights, np.maximum(without, shared * weights * mirror))
+        wing = self._alike_at(x_pixel, y_pixel)
+        rest = state.snr - shown * wing * np.sqrt(fit.variance[place] / fit.variance)
+        taken = np.maximum(without, shared * weights * mirror)
+        # Noise that is as high as here leaves less around it than it was: the square of what is like it.
+        alone = self._without(state, weights, taken, rest**2 + wing**2)
         snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
         return x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), place, alone
 
-    def _without(self, state: FilteredState, weights: FloatArray, taken: FloatArray) -> NoiseFit:
-        """Return the fit of the noise with less weight: one step of Newton's where that is small, else anew."""
-        fit, parts = state.fit, np.flatnonzero(taken)
+    def _alike_at(self, x_pixel: float, y_pixel: float) -> FloatArray:
+        """Return the filtered image of a source over its height at all positions, of a place rounded to a pixel."""
+        half = len(self._alike) // 2
+        offset = np.stack([self._y - round(y_pixel), self._x - round(x_pixel)]) + half
+        inside = ((offset >= 0) & (offset <= 2 * half)).all(axis=0)
+        return np.where(inside, self._alike[tuple(np.clip(offset, 0, 2 * half))], 0.0)
+
+    def _without(self, state: FilteredState, weights: FloatArray, taken: FloatArray, left: FloatArray) -> NoiseFit:
+        """Return the fit to squares that are left, with less weight: a step of Newton's where it is small, or anew."""
+        fit = state.fit
+        seen = state.snr**2
+        parts = np.flatnonzero((taken > 0.0) | (left != seen))
         slopes = self.terms.at(parts).slopes(fit.logs, fit.variance[parts])
         information = fit.information - 0.5 * (slopes * taken[parts]) @ slopes.T
-        change = np.linalg.solve(information, 0.5 * (slopes * taken[parts]) @ (1.0 - state.snr[parts] ** 2))
+        less = (taken * (1.0 - seen) - (weights - taken) * (seen - left))[parts]
+        change = np.linalg.solve(information, 0.5 * slopes @ less)
         if np.abs(change).max() > _SMALL_CHANGE:
-            measured = state.snr**2 * fit.variance / state.assumed
-            return self._fitter(state.assumed, fit.logs)(measured, weights - taken)
+            return self._fitter(state.assumed, fit.logs)(left * fit.variance / state.assumed, weights - taken)
         logs = fit.logs + change
         return NoiseFit(logs, information, self.terms.variance(logs))
 

@@ -55,7 +55,7 @@ class FloorTable:
 
 @dataclass(frozen=True)
 class FilterTable:
-    """What a matched filter makes of a source and of speckles, over what whole apertures do; see `PsfMetrics`.
+    """Response of a matched filter to a source and to speckles, over that of apertures; see `PsfMetrics`.
 
     Attributes
     ----------

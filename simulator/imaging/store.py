@@ -195,9 +195,16 @@ SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys th
 WING_NODES = 12  # wavelengths that far wings need
 TABLE_SCHEMA = 1  # raise when the meaning of a table changes
 SCHEMA = 8  # raise when the meaning of a stored number or the optical model changes
-EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7}
-DIGITS = EXACT_DIGITS | {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_profile": 18, "wing_map": 13}
-"""Binary digits that a rounded file keeps of each value, and an exact one of the two large maps."""
+EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7, "filter_gain": 13, "filter_linear": 13}
+DIGITS = EXACT_DIGITS | {
+    "column_light": 18,
+    "core_table": 18,
+    "raw_contrast": 18,
+    "column_profile": 18,
+    "wing_profile": 18,
+    "wing_map": 13,
+}
+"""Binary digits that a rounded file keeps of each value, and an exact one of the largest maps and of what filters do."""
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:

@@ -19,7 +19,7 @@ from cpic_planner.etc import (
     snr_at,
     stack_noise,
 )
-from cpic_planner.etc.detection_law import MAP_VISITS, _law
+from cpic_planner.etc.detection_law import MAP_VISITS, _filtered_light, _law
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import detection_threshold
@@ -232,6 +232,24 @@ def test_law_of_detection(speckled, at_place):
     threshold = float(snr_at(level, 0.0, 2.0 / max(relative, 1e-9))[0])
     numbers = {"h": height, "tau": threshold, "o": 0.0, "rho": relative}
     assert page(DETECTION, "eq-chance", Phi_n=stats.norm.cdf, **numbers) == pytest.approx(0.5, abs=0.02)
+
+
+def test_filtered_light():
+    """Of a floor that falls with the fifth power of the separation; its rings and pixels are one by one here."""
+    metrics = psf_metrics(load_instrument(), "F662")
+    rings, number = np.geomspace(0.2, 1.1, 400), len(metrics.hole) // 2
+    floor = 1e-9 * rings**-5.0
+    metrics = replace(metrics, floor_separation_arcsec=rings, floor_square=np.concatenate([[1.0], floor]))
+    row, column = np.nonzero(metrics.hole)
+    pixels = 1e-9 * (np.hypot(row - number, column - number) * metrics.pixel_scale_arcsec) ** -5.0
+    mean_ratio = float(metrics.filter_square)
+    share = 3.0 * mean_ratio * metrics.aperture_pixels / pixels.size
+    mean = share / (1.0 - share) * pixels.mean()
+    here = 1e-9 * np.array([0.45, 0.6]) ** -5.0
+    everywhere = float(np.maximum(1.0 - mean / pixels, 0.1).mean())
+    for found, variance in zip(_filtered_light(metrics, here), here, strict=True):
+        asked = page(DETECTION, "eq-filtered-light", F=mean_ratio, m=mean, b=variance, B=everywhere)
+        assert found == pytest.approx(asked, rel=1e-3)
 
 
 def test_no_equation_is_left_out():

@@ -11,6 +11,7 @@ from cpic_planner.etc import (
     aperture_rates,
     band_law,
     build_model,
+    detection_law as laws,
     law_of,
     light_share,
     lit_share,
@@ -29,6 +30,7 @@ from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
+from simulator.signal import annulus_floor
 
 MODEL = build_model(load_instrument())
 BANDS = MODEL.instrument.visible_bands()
@@ -103,11 +105,26 @@ def test_probability_in_white_noise_is_that_of_draws(at_place):
     threshold = student.isf(norm.sf(level), dof)
     estimate = np.sqrt(rng.chisquare(dof, n) / dof)
     law = band_law(MODEL, "F662")
-    for significance in (4.0, 4.8, 5.6):
+    for significance in (4.0, 4.8, 5.6, 6.2, 6.8, 7.4):
         mean = significance * gain if at_place else math.sqrt((significance * gain) ** 2 + 2.0)
         drawn = np.mean((mean + rng.standard_normal(n)) / estimate > threshold)
         found = law.probability(significance, 0.0, place, 0.0, 0.0, 1.0, at_place=at_place)
         assert found == pytest.approx(drawn, abs=0.012)
+        assert 1.0 - found == pytest.approx(1.0 - drawn, rel=0.2, abs=0.002)
+
+
+@pytest.mark.parametrize("separation_arcsec", [0.4, 0.6, 0.85])
+def test_a_lower_threshold_never_detects_fewer(separation_arcsec):
+    """Of faint and of bright planets, in white noise and in speckles."""
+    levels = [
+        band_law(build_model(load_instrument(), None, Strategy(sigma=level)), "F520") for level in (2, 3, 4, 5, 6)
+    ]
+    bright, speckled, visits = (
+        part.ravel() for part in np.meshgrid(np.geomspace(2.0, 40.0, 15), [0.0, 0.2, 0.8], [1.0, 9.0])
+    )
+    for way in (False, True):
+        every = [law.probability(bright, 0.0, separation_arcsec, speckled, 0.5, visits, at_place=way) for law in levels]
+        assert (np.diff(every, axis=0) <= 1e-9).all()
 
 
 def test_heavy_tails_raise_the_threshold_as_their_own_law_says():
@@ -122,6 +139,37 @@ def test_heavy_tails_raise_the_threshold_as_their_own_law_says():
     gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain) / math.sqrt(metrics.filter_square)
     least, most = (snr_at(5.0, share, 2.0 / part, 16.0)[0] / gain for part in (relative, 2.5 * relative))
     assert 0.9 * least < ring < 1.1 * most
+
+
+# Variance of the errors' light in the filter over that in apertures less the hole's mean: exact quadratic forms of the
+# screens in F662, at these separations.
+EXACT_LIGHT = {0.47: 1.875, 0.52: 1.851, 0.621: 1.774, 0.672: 1.732, 0.74: 1.600, 0.772: 1.519, 0.815: 1.412}
+
+
+@pytest.mark.parametrize("place", EXACT_LIGHT)
+def test_light_of_the_errors_through_the_filter_falls_outward(place):
+    """All noise is that light, of so many visits that all is known: the half is that of a normal variate of 5."""
+    metrics, law = MODEL.metrics["F662"], band_law(MODEL, "F662")
+    gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain)
+    local = np.interp(place, metrics.floor_separation_arcsec, metrics.floor_logs()[1])
+    share = np.exp(local) / annulus_floor(metrics, MODEL.strategy.annulus_lambda_d, place)[1]
+    half = law.half(place, 0.999, 1.0, MANY, at_place=True)
+    relative = 2.0 / 256.0 * (1.0 + 1.5 * metrics.filter_tails)
+    needed = snr_at(5.0, 0.0, 2.0 / relative)[0]
+    assert (half * gain / needed) ** 2 / share == pytest.approx(EXACT_LIGHT[place], rel=0.08)
+
+
+def test_a_planet_near_the_inner_edge_hides_what_tells_the_drift(monkeypatch):
+    """One visit, mostly white noise: only places near the edge have speckles, many of them under the planet."""
+    law = band_law(MODEL, "F662")
+    monkeypatch.setattr(laws, "_EXCLUDED", 0.01)
+    whole = laws._law.__wrapped__(MODEL.metrics["F662"], MODEL.strategy.annulus_lambda_d, MODEL.strategy.sigma)
+    near, far = (
+        float(law.half(place, 0.1, 0.9, 1.0, at_place=True) / whole.half(place, 0.1, 0.9, 1.0, at_place=True))
+        for place in (0.37, 0.8)
+    )
+    assert 1.03 < near < 1.5
+    assert 1.0 <= far < 1.01
 
 
 @pytest.mark.parametrize("band", BANDS)

@@ -69,6 +69,17 @@ def test_round_trips(strategy):
     assert done >= 3
 
 
+@pytest.mark.parametrize("given", [{"sigma": 5.0}, {"snr": 7.0}, {}], ids=str)
+def test_the_limit_of_a_narrow_range_of_lengths_is_found_again(monkeypatch, given):
+    """Modes of the optical model: neither endless visits nor visits without modes reach it, those between do."""
+    monkeypatch.undo()
+    one = model(visits=6, n_modes=3, library="brighter_twin", reference_visits=9, search="known_place")
+    limit = contrast_limit(one, TAU_CET, time_s=1e5, **PLACE, **given)[0]
+    assert limit.value is not None
+    again = exposure_time(one, TAU_CET, contrast=limit.value, **PLACE, **(given or {"detect": True}))[0]
+    assert again.value == pytest.approx(limit.time_s, rel=1e-9)
+
+
 def test_visits_that_remember_each_other_keep_the_inverse():
     slow = load_instrument({"drift": {"correlation_time_h": 3.0}})
     one = model(slow, visits=12, n_modes=4)
@@ -167,6 +178,12 @@ def test_the_best_number_of_visits_counts_the_modes_that_it_brings():
     assert free.value >= max(every) * (1.0 - 1e-4)
     plain = signal_to_noise(model(), TAU_CET, time_s=time_s, contrast=2e-9, **PLACE)[0]
     assert free.value > plain.value
+    quickest = exposure_time(model(n_modes=6), TAU_CET, detect=True, contrast=2e-9, **PLACE)[0]
+    near = (quickest.visits - 1, quickest.visits, quickest.visits + 1)
+    times = [
+        exposure_time(model(n_modes=6, visits=v), TAU_CET, detect=True, contrast=2e-9, **PLACE)[0].value for v in near
+    ]
+    assert quickest.value == pytest.approx(min(times), rel=1e-4)
 
 
 def test_bands_stars_and_planets_are_answered_as_one_by_one(field):

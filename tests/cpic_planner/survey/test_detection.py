@@ -111,7 +111,8 @@ def test_what_is_too_faint_is_not_looked_at_and_nothing_else(model, name, rule):
     assert left.sum() < 0.85 * (whole.margin > 0.0).sum()
     assert left.sum() <= 10 + 5 * (chance >= LEAST_PROBABILITY).sum()
     for part in ("margin", "reached_blind", "width_blind", "reached_known", "width_known", "snr"):
-        np.testing.assert_array_equal(getattr(some, part)[left], getattr(whole, part)[left])
+        # How the law's tables are read, and so the last digit, depends on how many planets there are.
+        np.testing.assert_allclose(getattr(some, part)[left], getattr(whole, part)[left], rtol=1e-13)
     for part in ("contrast", "separation_arcsec", "pa_deg", "distance_au", "phase_deg"):
         np.testing.assert_array_equal(getattr(some, part), getattr(whole, part))
 

@@ -135,6 +135,31 @@ def test_a_planet_at_a_known_place_has_the_snr_of_its_flux(psf, still, place):
     assert np.std(found, axis=0)[1] == pytest.approx(1.0, abs=4.0 / math.sqrt(80))
 
 
+@pytest.mark.parametrize("height", [4.0, 8.0, 12.0])
+def test_wings_of_a_planet_are_no_noise_to_it(psf, still, height):
+    """Its flux over its signal-to-noise ratio is the noise there, the same as without the planet."""
+    stack, unit, place = white(psf, 3), flux_error(psf), (0.42, 0.40)
+    ready, found = searcher(stack, psf, still, star_rate_e_s=STAR_E_S), []
+    for flux in (0.0, height * unit):
+        field = ready.field.anew()
+        one = field.at(field.measure(inject(stack, psf.at(*place), flux).image_e), *field.pixel_of(*place))
+        found.append(one.flux_e / one.snr)
+    assert found[1] == pytest.approx(found[0], rel=5e-3)
+
+
+def test_light_that_all_visits_share_is_no_source(psf, moving):
+    """In every visit the science has one wavefront's error more than the reference: its mean light lifts no place."""
+    fraction, lifted = 0.3, []
+    shared = {"visits": 64, "reference_visits": 64, "common_fraction": fraction}
+    for seed in range(8):
+        stack = white(psf, seed, sigma_e=0.2)
+        light = fraction**2 * STAR_E_S * stack.integration_s * moving.stray
+        ready = searcher(stack, psf, moving, star_rate_e_s=STAR_E_S, **shared)
+        empty, lit = (ready.field.anew().measure(image).snr.mean() for image in (stack.image_e, stack.image_e + light))
+        lifted.append(lit - empty)
+    assert abs(np.mean(lifted)) < 0.15
+
+
 def test_each_known_place_is_judged_without_the_others(psf, still):
     """A faint planet beside a bright one, and a place without any: nothing of the bright one is noise to them."""
     unit, places = flux_error(psf), [(0.42, 0.40), (-0.41, 0.45), (0.42, -0.60)]
