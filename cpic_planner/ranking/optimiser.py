@@ -100,7 +100,9 @@ def best_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
     every = np.arange(len(targets))
-    best, outlook, endless = search.lowest(every, lambda outlook: outlook.finely_in_time(time_s))
+    best, outlook, endless = search.lowest(
+        every, lambda outlook: outlook.in_time(time_s), lambda outlook, visits: outlook.in_time(time_s, visits)
+    )
     chosen = search.places.at(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)

@@ -204,7 +204,7 @@ DIGITS = EXACT_DIGITS | {
     "wing_profile": 18,
     "wing_map": 13,
 }
-"""Binary digits that a rounded file keeps of each value, and an exact one of the largest maps and of what filters do."""
+"""Binary digits that a rounded file keeps of each value, and an exact one of the large maps and of filters."""
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
