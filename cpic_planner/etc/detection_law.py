@@ -45,7 +45,7 @@ _REACH = 3.0
 """Places that a speckle of the light correlates with, over those of the filter: 3/2 of a Gaussian, at mirror places."""
 _CROSSED = 0.6
 """Kurtosis of the product of cross term and light over that of the light: 0.53 in F520, 0.47 to 0.64 in the others."""
-_SHARES, _LIGHTS, _VISITS = 8, 4, 10
+_SHARES, _LIGHTS, _VISITS = 8, 4, 11  # one and two visits are nearly nodes
 _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12

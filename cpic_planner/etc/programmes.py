@@ -240,8 +240,15 @@ class Programmes:
         camera, visit = problem.camera, self.model.visit_s(each_s)
         exposure = np.minimum(best_s, visit - camera.readout_s)
         possible = exposure >= camera.exposure_min_s * (1.0 - 1e-12)
-        cost = _cost(problem, np.where(possible, exposure, camera.exposure_min_s))
-        visit = np.minimum(visit, peak_visit_s(problem, cost))
+        exposure = np.where(possible, exposure, camera.exposure_min_s)
+        cost, longest_s = _cost(problem, exposure), visit
+        visit = np.minimum(longest_s, peak_visit_s(problem, cost))
+        for _ in range(_ROUNDS):  # where not even one frame of that exposure pays: a shorter one
+            if not np.any(visit < (exposure + camera.readout_s) * (1.0 - _CLOSE)):
+                break
+            exposure = np.minimum(exposure, np.maximum(visit - camera.readout_s, camera.exposure_min_s))
+            cost = _cost(problem, exposure)
+            visit = np.minimum(longest_s, peak_visit_s(problem, cost))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = np.where(possible & np.isfinite(cost), cost / visit + problem.residual(visit), np.inf)
             return inverse * self.level(programme, problem)(visit, inverse) ** 2, visit
