@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cpic_core import BoolArray, write_bytes, write_text
-from cpic_planner.etc import EtcModel, build_model
+from cpic_planner.etc import EtcModel, build_model, programme_days
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.ranking import OptimalSetting, detection_statuses, limits_of, optimise
 from cpic_planner.report import new_figure
@@ -92,7 +92,7 @@ def cell(
 
 def _counted(model: EtcModel, targets: Targets, best: OptimalSetting, of: Cell) -> Cell:
     found = best.detected
-    days = best.span_days(model)[found]
+    days = programme_days(model, best.visits, best.time_s)[found]
     limits = Counter(limits_of(detection_statuses(best, model), best))
     told = {
         "detected": int(found.sum()),
