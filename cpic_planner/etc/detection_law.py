@@ -364,7 +364,7 @@ class _Terms:
 
 @functools.lru_cache(maxsize=64)
 def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLaw:
-    """Return the law of a band; its tables take 0.02 s, and the first 0.1 s."""
+    """Return the law of a band; see the module."""
     bins = metrics.floor_separation_arcsec
     ends = metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec)
     # Light and filters are linear between the bins of the metrics: no other places are needed.

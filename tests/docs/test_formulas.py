@@ -235,7 +235,7 @@ def test_law_of_detection(speckled, at_place):
 
 
 def test_filtered_light():
-    """Of a floor that falls with the fifth power of the separation; its rings and pixels are one by one here."""
+    """The floor falls with the fifth power of the separation; its rings and pixels are added one by one here."""
     metrics = psf_metrics(load_instrument(), "F662")
     rings, number = np.geomspace(0.2, 1.1, 400), len(metrics.hole) // 2
     floor = 1e-9 * rings**-5.0

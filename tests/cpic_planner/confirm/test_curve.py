@@ -71,8 +71,8 @@ def test_half_are_found_at_the_limit_and_the_law_says_how_many_elsewhere(curve):
             if factor == 1.0:
                 assert chance == pytest.approx(0.5, abs=1e-6)
             else:
-                widths.append(math.log(factor) / norm.ppf(chance))
-    # Normal laws in the logarithm: noise of 1 over what half are found at, 5 sigma and more, and a little wider.
+                widths.append((factor - 1.0) / norm.ppf(chance))
+    # Normal laws in the significance: noise of 1 over what half are found at, 5 sigma and more, and a little wider.
     assert 0.9 / 5.0 < min(widths) < max(widths) < 1.5 / 5.0
 
 

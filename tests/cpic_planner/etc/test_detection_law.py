@@ -115,7 +115,7 @@ def test_probability_in_white_noise_is_that_of_draws(at_place):
 
 @pytest.mark.parametrize("separation_arcsec", [0.4, 0.6, 0.85])
 def test_a_lower_threshold_never_detects_fewer(separation_arcsec):
-    """Of faint and of bright planets, in white noise and in speckles."""
+    """It holds for faint and for bright planets, in white noise and in speckles."""
     levels = [
         band_law(build_model(load_instrument(), None, Strategy(sigma=level)), "F520") for level in (2, 3, 4, 5, 6)
     ]

@@ -348,7 +348,8 @@ def test_many_dates_are_as_one_by_one(model):
     for row in (0, 1, 2, 32, 33, 34, 66, 69):
         alone = expected_signals(model, one, SETTING, bodies, JUPITER, bodies.places(days[[row]]), rolls[[row]])
         for name in alone.__dataclass_fields__:
-            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(every, name)[row])
+            # To the last digit: in which order the law's tables are read depends on how many planets there are.
+            np.testing.assert_allclose(getattr(alone, name)[0], getattr(every, name)[row], rtol=1e-13)
 
 
 @pytest.mark.parametrize("n_frames", [0.0, 0.5, math.nextafter(1.0, 0.0), 1.0, 1.5, 1e9])
