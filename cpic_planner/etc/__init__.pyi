@@ -29,6 +29,7 @@ from cpic_planner.etc.detection import (
 from cpic_planner.etc.detection_law import (
     LAW_ERROR as LAW_ERROR,
     MAP_VISITS as MAP_VISITS,
+    PRIORS as PRIORS,
     SearchLaw as SearchLaw,
     band_law as band_law,
     law_of as law_of,

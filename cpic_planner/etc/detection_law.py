@@ -35,8 +35,9 @@ from cpic_planner.etc.tails import equivalent_sigma
 from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import annulus_floor, error_light_share
 
-PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
-"""Standard deviations of the logarithms of level and squared drift before a residual is seen."""
+PRIORS = 0.25, 1.0, 1.0
+"""Standard deviations of natural logarithms before a residual is seen: of the level of the white noise, computed from
+known numbers, of the squared drift of a visit and of what all visits share, which are assumed (A)."""
 MAP_VISITS = 256
 """Visits behind the maps of speckles that a search assumes."""
 LAW_ERROR = 0.03
@@ -211,7 +212,8 @@ def band_law(model: EtcModel, band: str) -> SearchLaw:
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
-    return _law(model.metrics[band], model.strategy.annulus_lambda_d, model.strategy.sigma)
+    common = model.instrument.drift.common_fraction
+    return _law(model.metrics[band], model.strategy.annulus_lambda_d, model.strategy.sigma, common)
 
 
 def law_of(model: EtcModel, band: str) -> SearchLaw | None:
@@ -356,14 +358,15 @@ class _Terms:
 
     def __init__(self, crossed: FloatArray, light: FloatArray, tails: float) -> None:
         self.whole = 1.0 + crossed + light
-        self.level, self.drift = 1.0 / self.whole, (crossed + 2.0 * light) / self.whole
+        self.level, self.crossed = 1.0 / self.whole, crossed / self.whole
+        self.drift = self.crossed + 2.0 * light / self.whole
         self.speckled = 1.0 - self.level
         heavy = np.sqrt(tails * light * (light + 2.0 * _CROSSED * crossed)) / self.whole
         self.heavy = np.minimum(heavy, 1.0)
 
 
 @functools.lru_cache(maxsize=64)
-def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLaw:
+def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_fraction: float) -> SearchLaw:
     """Return the law of a band; see the module."""
     bins = metrics.floor_separation_arcsec
     ends = metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec)
@@ -387,7 +390,7 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float) -> SearchLa
     hole = terms(*(one * part / of[:, None] for one, part, of in zip(local, (own, lit), ring, strict=True)))
     places = fifths, lit[:, None]
     here = terms(*((one / of)[:, None] * part for one, of, part in zip(local, ring, places, strict=True)))
-    relative = _relative_variance(metrics, place, hole, here)
+    relative = _relative_variance(metrics, place, hole, here, common_fraction)
     # Signal over noise through the filter of a planet of the significance 1.
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
@@ -440,7 +443,9 @@ def _filtered_light(metrics: PsfMetrics, floor: FloatArray) -> FloatArray:
     return np.asarray(metrics.filter_square * alone / everywhere.mean())
 
 
-def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms) -> FloatArray:
+def _relative_variance(
+    metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms, common_fraction: float
+) -> FloatArray:
     """Return the relative variance of the noise that a search estimates at places, by number of visits too.
 
     Parameters
@@ -452,6 +457,8 @@ def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, her
         At all of them: what tells level and drift.
     here : _Terms
         At the places that are judged.
+    common_fraction : float
+        Rms of what all visits have in common over that of a visit's offset: the third unknown.
     """
     x, y = _hole_arcsec(metrics)
     rings = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y)) == np.arange(place.size)[:, None]
@@ -463,19 +470,34 @@ def _relative_variance(metrics: PsfMetrics, place: FloatArray, hole: _Terms, her
     again = once / (1.0 + 3.0 * hole.heavy**2)
     # Neither the disc around a planet nor, as far as speckles rule, its mirror image tells the noise there.
     once = np.maximum(once - taken[:, None, None], 0.0)
-    more = np.maximum(1.0 / np.maximum(_inverse_visits(), 1e-4) - 1.0, 0.0)
+    inverse = np.maximum(_inverse_visits(), 1e-4)
+    more = np.maximum(1.0 / inverse - 1.0, 0.0)
 
     def known(product: FloatArray, prior: float) -> FloatArray:
         """Return an element of the information on level and drift."""
         single, every = (0.5 * np.sum(part * product, axis=-1)[..., None] for part in (once, again))
         return np.asarray(single + more * every + prior)[..., None]
 
-    of_level, of_drift = known(hole.level**2, PRIOR_WHITE**-2), known(hole.drift**2, PRIOR_DRIFT**-2)
+    white, drifting, common = (sigma**-2 for sigma in PRIORS)
+    of_level, of_drift = known(hole.level**2, white), known(hole.drift**2, drifting)
     both = known(hole.level * hole.drift, 0.0)
+    whole = of_level * of_drift - both**2
     level, drift = here.level[..., None, :], here.drift[..., None, :]
-    relative = of_drift * level**2 - 2.0 * both * level * drift + of_level * drift**2
+    relative = (of_drift * level**2 - 2.0 * both * level * drift + of_level * drift**2) / whole
+    # What all visits have in common does not scatter: the residual alone tells it, beside level and drift.
+    share = (common_fraction**2 / (common_fraction**2 + 2.0 * inverse))[:, None]
+    by_level, by_drift, own = (
+        share * 0.5 * np.sum(once * hole.crossed * slope, axis=-1)[..., None, None]
+        for slope in (hole.level, hole.drift, hole.crossed)
+    )
+    to_level, to_drift = (
+        (of_drift * by_level - both * by_drift) / whole,
+        (of_level * by_drift - both * by_level) / whole,
+    )
+    alone = share * own + common - by_level * to_level - by_drift * to_drift
+    beside = share * here.crossed[..., None, :] - level * to_level - drift * to_drift
     of_maps = 2.0 / MAP_VISITS * here.speckled**2 * (1.0 + 1.5 * here.heavy**2)
-    return np.asarray(relative / (of_level * of_drift - both**2) + of_maps[..., None, :])
+    return np.asarray(relative + beside**2 / alone + of_maps[..., None, :])
 
 
 def _middle_and_widths(

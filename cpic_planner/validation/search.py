@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, NDArray
+from cpic_planner.etc import PRIORS
 
-# What is believed before the residual is seen, as standard deviations of natural logarithms: white noise is computed
-# from known numbers, the drift of a visit and what all visits share from assumed ones (A).
-PRIOR_WHITE, PRIOR_DRIFT, PRIOR_COMMON = 0.25, 1.0, 1.0
 _MAX_STEPS, _MAX_CHANGE, _DONE = 15, 2.0, 1e-3
 
 
@@ -28,8 +26,7 @@ class NoiseTerms:
     @property
     def believed(self) -> FloatArray:
         """Standard deviations of the logarithms of the numbers, before a residual is seen."""
-        known = [PRIOR_WHITE, PRIOR_DRIFT]
-        return np.array(known if self.shared is None else [*known, PRIOR_COMMON])
+        return np.array(PRIORS[:2] if self.shared is None else PRIORS)
 
     def at(self, places: BoolArray | NDArray[np.intp] | int | slice) -> "NoiseTerms":
         """Return the terms of some of the positions."""

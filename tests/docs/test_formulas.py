@@ -214,7 +214,7 @@ def test_law_of_detection(speckled, at_place):
     metrics = replace(psf_metrics(load_instrument(), "F662"), floor_separation_arcsec=np.array([0.4, 0.9]))
     even = {"filter_gain": np.full(2, 1.14), "filter_linear": np.full((2, 5), 0.9)}
     metrics = replace(metrics, floor_linear=np.ones(3), floor_square=np.ones(3), **even)
-    law, light, many = _law(metrics, 2.0, 5.0), 0.5, 1e9
+    law, light, many = _law(metrics, 2.0, 5.0, 0.2), 0.5, 1e9
     half = float(law.half(0.6, speckled, light, many, at_place=at_place))
     shares = {"w": 1.0 - speckled, "c": speckled * (1.0 - light), "l": speckled * light}
     through = {"c": shares["c"], "l": shares["l"], "f_c": 0.9, "f_l": float(metrics.filter_square)}
@@ -224,6 +224,12 @@ def test_law_of_detection(speckled, at_place):
     laplace = page(DETECTION, "eq-laplace", kappa=float(metrics.filter_tails), v=noise, **through)
     slopes = shares["w"] / noise, (through["c"] * 0.9 + 2.0 * through["l"] * through["f_l"]) / noise
     known = {"I_11": 1e9, "I_12": 0.0, "I_22": 1e9, "s_1": slopes[0], "s_2": slopes[1]}
+    share = page(DETECTION, "eq-common", f_v=0.2, V=many)
+    left = share * through["c"] * 0.9 / noise
+    assert share == pytest.approx(1.0, abs=1e-6)  # of so many visits nothing else is left of the cross term
+    disc = math.pi * (1.22 * metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec) ** 2
+    samples = (np.count_nonzero(metrics.hole) - disc) / float(metrics.filter_positions)
+    known |= {"J": 1.0 + 0.5 * samples / (1.0 + (1.0 - slopes[0]) ** 2) * left**2, "t_3": left}
     relative = page(DETECTION, "eq-relative", **known, N=float(MAP_VISITS), **{"lambda": laplace})
     level = 5.0
     if not at_place:

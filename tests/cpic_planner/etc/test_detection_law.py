@@ -25,7 +25,7 @@ from cpic_planner.etc import (
     threshold_array,
     visit_chances,
 )
-from cpic_planner.etc.detection_law import PRIOR_WHITE
+from cpic_planner.etc.detection_law import PRIORS
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
@@ -49,7 +49,7 @@ def geometry(band):
 def test_known_place_in_white_noise_is_students_law(band):
     """One visit: the level of the noise is told by the samples of the hole and what is believed of it."""
     metrics, samples, place = geometry(band)
-    dof = 2.0 * (0.5 * samples + PRIOR_WHITE**-2)
+    dof = 2.0 * (0.5 * samples + PRIORS[0] ** -2)
     gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain)
     expected = student.isf(norm.sf(5.0), dof) / gain
     assert band_law(MODEL, band).half(place, 0.0, 0.0, 1.0, at_place=True) == pytest.approx(expected, rel=3e-3)
@@ -61,7 +61,7 @@ def test_law_of_every_level_in_white_noise_is_students(level):
     """Thresholds between those that are tabulated are those of Student's law, too."""
     metrics, samples, place = geometry("F720")
     gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain)
-    expected = student.isf(norm.sf(level), 2.0 * (0.5 * samples + PRIOR_WHITE**-2)) / gain
+    expected = student.isf(norm.sf(level), 2.0 * (0.5 * samples + PRIORS[0] ** -2)) / gain
     law = band_law(build_model(load_instrument(), ["F720"], Strategy(sigma=level)), "F720")
     assert law.half(place, 0.0, 0.0, 1.0, at_place=True) == pytest.approx(expected, rel=5e-3)
 
@@ -99,7 +99,7 @@ def test_probability_in_white_noise_is_that_of_draws(at_place):
     rng, n = np.random.default_rng(5), 400_000
     metrics, samples, place = geometry("F662")
     gain = np.interp(place, metrics.floor_separation_arcsec, metrics.filter_gain)
-    dof = 2.0 * (0.5 * samples + PRIOR_WHITE**-2)
+    dof = 2.0 * (0.5 * samples + PRIORS[0] ** -2)
     region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
     level = 5.0 if at_place else search_threshold(region, metrics.filter_roughness).unwrap()
     threshold = student.isf(norm.sf(level), dof)
@@ -163,13 +163,50 @@ def test_a_planet_near_the_inner_edge_hides_what_tells_the_drift(monkeypatch):
     """One visit, mostly white noise: only places near the edge have speckles, many of them under the planet."""
     law = band_law(MODEL, "F662")
     monkeypatch.setattr(laws, "_EXCLUDED", 0.01)
-    whole = laws._law.__wrapped__(MODEL.metrics["F662"], MODEL.strategy.annulus_lambda_d, MODEL.strategy.sigma)
+    width, common = MODEL.strategy.annulus_lambda_d, MODEL.instrument.drift.common_fraction
+    whole = laws._law.__wrapped__(MODEL.metrics["F662"], width, MODEL.strategy.sigma, common)
     near, far = (
         float(law.half(place, 0.1, 0.9, 1.0, at_place=True) / whole.half(place, 0.1, 0.9, 1.0, at_place=True))
         for place in (0.37, 0.8)
     )
     assert 1.03 < near < 1.5
     assert 1.0 <= far < 1.01
+
+
+@pytest.mark.parametrize(("visits", "common"), [(1.0, 0.2), (64.0, 0.2), (64.0, 0.5), (64.0, 0.0), (3.0, 1.0)])
+def test_noise_is_known_as_well_as_a_fit_of_three_numbers_tells(monkeypatch, visits, common):
+    """Information on level, drift and common part, pixel by pixel of the hole, turned as a matrix."""
+    monkeypatch.setattr(laws, "_inverse_visits", lambda: np.array([1.0 / visits]))
+    metrics = MODEL.metrics["F520"]
+    place = np.array([0.4, 0.6, 0.8])
+    crossed, light = 2.0 * (place / 0.4) ** -3.0, 1.5 * (place / 0.4) ** -5.0
+    hole, here = (
+        laws._Terms(*(np.broadcast_to(part, (3, 1, 1, 3)) for part in parts), metrics.filter_tails)
+        for parts in ((crossed, light), (crossed[:, None, None, None], light[:, None, None, None]))
+    )
+    found = laws._relative_variance(metrics, place, hole, here, common)[:, 0, 0, 0, 0]
+
+    x, y = laws._hole_arcsec(metrics)
+    ring = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y))
+    whole = 1.0 + crossed + light
+    shared = common**2 / 2.0 / (1.0 / visits + common**2 / 2.0)
+    slopes = np.stack([1.0 / whole, (crossed + 2.0 * light) / whole, shared * crossed / whole])
+    speckled = 1.0 - 1.0 / whole
+    heavy = np.minimum(np.sqrt(metrics.filter_tails * light * (light + 1.2 * crossed)) / whole, 1.0)
+    for i, radius in enumerate(place):
+        near = np.hypot(x - radius / np.sqrt(2.0), y - radius / np.sqrt(2.0)) < 1.22 * metrics.lambda_d_arcsec
+        information = np.diag([PRIORS[0] ** -2, 1.0, 1.0])
+        for j in range(3):
+            here_too = ring == j
+            once = here_too.sum() / (1.0 + speckled[j] ** 2)
+            again = (visits - 1.0) * once / (1.0 + 3.0 * heavy[j] ** 2)
+            once -= (here_too & near).sum()
+            scattered = slopes[:, j] * [1.0, 1.0, 0.0]
+            for weight, slope in ((once, slopes[:, j]), (again, scattered)):
+                information += 0.5 * weight / metrics.filter_positions * np.outer(slope, slope)
+        expected = slopes[:, i] @ np.linalg.inv(information) @ slopes[:, i]
+        expected += 2.0 / 256.0 * speckled[i] ** 2 * (1.0 + 1.5 * heavy[i] ** 2)
+        assert found[i] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("band", BANDS)
