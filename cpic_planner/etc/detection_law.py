@@ -20,7 +20,7 @@ term varies from place to place: P is the mean over fifths of the places at a se
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,8 +51,8 @@ _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
 _APART, _FAR, _BETWEEN = 0.15, 2.0, 3
-_TOGETHER = 16384  # numbers that are looked up at once: they stay in the cache
-_STEPS, _BESIDE, _LOWEST, _HIGHEST = 20, 0.15, 0.5, 1e3
+_TOGETHER = 8192  # numbers that are looked up at once: they stay in the cache
+_CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,72 +62,51 @@ class SearchLaw:
     Attributes
     ----------
     separation_arcsec : ndarray, shape (r,)
-    log_half, fainter, brighter : ndarray, shape (2, l, s, r, v)
-        Logarithm of the significance at which half of the planets are detected, blind and at a known place, and widths
-        of the law in it to either side: by separation and inverse root of the number of visits, the polynomials in the
-        roots of the share of the errors' light in the speckles and of that of the speckles in the variance. Along
-        polynomials no valley opens that the law has not.
+    tables : callable
+        Of whether the place is known, ``(3, s, l, r, v)``: logarithm of the significance at which half of the planets
+        are detected, and widths of the law in it to either side. By separation and inverse root of the number of
+        visits, the polynomials in the roots of the share of the speckles in the variance and of that of the errors'
+        light in the speckles. Along polynomials no valley opens that the law has not.
     """
 
     separation_arcsec: FloatArray
-    log_half: FloatArray
-    fainter: FloatArray
-    brighter: FloatArray
+    tables: Callable[[bool], FloatArray]
 
-    def _read(self, tables: Sequence[FloatArray], *where: ArrayLike) -> FloatArray:
+    def _read(self, tables: FloatArray, *where: ArrayLike) -> FloatArray:
         """Return tables at separations, shares of speckles and of their light, and numbers of visits."""
         parts = [np.asarray(part, float) for part in where]
-        shape = np.broadcast_shapes(*(part.shape for part in parts)) or (1,)
-        found = np.empty((len(tables), *shape))
-        step = max(_TOGETHER * shape[0] // max(found[0].size, 1), 1)
-        for block in (slice(start, start + step) for start in range(0, shape[0], step)):
-            some = (part[block] if part.ndim == len(shape) and len(part) > 1 else part for part in parts)
-            self._fill(found[:, block], tables, *some)
-        return found if any(part.ndim for part in parts) else found[:, 0]
+        shape = np.broadcast_shapes(*(part.shape for part in parts))
+        wide = [part.reshape((1,) * (max(len(shape), 1) - part.ndim) + part.shape) for part in parts]
+        found = np.empty((len(tables), *(shape or (1,))))
+        step = max(_TOGETHER * found.shape[1] // max(found.size, 1), 1)
+        for block in (slice(start, start + step) for start in range(0, found.shape[1], step)):
+            found[:, block] = self._looked_up(tables, *(part[block] if len(part) > 1 else part for part in wide))
+        return found if shape else found[:, 0]
 
-    def _fill(
-        self,
-        found: FloatArray,
-        tables: Sequence[FloatArray],
-        place: FloatArray,
-        speckled: FloatArray,
-        light: FloatArray,
-        visits: FloatArray,
-    ) -> None:
-        """Write what `_read` returns, of so many numbers that all stay in the cache."""
+    def _looked_up(
+        self, tables: FloatArray, place: FloatArray, speckled: FloatArray, light: FloatArray, visits: FloatArray
+    ) -> FloatArray:
+        """Return what `_read` does, of so many numbers that all stay in the cache."""
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
-        rows = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size)), many
-        sizes = self.log_half.shape[-2:]
-        ends = []
-        for row, size in zip(rows, sizes, strict=True):
-            low = np.minimum(row.astype(np.intp), size - 2)
-            ends.append(((low, 1.0 - (row - low)), (low + 1, row - low)))
-        # A few places or numbers of visits are looked up once, for all the others that they go with.
-        few = int(rows[1].size < rows[0].size)
-        once = rows[few].size * sizes[1 - few] <= np.broadcast(*rows).size
-        if once:
-            number = np.arange(rows[few].size).reshape(rows[few].shape)
-            corners = [(at * number.size + number, weight) for at, weight in ends[1 - few]]
-        else:
-            corners = [(i * sizes[1] + j, f * g) for i, f in ends[0] for j, g in ends[1]]
-        x, y = (2.0 * np.sqrt(np.fmin(np.fmax(part, 0.0), 1.0)) - 1.0 for part in (speckled, light))
-        for whole, table in zip(found, tables, strict=True):
-            columns = table if few or not once else table.swapaxes(-1, -2)
-            if once:
-                columns = sum(columns[..., at.ravel()] * weight.ravel() for at, weight in ends[few])
-            whole[...] = 0.0
-            for of_light in columns.reshape(*table.shape[:2], -1)[::-1]:
-                coefficients = of_light.take(corners[0][0], axis=1)
-                coefficients *= corners[0][1]
-                for at, weight in corners[1:]:
-                    coefficients += of_light.take(at, axis=1) * weight
-                value = np.empty(whole.shape)
-                value[...] = coefficients[-1]
-                for coefficient in coefficients[-2::-1]:
-                    value *= x
-                    value += coefficient
-                np.multiply(whole, y, out=whole)
-                np.add(whole, value, out=whole)
+        row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
+        low, few = (
+            np.minimum(part.astype(np.intp), size - 2)
+            for part, size in zip((row, many), tables.shape[-2:], strict=True)
+        )
+        cells, corner = tables.reshape(-1, self.separation_arcsec.size * _VISITS), low * _VISITS + few
+
+        def between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
+            second -= first
+            second *= share
+            second += first
+            return second
+
+        # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
+        one, two = (between(cells.take(at, 1), cells.take(at + _VISITS, 1), row - low) for at in (corner, corner + 1))
+        found = between(one, two, many - few).reshape(*tables.shape[:3], *corner.shape)
+        for share in (speckled, light):
+            found = _polynomial(found.swapaxes(0, 1), np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)))
+        return found
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -147,7 +126,7 @@ class SearchLaw:
             Planets are looked for at a known place.
         """
         where = separation_arcsec, speckled, light, visits
-        return np.asarray(np.exp(self._read([self.log_half[int(at_place)]], *where)[0]))
+        return np.asarray(np.exp(self._read(self.tables(at_place)[:1], *where)[0]))
 
     def reach(
         self,
@@ -171,8 +150,7 @@ class SearchLaw:
         separation_arcsec, speckled, light, visits, at_place
             As of `half`.
         """
-        tables = [table[int(at_place)] for table in (self.log_half, self.fainter, self.brighter)]
-        log_half, low, high = self._read(tables, separation_arcsec, speckled, light, visits)
+        log_half, low, high = self._read(self.tables(at_place), separation_arcsec, speckled, light, visits)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
         # Beyond one half the excess is linear in the significance: a lower threshold never detects fewer.
@@ -185,21 +163,29 @@ class SearchLaw:
         reached, width = self.reach(*of, at_place=at_place)
         return np.asarray(special().ndtr(reached / width))
 
-    def least(self, separation_arcsec: ArrayLike, probability: float) -> FloatArray:
-        """Return a significance below which nothing is detected with that probability, in any noise."""
-        least = np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, _least_logs(self, probability))
-        return np.asarray(np.exp(least))
+    def least(self, separation_arcsec: ArrayLike, probability: float, *, at_place: bool) -> FloatArray:
+        """Return a significance below which nothing is detected with that probability, in any noise.
+
+        Parameters
+        ----------
+        separation_arcsec : array_like
+        probability : float
+        at_place : bool
+            Nothing at a known place, either.
+        """
+        least = _least_logs(self, probability, at_place)
+        return np.asarray(np.exp(np.interp(np.asarray(separation_arcsec, float), self.separation_arcsec, least)))
 
 
 @functools.lru_cache(maxsize=64)
-def _least_logs(law: SearchLaw, probability: float) -> FloatArray:
+def _least_logs(law: SearchLaw, probability: float, at_place: bool) -> FloatArray:
     """Return the logarithm of the least significance in any noise, at the separations of a law."""
     many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
     shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
-    where = law.separation_arcsec, *shares, many
     far = special().ndtri(probability)
-    lowest = law._read(list(law.log_half), *where) + far * law._read(list(law.fainter), *where)
-    return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
+    tables = (law.tables(known) for known in {False, at_place})
+    lowest = [law._read(each[:1] + far * each[1:2], law.separation_arcsec, *shares, many) for each in tables]
+    return np.asarray(np.min(lowest, axis=(0, 1, 2, 3, 4)))
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
@@ -332,14 +318,21 @@ def _log_thresholds(sigma: float) -> FloatArray:
 
 
 def _value(coefficients: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return polynomials in the nodes' x and y, from 0 to 1; the last axes of the coefficients are their powers."""
-    found: Any = 0.0
-    for row in np.moveaxis(coefficients, -2, 0)[::-1]:
-        value: Any = 0.0
-        for coefficient in np.moveaxis(row, -1, 0)[::-1]:
-            value = value * (2.0 * y - 1.0) + coefficient[:, None]
-        found = found * (2.0 * x - 1.0) + value
-    return np.asarray(found)
+    """Return polynomials in the nodes' x (..., p) and y (..., v, p), of coefficients (v, x, y): (..., v, p)."""
+    powers = np.vander(2.0 * x.ravel() - 1.0, coefficients.shape[1], increasing=True)
+    along_y = np.tensordot(powers, coefficients, (1, 1)).reshape(*x.shape, *coefficients.shape[::2])
+    return _polynomial(np.moveaxis(along_y, -1, 0), y.swapaxes(-1, -2)).swapaxes(-1, -2)
+
+
+def _polynomial(coefficients: FloatArray, x: FloatArray) -> FloatArray:
+    """Return polynomials in ``2 x - 1``, whose powers are the first axis."""
+    centred = 2.0 * x - 1.0
+    found: FloatArray = coefficients[-1] * centred
+    for coefficient in coefficients[-2:0:-1]:
+        found += coefficient
+        found *= centred
+    found += coefficients[0]
+    return found
 
 
 def _inverse_visits() -> FloatArray:
@@ -394,18 +387,22 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_frac
     # Signal over noise through the filter of a planet of the significance 1.
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
-    region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
-    least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
-    blind = search_threshold(region, metrics.filter_roughness, sigma=least).value or least
-    tables = []
-    # A maximum over two coordinates lies above the mean.
-    for level, gained in ((blind / least, 2.0), (1.0, 0.0)):
+    uncertain = np.sqrt(relative / _MOST_RELATIVE)
+
+    @functools.cache
+    def tables(at_place: bool) -> FloatArray:
+        level, gained = 1.0, 0.0
+        if not at_place:  # a maximum over two coordinates lies above the mean
+            region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
+            least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
+            level = (search_threshold(region, metrics.filter_roughness, sigma=least).value or least) / least
+            gained = 2.0
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
         lower, upper = _log_thresholds(sigma)
-        table = (1.0 - between) * lower + between * upper
-        needed = np.exp(_value(table, here.heavy[..., None, :], np.sqrt(relative / _MOST_RELATIVE)))
-        tables.append(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
-    return SearchLaw(place, *(_polynomials(np.stack(parts)) for parts in zip(*tables, strict=True)))
+        needed = np.exp(_value((1.0 - between) * lower + between * upper, here.heavy, uncertain))
+        return _polynomials(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
+
+    return SearchLaw(place, tables)
 
 
 def _nodes(count: int) -> FloatArray:
@@ -413,14 +410,15 @@ def _nodes(count: int) -> FloatArray:
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
+@functools.lru_cache
 def _through(count: int) -> FloatArray:
     """Return the matrix from values at `_nodes` to the coefficients of their polynomial in ``2 x - 1``."""
     return np.asarray(np.linalg.inv(np.vander(2.0 * _nodes(count) - 1.0, increasing=True)))
 
 
 def _polynomials(table: FloatArray) -> FloatArray:
-    """Return the polynomials through a table at `_nodes`, (2, r, s, l, v): (2, l, s, r, v)."""
-    return np.asarray(np.einsum("is,jl,krslv->kjirv", *map(_through, (_SHARES, _LIGHTS)), table))
+    """Return the polynomials through a table at `_nodes`, (3, r, s, l, v): (3, s, l, r, v)."""
+    return np.asarray(np.einsum("is,jl,krslv->kijrv", *map(_through, (_SHARES, _LIGHTS)), table, optimize=True))
 
 
 def _hole_arcsec(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:
@@ -500,9 +498,7 @@ def _relative_variance(
     return np.asarray(relative + beside**2 / alone + of_maps[..., None, :])
 
 
-def _middle_and_widths(
-    unit: FloatArray, needed: FloatArray, spread: FloatArray, gained: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _middle_and_widths(unit: FloatArray, needed: FloatArray, spread: FloatArray, gained: float) -> FloatArray:
     """Return the logarithm of the significance of a chance of one half, and the widths of the law below and above.
 
     Parameters
@@ -513,16 +509,32 @@ def _middle_and_widths(
         Square that the maximum adds.
     """
     ndtr, ndtri = special().ndtr, special().ndtri
+    shape, places = needed.shape[:-1], needed.shape[-1]
+    unit, needed, spread = (
+        np.moveaxis(np.broadcast_to(part, needed.shape), -1, 0).reshape(places, -1) for part in (unit, needed, spread)
+    )
 
-    def chance(log_significance: FloatArray) -> FloatArray:
-        peak = np.sqrt((np.exp(log_significance)[..., None] * unit) ** 2 + gained)
-        return np.asarray(ndtr((peak - needed) / spread).mean(axis=-1))
+    def chance(log_significance: FloatArray, some: Any = ...) -> tuple[FloatArray, FloatArray]:
+        """Return the chance, and how fast it grows with the logarithm."""
+        square = (np.exp(log_significance) * unit[:, some]) ** 2
+        peak, own = np.sqrt(square + gained), spread[:, some]
+        height = (peak - needed[:, some]) / own
+        slope = np.exp(-0.5 * height**2) * (square / (peak * own))
+        return ndtr(height).mean(axis=0), slope.mean(axis=0) / math.sqrt(2.0 * math.pi)
 
-    low = np.full(needed.shape[:-1], math.log(_LOWEST))
-    high = np.full(low.shape, math.log(_HIGHEST))
-    for _ in range(_STEPS):
-        middle = 0.5 * (low + high)
-        enough = chance(middle) >= 0.5
-        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-    low, above = (side / ndtri(np.clip(chance(high + side), 1e-12, 1.0 - 1e-12)) for side in (-_BESIDE, _BESIDE))
-    return high, low, above
+    # Newton's steps from where straight laws of the places have the chance, between the first place's and the last's.
+    signal2 = np.maximum(needed**2 - gained, _CLOSE)
+    each, weight = 0.5 * np.log(signal2) - np.log(unit), signal2 / (needed * spread)
+    middle, low, high = (weight * each).sum(axis=0) / weight.sum(axis=0), each.min(axis=0), each.max(axis=0)
+    left = np.flatnonzero(high - low > _CLOSE)
+    while left.size:
+        at, (value, slope) = middle[left], chance(middle[left], left)
+        low[left], high[left] = np.where(value < 0.5, at, low[left]), np.where(value < 0.5, high[left], at)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            new = at + (0.5 - value) / slope
+        within = (new >= low[left]) & (new <= high[left])
+        middle[left] = new = np.where(within, new, 0.5 * (low[left] + high[left]))
+        left = left[np.abs(new - at) > _CLOSE]
+    middle = np.clip(middle, math.log(_LOWEST), math.log(_HIGHEST))
+    below, above = (side / ndtri(np.clip(chance(middle + side)[0], 1e-12, 1.0 - 1e-12)) for side in (-_BESIDE, _BESIDE))
+    return np.stack([middle, below, above]).reshape(3, *shape)

@@ -201,7 +201,7 @@ def faintest_contrast(
     if law is None:
         needed = etc.near_threshold(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
     else:
-        needed = law.least(fine, etc.LEAST_PROBABILITY).min(axis=-1)
+        needed = law.least(fine, etc.LEAST_PROBABILITY, at_place=True).min(axis=-1)
     with np.errstate(divide="ignore"):
         return np.asarray(_SURE * needed / noise.significance + rings)
 

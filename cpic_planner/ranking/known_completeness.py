@@ -288,7 +288,7 @@ def _chances(
     chance = np.zeros((2, len(shown[0])))
     separation, law = np.hypot(x, y), etc.law_of(model, band)
     # The law is what takes longest here.
-    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY)
+    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY, at_place=True)
     hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
