@@ -31,6 +31,8 @@ class Chances:
         light: ArrayLike,
         visits: ArrayLike,
         motion: ArrayLike = 1.0,
+        *,
+        at_place: bool = True,
     ) -> Self:
         """Return the chances by a law.
 
@@ -47,6 +49,8 @@ class Chances:
         motion : array_like
             Factor on the threshold of a blind search for the motion of planets (`cpic_planner.etc.motion`); at a known
             place the orbit is followed.
+        at_place : bool
+            Those at a known place are asked for; else they are NaN.
         """
         if law is None:
             return cls(*np.full((2, *noise.significance.shape), np.nan))
@@ -54,7 +58,8 @@ class Chances:
         paid = noise.significance / np.asarray(motion, float)
         blind = law.probability(paid, *where, at_place=False)
         # Who knows the place may search blind, too.
-        return cls(blind, np.maximum(blind, law.probability(noise.significance, *where, at_place=True)))
+        known = law.probability(noise.significance, *where, at_place=True) if at_place else np.nan
+        return cls(blind, np.maximum(blind, known))
 
     def where(self, defined: BoolArray) -> Self:
         """Return the same, and 0 where no threshold of a significance is defined."""
@@ -70,6 +75,7 @@ def visit_chances(
     visits: ArrayLike = 1.0,
     *,
     motion: ArrayLike = 1.0,
+    at_place: bool = True,
 ) -> Chances:
     """Return the probabilities that visits, or programmes of them, detect planets.
 
@@ -79,9 +85,9 @@ def visit_chances(
     band : str
     separation_arcsec, visit_s : array_like
         Of the planets, and length of the science visits.
-    noise, visits, motion
+    noise, visits, motion, at_place
         As of `Chances.of`.
     """
     light = light_share(model, band, separation_arcsec, visit_s)
-    found = Chances.of(law_of(model, band), noise, separation_arcsec, light, visits, motion)
+    found = Chances.of(law_of(model, band), noise, separation_arcsec, light, visits, motion, at_place=at_place)
     return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)

@@ -141,6 +141,7 @@ def faintest_contrast(
     em_gain: FloatArray,
     visits: FloatArray,
     law: etc.SearchLaw | None,
+    at_place: bool = True,
 ) -> FloatArray:
     """Return the contrast below which no planet of a ring is detected: all of them need no further look.
 
@@ -153,8 +154,10 @@ def faintest_contrast(
     exposure_s, n_frames, em_gain, visits : ndarray, shape (n,)
         Of each star, frames of one visit.
     law : SearchLaw or None
-        What a detection is: a probability of `cpic_planner.etc.LEAST_PROBABILITY`, at a known place or not. Without a
-        law a significance of the threshold.
+        What a detection is: a probability of `cpic_planner.etc.LEAST_PROBABILITY`. Without a law a significance of the
+        threshold.
+    at_place : bool
+        Whether planets are looked for at a known place, too.
 
     Returns
     -------
@@ -201,7 +204,7 @@ def faintest_contrast(
     if law is None:
         needed = etc.near_threshold(metrics.resolution_elements(fine), strategy.sigma).min(axis=-1)
     else:
-        needed = law.least(fine, etc.LEAST_PROBABILITY, at_place=True).min(axis=-1)
+        needed = law.least(fine, etc.LEAST_PROBABILITY, at_place=at_place).min(axis=-1)
     with np.errstate(divide="ignore"):
         return np.asarray(_SURE * needed / noise.significance + rings)
 

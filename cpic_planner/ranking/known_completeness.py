@@ -113,6 +113,7 @@ def completeness(
     limits: StarLimits | None = None,
     search: DetectionMode | None = None,
     around: ZonePlanets | None = None,
+    brief: bool = False,
 ) -> BandCompleteness:
     """Return the fraction of a population that one observation of each star detects.
 
@@ -135,6 +136,8 @@ def completeness(
         Which completeness counts, that of the model's strategy by default.
     around : ZonePlanets, optional
         These planets around these stars, where they are known.
+    brief : bool
+        Of a blind search the completeness at a known place is left out: NaN.
 
     Returns
     -------
@@ -158,14 +161,14 @@ def completeness(
         raise InputError("band", band, allowed=", ".join(model.bands))
     exposure, frames, gain = _settings(model, len(targets), exposure_s, n_frames, em_gain)
     setting = _Setting(exposure, frames, gain, _one_each("visits", visits, len(targets)))
-    counts = _Counts(model, targets, band, planets, setting, limits)
+    own = model.strategy.search if search is None else search
+    mine = int(own == "known_place")
+    counts = _Counts(model, targets, band, planets, setting, limits, at_place=bool(mine) or not brief)
     for placed in (around or ZonePlanets(targets, planets)).of(model, band):
         counts.add(placed)
     n = len(planets)
     in_zone, observable = counts.found / n
     detected, allowed, squared = counts.detected / n
-    own = model.strategy.search if search is None else search
-    mine = int(own == "known_place")
     occurrence = planets.planets_per_star
     return BandCompleteness(
         band=band,
@@ -199,6 +202,8 @@ class _Counts:
         planets: Planets,
         setting: _Setting,
         limits: StarLimits | None,
+        *,
+        at_place: bool,
     ) -> None:
         self.model = model
         self.targets = targets
@@ -208,7 +213,9 @@ class _Counts:
         self.limits = limits
         self.scale = planets.scale(targets.luminosity_lsun)
         self.found = np.zeros((2, len(targets)), np.int64)
+        self.at_place = at_place
         self.detected = np.zeros((3, 2, len(targets)))
+        self.detected[:, 1] = 0.0 if at_place else np.nan
         self.insolation = [np.inf, -np.inf]
 
     def add(self, placed: Placed) -> None:
@@ -225,7 +232,8 @@ class _Counts:
             whose = pairs[pair]
             places = placed.x_arcsec[whose], placed.y_arcsec[whose], contrast[pair]
             chosen, shown = self.targets.select(stars), np.nonzero(filled)
-            chance = _chances(self.model, chosen, self.band, places, shown, self.setting.of(stars))
+            asked = self.model, chosen, self.band, places, shown, self.setting.of(stars)
+            chance = _chances(*asked, at_place=self.at_place)
             self._count(stars, shown[0], placed.planet[whose][shown], chance)
 
     @functools.cached_property
@@ -235,11 +243,11 @@ class _Counts:
         found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
         frames = {name: part[observed] for name, part in vars(self.setting).items()}
         chosen = self.targets.select(observed)
-        found[observed] = faintest_contrast(self.model, chosen, self.band, law=law, **frames)
+        found[observed] = faintest_contrast(self.model, chosen, self.band, law=law, at_place=self.at_place, **frames)
         return found
 
     def _count(self, stars: IntArray, row: IntArray, planet: IntArray, chance: FloatArray) -> None:
-        """Add the planets of some stars, blind and at their place: chances of shape ``(2, k)``, with row and planet."""
+        """Add the planets of some stars, blind and at their place: chances of `_chances`, with row and planet."""
         seen = np.flatnonzero(chance.max(axis=0) > 0.0)
         row, planet, chance = row[seen], planet[seen], chance[:, seen]
         there = chance
@@ -272,11 +280,13 @@ def _chances(
     places: tuple[FloatArray, ...],
     shown: tuple[IntArray, ...],
     setting: _Setting,
+    *,
+    at_place: bool,
 ) -> FloatArray:
     """Return the probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.
 
     The planets of every star fill the first columns of a rectangle: ``shown`` are those that count, and the result has
-    the shape ``(2, k)`` of them.
+    the shape ``(2, k)`` of them, or ``(1, k)`` of a blind search alone.
     """
     x, y, contrast = places
     camera, strategy = model.camera(band), model.strategy
@@ -285,10 +295,10 @@ def _chances(
     visit_s = setting.n_frames * (setting.exposure_s + camera.readout_s)
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
-    chance = np.zeros((2, len(shown[0])))
+    chance = np.zeros((1 + at_place, len(shown[0])))
     separation, law = np.hypot(x, y), etc.law_of(model, band)
     # The law is what takes longest here.
-    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY, at_place=True)
+    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY, at_place=at_place)
     hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
@@ -298,9 +308,10 @@ def _chances(
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
-    found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving)
-    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
-        chance[mode, hopeful] = np.where(
+    found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
+    modes = (found.blind, moving), (found.known_place, np.ones_like(moving))
+    for row, (part, needed) in zip(chance, modes, strict=False):
+        row[hopeful] = np.where(
             np.isnan(part), seen.significance >= needed * threshold, part * (part >= etc.LEAST_PROBABILITY)
         )
     return chance
@@ -692,7 +703,9 @@ class CountedPlanets:
         planets = choice.draw()
         return cls(targets, planets, choice.limits(targets.name.tolist()), ZonePlanets(targets, planets, keep=keep))
 
-    def completeness(self, model: EtcModel, band: str, setting: OptimalSetting) -> BandCompleteness:
+    def completeness(
+        self, model: EtcModel, band: str, setting: OptimalSetting, *, brief: bool = False
+    ) -> BandCompleteness:
         """Return the completeness of the observation of each star.
 
         Parameters
@@ -701,12 +714,14 @@ class CountedPlanets:
         band : str
         setting : OptimalSetting
             How each star is observed in that band.
+        brief : bool
+            As of `completeness`.
         """
         taken: dict[str, Any] = {name: getattr(setting, name) for name in ("exposure_s", "em_gain", "visits")}
         taken["n_frames"] = setting.frames_per_visit
         if isinstance(self.planets, KnownSample):
             return known_completeness(model, self.targets, band, self.planets, **taken)
-        taken |= {"limits": self.limits, "around": self.around}
+        taken |= {"limits": self.limits, "around": self.around, "brief": brief}
         return completeness(model, self.targets, band, self.planets, **taken)
 
 

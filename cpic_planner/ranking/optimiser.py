@@ -91,11 +91,12 @@ def best_in_band(
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
     *,
-    with_limits: bool = True,
+    brief: bool = False,
 ) -> OptimalSetting:
     """Return the best separation, visits and settings of each target in one band within a time; see `optimise`.
 
-    What limits a planet that is not detected, and what would detect it, only ``with_limits``.
+    ``brief``: neither what limits a planet that is not detected nor what would detect it, and of a blind search no
+    chance at a known place.
     """
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
@@ -107,7 +108,7 @@ def best_in_band(
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
-    return search.best(chosen, outlook, choice, programme, endless, time_s, with_limits=with_limits)
+    return search.best(chosen, outlook, choice, programme, endless, time_s, brief=brief)
 
 
 def _least_in_band(
@@ -274,7 +275,7 @@ class _Search:
         endless: FloatArray,
         time_s: float | None = None,
         *,
-        with_limits: bool = True,
+        brief: bool = False,
     ) -> OptimalSetting:
         """Return everything about the chosen separations and programmes; what limits them only in a given time."""
         model, band, n = self.model, self.band, len(self.targets)
@@ -303,7 +304,8 @@ class _Search:
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         place, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
         paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
-        chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid)
+        known = not brief or model.strategy.search == "known_place"
+        chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid, at_place=known)
         orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
         alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
@@ -351,7 +353,7 @@ class _Search:
             outside=np.full(n, refused.value),
             inherited=np.broadcast_to(inherited, (n, 1))[:, 0].copy(),
         )
-        if time_s is None or not with_limits or not lost.any():
+        if time_s is None or brief or not lost.any():
             return best
         # A bound leaves few stars to be solved again: white noise alone.
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -258,15 +258,15 @@ def ranked(
 ) -> Ranked:
     """Return the best settings, completeness and score of every star.
 
-    ``brief``: neither least times nor what limits them. ``counts``: the setting's planets around these stars.
+    ``brief``: neither least times nor what limits them, and of a blind search nothing at known places. ``counts``: the
+    setting's planets around these stars.
     """
     model, planet, bands = setting.model, setting.planet, setting.bands
     counts = counts or CountedPlanets.of(setting.population, targets)
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
-    asked = {"with_limits": not brief}
-    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, **asked) for band in bands)
+    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, brief=brief) for band in bands)
     best = best_of(by_band)
     quickest = np.full((2, len(targets)), np.nan)
     if not brief or chosen.timed:
@@ -277,7 +277,8 @@ def ranked(
         found = np.isfinite(quickest[0])
         moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
         best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
-    counted = tuple(counts.completeness(model, band, item) for band, item in zip(bands, by_band, strict=True))
+    pairs = zip(bands, by_band, strict=True)
+    counted = tuple(counts.completeness(model, band, item, brief=brief) for band, item in pairs)
     numbers = _numbers(best, by_band, quickest[0], counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
     return Ranked(
