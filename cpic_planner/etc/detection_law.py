@@ -20,13 +20,13 @@ term varies from place to place: P is the mean over fifths of the places at a se
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, special
+from cpic_core import ArrayLike, FloatArray, IntArray, special
 from cpic_planner.etc.detection import near_threshold
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
@@ -51,7 +51,7 @@ _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
 _APART, _FAR, _BETWEEN = 0.15, 2.0, 3
-_TOGETHER = 8192  # numbers that are looked up at once: they stay in the cache
+_TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 
@@ -63,7 +63,7 @@ class SearchLaw:
     ----------
     separation_arcsec : ndarray, shape (r,)
     tables : callable
-        Of whether the place is known, ``(3, s, l, r, v)``: logarithm of the significance at which half of the planets
+        Of whether the place is known, ``(s, l, 3, r, v)``: logarithm of the significance at which half of the planets
         are detected, and widths of the law in it to either side. By separation and inverse root of the number of
         visits, the polynomials in the roots of the share of the speckles in the variance and of that of the errors'
         light in the speckles. Along polynomials no valley opens that the law has not.
@@ -72,41 +72,23 @@ class SearchLaw:
     separation_arcsec: FloatArray
     tables: Callable[[bool], FloatArray]
 
-    def _read(self, tables: FloatArray, *where: ArrayLike) -> FloatArray:
-        """Return tables at separations, shares of speckles and of their light, and numbers of visits."""
-        parts = [np.asarray(part, float) for part in where]
+    def _where(self, *where: ArrayLike) -> list[FloatArray]:
+        """Return rows and columns of the tables, and the polynomials' variables, of what `half` is asked for."""
+        place, speckled, light, visits = (np.asarray(part, float) for part in where)
+        shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
+        many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
+        return [np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size)), many, *shares]
+
+    def _read(self, at_place: bool, which: ArrayLike, where: Sequence[FloatArray]) -> FloatArray:
+        """Return numbers of the tables: ``which`` of the three, and places of `_where`."""
+        tables, parts = self.tables(at_place), [np.asarray(part) for part in (which, *where)]
         shape = np.broadcast_shapes(*(part.shape for part in parts))
         wide = [part.reshape((1,) * (max(len(shape), 1) - part.ndim) + part.shape) for part in parts]
-        found = np.empty((len(tables), *(shape or (1,))))
-        step = max(_TOGETHER * found.shape[1] // max(found.size, 1), 1)
-        for block in (slice(start, start + step) for start in range(0, found.shape[1], step)):
-            found[:, block] = self._looked_up(tables, *(part[block] if len(part) > 1 else part for part in wide))
-        return found if shape else found[:, 0]
-
-    def _looked_up(
-        self, tables: FloatArray, place: FloatArray, speckled: FloatArray, light: FloatArray, visits: FloatArray
-    ) -> FloatArray:
-        """Return what `_read` does, of so many numbers that all stay in the cache."""
-        many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
-        row = np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size))
-        low, few = (
-            np.minimum(part.astype(np.intp), size - 2)
-            for part, size in zip((row, many), tables.shape[-2:], strict=True)
-        )
-        cells, corner = tables.reshape(-1, self.separation_arcsec.size * _VISITS), low * _VISITS + few
-
-        def between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
-            second -= first
-            second *= share
-            second += first
-            return second
-
-        # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
-        one, two = (between(cells.take(at, 1), cells.take(at + _VISITS, 1), row - low) for at in (corner, corner + 1))
-        found = between(one, two, many - few).reshape(*tables.shape[:3], *corner.shape)
-        for share in (speckled, light):
-            found = _polynomial(found.swapaxes(0, 1), np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)))
-        return found
+        found = np.empty(shape or (1,))
+        step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
+        for block in (slice(start, start + step) for start in range(0, len(found), step)):
+            found[block] = _looked_up(tables, *(part[block] if len(part) > 1 else part for part in wide))
+        return found if shape else found[0]
 
     def half(
         self, separation_arcsec: ArrayLike, speckled: ArrayLike, light: ArrayLike, visits: ArrayLike, *, at_place: bool
@@ -125,8 +107,7 @@ class SearchLaw:
         at_place : bool
             Planets are looked for at a known place.
         """
-        where = separation_arcsec, speckled, light, visits
-        return np.asarray(np.exp(self._read(self.tables(at_place)[:1], *where)[0]))
+        return np.asarray(np.exp(self._read(at_place, 0, self._where(separation_arcsec, speckled, light, visits))))
 
     def reach(
         self,
@@ -150,12 +131,15 @@ class SearchLaw:
         separation_arcsec, speckled, light, visits, at_place
             As of `half`.
         """
-        log_half, low, high = self._read(self.tables(at_place), separation_arcsec, speckled, light, visits)
+        where = self._where(separation_arcsec, speckled, light, visits)
+        log_half = self._read(at_place, 0, where)
         with np.errstate(divide="ignore"):
             reached = np.log(np.asarray(significance, float)) - log_half
         # Beyond one half the excess is linear in the significance: a lower threshold never detects fewer.
-        bright = np.clip(reached, 1e-9, 50.0)
-        width2 = np.where(reached < 0.0, low, high * math.expm1(_BESIDE) / _BESIDE) ** 2 + own * np.exp(-2.0 * log_half)
+        bright, faint = np.clip(reached, 1e-9, 50.0), reached < 0.0
+        width = self._read(at_place, np.where(faint, 1, 2), where)
+        width *= np.where(faint, 1.0, math.expm1(_BESIDE) / _BESIDE)
+        width2 = width**2 + np.multiply(own, np.exp(-2.0 * log_half))
         return reached, np.sqrt(width2) * bright / np.expm1(bright)
 
     def probability(self, *of: Any, at_place: bool) -> FloatArray:
@@ -182,10 +166,29 @@ def _least_logs(law: SearchLaw, probability: float, at_place: bool) -> FloatArra
     """Return the logarithm of the least significance in any noise, at the separations of a law."""
     many = (_LEAST_VISITS / np.maximum(_grid(_VISITS), 1e-3) ** 2)[:, None]
     shares = _nodes(_SHARES)[:, None, None, None] ** 2, _nodes(_LIGHTS)[:, None, None] ** 2
-    far = special().ndtri(probability)
-    tables = (law.tables(known) for known in {False, at_place})
-    lowest = [law._read(each[:1] + far * each[1:2], law.separation_arcsec, *shares, many) for each in tables]
-    return np.asarray(np.min(lowest, axis=(0, 1, 2, 3, 4)))
+    where, far = law._where(law.separation_arcsec, *shares, many), special().ndtri(probability)
+    lowest = [law._read(known, 0, where) + far * law._read(known, 1, where) for known in {False, at_place}]
+    return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
+
+
+def _looked_up(
+    tables: FloatArray, which: IntArray, row: FloatArray, many: FloatArray, speckled: FloatArray, light: FloatArray
+) -> FloatArray:
+    """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
+    size = tables.shape[-2]
+    low, few = np.minimum(row.astype(np.intp), size - 2), np.minimum(many.astype(np.intp), _VISITS - 2)
+    cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (which * size + low) * _VISITS + few
+
+    def between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
+        second -= first
+        second *= share
+        second += first
+        return second
+
+    # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
+    one, two = (between(cells.take(at, 1), cells.take(at + _VISITS, 1), row - low) for at in (corner, corner + 1))
+    found = between(one, two, many - few).reshape(_SHARES, _LIGHTS, *corner.shape)
+    return _polynomial(_polynomial(found, speckled), light)
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
@@ -319,18 +322,18 @@ def _log_thresholds(sigma: float) -> FloatArray:
 
 def _value(coefficients: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Return polynomials in the nodes' x (..., p) and y (..., v, p), of coefficients (v, x, y): (..., v, p)."""
-    powers = np.vander(2.0 * x.ravel() - 1.0, coefficients.shape[1], increasing=True)
+    x, y = 2.0 * x - 1.0, 2.0 * y.swapaxes(-1, -2) - 1.0
+    powers = np.vander(x.ravel(), coefficients.shape[1], increasing=True)
     along_y = np.tensordot(powers, coefficients, (1, 1)).reshape(*x.shape, *coefficients.shape[::2])
-    return _polynomial(np.moveaxis(along_y, -1, 0), y.swapaxes(-1, -2)).swapaxes(-1, -2)
+    return _polynomial(np.moveaxis(along_y, -1, 0), y).swapaxes(-1, -2)
 
 
 def _polynomial(coefficients: FloatArray, x: FloatArray) -> FloatArray:
-    """Return polynomials in ``2 x - 1``, whose powers are the first axis."""
-    centred = 2.0 * x - 1.0
-    found: FloatArray = coefficients[-1] * centred
+    """Return polynomials, whose powers are the first axis."""
+    found: FloatArray = coefficients[-1] * x
     for coefficient in coefficients[-2:0:-1]:
         found += coefficient
-        found *= centred
+        found *= x
     found += coefficients[0]
     return found
 
@@ -417,8 +420,8 @@ def _through(count: int) -> FloatArray:
 
 
 def _polynomials(table: FloatArray) -> FloatArray:
-    """Return the polynomials through a table at `_nodes`, (3, r, s, l, v): (3, s, l, r, v)."""
-    return np.asarray(np.einsum("is,jl,krslv->kijrv", *map(_through, (_SHARES, _LIGHTS)), table, optimize=True))
+    """Return the polynomials through a table at `_nodes`, (3, r, s, l, v): (s, l, 3, r, v)."""
+    return np.asarray(np.einsum("is,jl,krslv->ijkrv", *map(_through, (_SHARES, _LIGHTS)), table, optimize=True))
 
 
 def _hole_arcsec(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:

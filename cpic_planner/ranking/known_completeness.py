@@ -232,8 +232,8 @@ class _Counts:
             whose = pairs[pair]
             places = placed.x_arcsec[whose], placed.y_arcsec[whose], contrast[pair]
             chosen, shown = self.targets.select(stars), np.nonzero(filled)
-            asked = self.model, chosen, self.band, places, shown, self.setting.of(stars)
-            chance = _chances(*asked, at_place=self.at_place)
+            setting = self.setting.of(stars)
+            chance = _chances(self.model, chosen, self.band, places, shown, setting, self.at_place)
             self._count(stars, shown[0], placed.planet[whose][shown], chance)
 
     @functools.cached_property
@@ -280,7 +280,6 @@ def _chances(
     places: tuple[FloatArray, ...],
     shown: tuple[IntArray, ...],
     setting: _Setting,
-    *,
     at_place: bool,
 ) -> FloatArray:
     """Return the probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.

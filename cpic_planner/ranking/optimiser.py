@@ -101,14 +101,14 @@ def best_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec)
     # The best place depends on the number of visits: both are chosen together.
     every = np.arange(len(targets))
-    best, outlook, endless = search.lowest(
+    best, outlook = search.lowest(
         every, lambda outlook: outlook.in_time(time_s), lambda outlook, visits: outlook.in_time(time_s, visits)
     )
     chosen = search.places.at(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
-    return search.best(chosen, outlook, choice, programme, endless, time_s, brief=brief)
+    return search.best(chosen, outlook, choice, programme, time_s, brief=brief)
 
 
 def _least_in_band(
@@ -122,7 +122,7 @@ def _least_in_band(
     """Return the least time of each target in one band, for an SNR or a detection."""
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
-    best, outlook, endless = search.lowest(every, Outlook.for_level, Outlook.for_level)
+    best, outlook = search.lowest(every, Outlook.for_level, Outlook.for_level)
     chosen = search.places.at(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
@@ -135,7 +135,7 @@ def _least_in_band(
         time_s = np.where(choice.n_frames > 0, visits * model.time_s(choice.visit_s), np.inf)
         better = time_s[1] < time_s[0]
         programme, choice = both.at(1).where(better, both.at(0)), choice.at(1).where(better, choice.at(0))
-    return search.best(chosen, outlook, choice, programme, endless)
+    return search.best(chosen, outlook, choice, programme)
 
 
 def _least_frames(
@@ -225,6 +225,11 @@ class _Search:
         """The outlook of all stars on the coarse grid."""
         return self.outlook(np.arange(len(self.targets)), np.arange(0, len(self.grid), STRIDE)[None, :])
 
+    @functools.cached_property
+    def endless(self) -> FloatArray:
+        """Least level over SNR that any programme has at the separations of the coarse grid, ``(n,)``."""
+        return np.asarray(self.coarse.endless().min(axis=1))
+
     def lowest(
         self,
         stars: IntArray,
@@ -232,17 +237,17 @@ class _Search:
         finer: Callable[[Outlook, FloatArray], list[FloatArray]] | None = None,
         *,
         dark: bool = False,
-    ) -> tuple[IntArray, Outlook, FloatArray]:
+    ) -> tuple[IntArray, Outlook]:
         """Return which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
 
-        And the outlook there, and the least level over SNR that any programme has, ``(n,)``. Between the points of the
-        coarse grid ``finer`` looks at all numbers of visits near the best ones there.
+        And the outlook there. Between the points of the coarse grid ``finer`` looks at all numbers of visits near the
+        best ones there.
         """
         n = len(self.grid)
         steps = np.arange(0, n, STRIDE)[None, :]
         coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.at(stars, steps // STRIDE)
         if n == 1:
-            return np.zeros((len(stars), 1), int), coarse, coarse.endless()[:, 0]
+            return np.zeros((len(stars), 1), int), coarse
         rough, visits = cost(coarse)[:2]
         column = np.argmin(rough, axis=1)
         middle = column * STRIDE
@@ -255,7 +260,7 @@ class _Search:
             close = finer(fine, nearby(np.take_along_axis(visits, column[:, None], axis=1)))[0]
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
         found = fine.at(np.arange(len(stars)), best)
-        return np.take_along_axis(around, best, axis=1), found, coarse.endless().min(axis=1)
+        return np.take_along_axis(around, best, axis=1), found
 
     def _changed(
         self, stars: BoolArray, change: Callable[[Outlook], list[FloatArray]], *, dark: bool = False
@@ -272,7 +277,6 @@ class _Search:
         outlook: Outlook,
         choice: etc.FrameChoice,
         programme: etc.Programme,
-        endless: FloatArray,
         time_s: float | None = None,
         *,
         brief: bool = False,
@@ -330,7 +334,7 @@ class _Search:
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),
-            floor_margin=column(needed) / endless,
+            floor_margin=np.full(n, np.nan) if brief else column(needed) / self.endless,
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
@@ -366,7 +370,7 @@ class _Search:
         fewest, factor = np.full((2, n), np.nan)
         fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
-        few = lost & (endless <= 1.0)
+        few = lost & (self.endless <= 1.0)
         still = self._changed(few & near, lambda item: item.at_rest().in_time(time_s)) <= 1.0
         calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)) <= 1.0
         dark = self._changed(few, lambda item: item.in_time(time_s), dark=True) <= 1.0

@@ -168,10 +168,11 @@ class Outlook:
         given = self.model.strategy.visits
         return VISITS if given is None else np.array([float(given)])
 
-    def _residual(self, programme: etc.Programme) -> SpeckleLaw:
-        """Return the residual of programmes, wings of companions left out."""
-        parts = programme.law(self.crossed), programme.law(self.light)
-        return SpeckleLaw(*(one + two for one, two in zip(*parts, strict=True)))
+    def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
+        """Return the residual of programmes without wings of companions, and the errors' light that visits average."""
+        light = programme.law(self.light.averaging())
+        parts = programme.law(self.crossed), light, self.light.common
+        return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
 
     def cost(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the level over the SNR of programmes, at most 1 where it is reached.
@@ -193,11 +194,11 @@ class Outlook:
     def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
         programme = programme_of(self.model, visits, visit_s)
+        whole, light = self._laws(programme)
         with np.errstate(divide="ignore", invalid="ignore"):
-            speckles = self._residual(programme).variance(visit_s) + self.wings
+            speckles = whole.variance(visit_s) + self.wings
             noise = self.white / (visits * visit_s) + speckles
-            light = programme.law(self.light.averaging()).variance(visit_s) / speckles
-            return noise, self._wanted(programme, visit_s, speckles / noise, light)
+            return noise, self._wanted(programme, visit_s, speckles / noise, light.variance(visit_s) / speckles)
 
     def _wanted(
         self, programme: etc.Programme, visit_s: FloatArray, speckled: FloatArray, light: FloatArray
@@ -272,10 +273,9 @@ class Outlook:
     def _closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
         """Return lengths of visits that are closer to those of `_shortest_visit_s` than ``v`` is; not below them."""
         programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
-        whole, white = self._residual(programme), self.white / visits
+        (whole, light), white = self._laws(programme), self.white / visits
         speckles = whole.variance(v) + self.wings
-        light = programme.law(self.light.averaging()).variance(v) / speckles
-        aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light) ** 2
+        aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light.variance(v) / speckles) ** 2
         for _ in range(_NEWTON_STEPS):
             slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
             excess = white / v + whole.variance(v) + self.wings - aim

@@ -115,9 +115,9 @@ def test_what_is_too_faint_counts_for_nothing(model, stars, strategy, monkeypatc
     looked, chances = [0, 0], counting._chances
 
     def counted(whole):
-        def seen(model, chosen, band, places, shown, own):
+        def seen(model, chosen, band, places, shown, *others):
             looked[whole] += len(shown[0])
-            return chances(model, chosen, band, places, shown, own)
+            return chances(model, chosen, band, places, shown, *others)
 
         monkeypatch.setattr(counting, "_chances", seen)
         return [completeness(model, stars, band, drawn, **frames) for band in BANDS]
