@@ -69,6 +69,12 @@ class _Same(Generic[_T]):
         return isinstance(other, _Same) and other.it is self.it
 
 
+_STRIPED = 0.8
+"""Light of a neighbour's wings that rules a filter with inverse variances for weights, over their mean in an aperture:
+they have stripes finer than lambda/D. Mean of images of sources at 2 to 20 arcsec: 0.86 in F520, 0.82 in F662, 0.74 in
+F720 and F850, where it falls to 0.62 at 2 arcsec; 0.55 to 0.9 for single sources."""
+
+
 @functools.lru_cache(maxsize=1024)
 def _kept(model: _Same[EtcModel], star: _Same[Targets], band: str) -> tuple[FloatArray, FloatArray]:
     found = _light(model.it, star.it, band)
@@ -479,7 +485,10 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
 
 
 def _companions_at(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the light of neighbours in the apertures themselves, ``(n, ...)``; the mean over unknown angles."""
+    """Return the light of neighbours in the apertures, as a search's weights see it, ``(n, ...)``.
+
+    It is the mean over unknown angles.
+    """
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     found = np.zeros(np.broadcast_shapes((len(targets), *upright[1:]), x.shape))
     x, y = (np.broadcast_to(part, found.shape) for part in (x, y))
@@ -487,7 +496,7 @@ def _companions_at(model: EtcModel, targets: Targets, band: str, x: FloatArray, 
         columns, rows = _place(model, near, angles)
         for number in range(columns.shape[1]):
             at = x[near.row] - columns[:, number].reshape(upright), y[near.row] - rows[:, number].reshape(upright)
-            light = near.rate_e_s.reshape(upright) * model.metrics[band].source_aperture(*at)
+            light = _STRIPED * near.rate_e_s.reshape(upright) * model.metrics[band].source_aperture(*at)
             np.add.at(found, near.row, light / columns.shape[1])
     return found
 

@@ -131,6 +131,15 @@ class VisitPair:
         """What the science frames show."""
         return self.science.scene
 
+    @functools.cached_property
+    def other_stars_e_s(self) -> FloatArray:
+        """Light of the scene's other stars on the stamp, e-/s in each pixel of the hole; planets are not known."""
+        light = np.zeros(self.geometry.hole.shape)
+        for one in self.science.truth.sources[1:]:
+            if one.kind != "planet":
+                light += one.rate_e_s * self.optics.at(one.x_arcsec, one.y_arcsec, margin_pixels=0)
+        return light
+
     def visit(self, role: Role, number: int) -> Observation:
         """Return a visit of the programme, to be run frame by frame."""
         first = self.science if role == "science" else self.reference

@@ -230,6 +230,25 @@ def test_light_of_a_companion_is_that_of_the_apertures_that_measure_the_noise(li
     np.testing.assert_array_equal(off.companion_e_s, 0.0)
 
 
+def test_a_search_sees_a_companions_stripes(light):
+    """Weights of inverse variance are those of the harmonic mean of its light under the source's squared image."""
+    image, star_e_s = light.psf.at(*companion_place()), electrons(PAIR["v_mag"])
+    half, middle = 5, len(image) // 2
+    inside = slice(middle - half, middle + half + 1)
+    kernel = np.asarray(light.psf.off_axis)[inside, inside] ** 2
+    offset = PIXEL * np.arange(-half, half + 1)
+    kernel *= np.hypot(offset[:, None], offset) <= 1.5 * LAMBDA_D
+    rng = np.random.default_rng(4)
+    row, column = middle + (rng.choice([-1, 1], (2, 60)) * rng.uniform(0.3, 0.6, (2, 60)) / PIXEL).astype(int)
+    x, y = PIXEL * (column - middle), PIXEL * (row - middle)
+    cuts = [image[r - half : r + half + 1, c - half : c + half + 1] for r, c in zip(row, column, strict=True)]
+    harmonic = star_e_s * np.array([kernel.sum() / np.sum(kernel / cut) for cut in cuts])
+    said = aperture_rates(model(), targets(3.0, **PAIR), BAND, x[None], y[None], np.full((1, 60), 1e-9), at_place=True)
+    seen = np.log(said.companion_e_s[0] / (harmonic * said.aperture_pixels))
+    assert abs(seen.mean()) < 0.1
+    assert seen.std() < 0.25
+
+
 def test_a_companion_that_may_stand_anywhere_is_averaged():
     """Mean over position angles of what it leaves at each: no angle is favoured."""
     rates = of(model(), targets(3.0, **(PAIR | {"pa_deg": np.nan})))

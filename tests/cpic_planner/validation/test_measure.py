@@ -11,8 +11,9 @@ from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
-from cpic_planner.validation.measure import forced_photometry, measure_planets
+from cpic_planner.validation.measure import forced_photometry, measure_planets, searcher_of
 from cpic_planner.validation.rdi import rdi_subtract
+from cpic_planner.validation.reduced import smoothed
 from cpic_planner.validation.speckle_maps import matched_sum
 from cpic_planner.validation.templates import obstacle
 from cpic_planner.validation.whitened import SpeckleModel
@@ -71,6 +72,27 @@ def test_subjects_stand_where_the_scene_puts_them():
         assert subject.core == pytest.approx(
             float(visits.optics.metrics.core_throughput(source.x_arcsec, source.y_arcsec)), rel=0.02
         )
+
+
+def test_a_search_knows_the_stripes_of_a_companions_wings():
+    """White noise as the search takes it, beside the variance of the photons that the references show."""
+    beside = {"name": "companion", "magnitude": 2.0, "spectral_type": "K5V", "separation_arcsec": 3.0, "pa_deg": 20.0}
+    scene = SCENE | {"planets": SCENE["planets"][:1], "stars": [beside | {"companion": True}]}
+    config = {"scene": scene, "bands": ("F720",), "exposure_s": 4.0, "n_frames": 600, "em_gain": 300.0, "audit": False}
+    (task,) = _work(ConfirmQuestion.of(config)).tasks
+    visits = visit_pair(task)
+    stack, rate = visits.draw(0).reduced, visits.science.truth.sources[0].rate_e_s
+    dark = replace(visits)
+    dark.__dict__["other_stars_e_s"] = np.zeros(stack.region.shape)
+
+    def apart(pair):
+        field = searcher_of(pair, stack, rate).field
+        # Photons are counted over 1.5 pixels.
+        white = smoothed(field.unfold(field.terms.white), stack.region)[stack.region]
+        return np.std(white / stack.white_variance_e2[stack.region])
+
+    assert apart(visits) < 0.1
+    assert apart(dark) > 0.25
 
 
 @pytest.mark.long
