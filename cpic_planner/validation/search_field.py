@@ -144,7 +144,7 @@ class SearchField:
         star_e: float,
         known: Sequence[tuple[float, float]],
         programme: "SearchedProgramme",
-        other_stars: FloatArray | None = None,
+        known_light: FloatArray | None = None,
     ) -> None:
         self._stack, self._psf, self._maps, self._programme = stack, psf, maps, programme
         self.pairs = programme.pairs
@@ -169,10 +169,9 @@ class SearchField:
         self._box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if rows.size else (slice(0),) * 2
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
-        # What no star lights, such as dust, is seen in the variance itself.
-        rest = smoothed(stack.white_variance_e2, self.region, self.lambda_d_pixels)[self.region]
-        lights = [maps.nominal, maps.stray, *([] if other_stars is None else [other_stars])]
-        even = np.ones(self._y.size), self._y, self._x, rest
+        # Shapes come from known light alone: the photons that are seen are dark where the residual is bright.
+        lights = [maps.nominal, maps.stray, *([] if known_light is None else [known_light])]
+        even = np.ones(self._y.size), self._y, self._x
         seen, sharp = (
             np.stack([*even, *(light[self.region] for light in each)])
             for each in ((smoothed(light, self.region) for light in lights), lights)

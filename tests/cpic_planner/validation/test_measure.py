@@ -83,7 +83,7 @@ def test_a_search_knows_the_stripes_of_a_companions_wings():
     visits = visit_pair(task)
     stack, rate = visits.draw(0).reduced, visits.science.truth.sources[0].rate_e_s
     dark = replace(visits)
-    dark.__dict__["other_stars_e_s"] = np.zeros(stack.region.shape)
+    dark.__dict__["known_light_e_s"] = np.zeros(stack.region.shape)
 
     def apart(pair):
         field = searcher_of(pair, stack, rate).field
@@ -93,6 +93,21 @@ def test_a_search_knows_the_stripes_of_a_companions_wings():
 
     assert apart(visits) < 0.1
     assert apart(dark) > 0.25
+
+
+def test_noise_of_few_photons_is_alike_on_both_sides():
+    """Its weights come from no photons that are in the residual, which is bright where the references were dark."""
+    calm = {"drift": {"visit_nm": 1e-4, "walk_nm_per_sqrt_hour": 1e-4, "orbital_nm": 0}}
+    faint = {"cstar": SCENE["cstar"] | {"v_mag": 6.0}, "planets": []}
+    config = {"scene": SCENE | faint, "bands": ("F662",), "exposure_s": 74.0, "n_frames": 40, "em_gain": 480.0}
+    (task,) = _work(ConfirmQuestion.of(config | {"instrument": load_instrument(calm), "audit": False})).tasks
+    visits, filtered = visit_pair(task), []
+    rate = visits.science.truth.sources[0].rate_e_s
+    for number in range(60):
+        stack = visits.draw(number).reduced
+        filtered.append(searcher_of(visits, stack, rate).field.measure(stack.image_e).snr)
+    values = np.stack(filtered)
+    assert abs(float(np.mean((values - values.mean()) ** 3) / values.std() ** 3)) < 0.07
 
 
 @pytest.mark.long
