@@ -107,8 +107,7 @@ class Solved:
         shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
-        mean = 1.0 + self.with_planet / cases.rates.background_apertures
-        most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None, mean)
+        most = _Most.of(self, lost, self.level if question == "exposure_time" else None)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
@@ -247,14 +246,8 @@ class _Most:
     dark_visit_s: FloatArray
 
     @classmethod
-    def of(
-        cls,
-        cases: CameraCases,
-        problem: FrameProblem,
-        lost: NDArray[np.bool_],
-        level: FloatArray | None,
-        mean: FloatArray,
-    ) -> "_Most":
+    def of(cls, solved: "Solved", lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
+        cases, problem, programme = solved.cases, solved.problem, solved.cases.programme
         parts = np.zeros((7, *lost.shape))
         parts[5:] = np.inf
         if lost.any():
@@ -268,10 +261,14 @@ class _Most:
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
                 endless = budget.programme_floor(cases, _ENDLESS)
                 parts[4, lost] = spread(endless, lost.shape)[lost]
-                errors = mean * error_noise(cases.rates, problem.camera, cases.model.strategy, cases.programme)
+                errors = error_noise(cases.rates, problem.camera, cases.model.strategy, programme)
+                if solved.with_planet:
+                    errors = errors * (1.0 + 1.0 / cases.rates.background_apertures)
                 calm = budget.without_speckles(part, spread(errors, lost.shape)[lost])
-                parts[5, lost] = smooth_least_visit_s(calm, wanted)
-                own = spread(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
+                # A search asks for less where nothing is speckles, and its visits can be short.
+                none = cases.search.at_speckles(programme)(np.zeros_like(level), np.ones_like(level))[lost]
+                parts[5, lost] = smooth_least_visit_s(calm, none if solved.searched else wanted)
+                own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
                 parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
         return cls(*parts)
 
