@@ -25,9 +25,9 @@ STATE_DIGITS = {"raw_contrast": 12, "core_table": 14, "column_light": 14, "filte
 def _packed(arrays: Mapping[str, NDArray[Any]], rounded: Mapping[str, int]) -> dict[str, NDArray[Any]]:
     """Return the arrays as a file holds them: rounded ones as bytes of equal weight side by side, which compress.
 
-    No file has the halo map, which follows from the others.
+    No file has the halo map, which follows from the others, nor the steps of the pupil, which the instrument says.
     """
-    packed = {name: array for name, array in arrays.items() if name != "halo_map"}
+    packed = {name: array for name, array in arrays.items() if name not in ("halo_map", "pupil_steps")}
     for name, digits in rounded.items():
         fraction, exponent = np.frexp(arrays[name])
         short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")

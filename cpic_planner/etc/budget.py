@@ -30,7 +30,7 @@ from cpic_planner.etc.searches import spread
 from cpic_planner.etc.together import CameraCases
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.signal import gain_caps, largest_gain, longest_exposure_s
+from simulator.signal import ProgrammeLaw, gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -200,12 +200,17 @@ def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, 
     crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
-    reference_e_s = rates.reference_light_e_s - rates.reference_halo_e_s / 2.0
-    darker = replace(rates, halo_e_s=rates.halo_e_s / 2.0, speckle=star.scaled(0.5), reference_light_e_s=reference_e_s)
+
+    def less(light_e_s: FloatArray, speckle: ProgrammeLaw) -> ApertureRates:
+        reference_e_s = rates.reference_light_e_s - rates.reference_halo * light_e_s
+        return replace(rates, halo_e_s=rates.halo_e_s - light_e_s, reference_light_e_s=reference_e_s, speckle=speckle)
+
+    darker = less((rates.halo_e_s - rates.errors_e_s) / 2.0, star.scaled(0.5))
+    calmer = less(0.75 * rates.errors_e_s, star.scaled(share))
     changed = {
         "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
         "twice_the_visits": snr(rates, case=cases.in_programme(again)),
-        "half_the_drift": snr(replace(rates, speckle=star.scaled(share))),
+        "half_the_drift": snr(calmer),
         "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
         "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
         "half_the_star_light": snr(darker),
@@ -220,10 +225,18 @@ LONGEST_TIME_S = 1e9
 _OF_PLACE = (Reason.TOO_FEW_ELEMENTS, Reason.SMALL_ROLL)
 
 
-def without_speckles(problem: FrameProblem) -> FrameProblem:
-    """Return the problem without what no time averages: speckles of the drift, and a companion's wings."""
-    nothing = np.zeros_like(problem.z0)
-    return replace(problem, z0=nothing, z1=nothing, z2=nothing)
+def without_speckles(problem: FrameProblem, errors_e_s: FloatArray) -> FrameProblem:
+    """Return the problem without drift, and without a companion's wings: what no time averages.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    errors_e_s : ndarray
+        Variance of the light that drift scatters, e-^2/s (`cpic_planner.etc.noise.error_noise`). It stays where photons
+        are counted.
+    """
+    nothing, calm = np.zeros_like(problem.z0), np.array(problem.alpha_e_s - errors_e_s)
+    return replace(problem, z0=nothing, z1=nothing, z2=nothing, alpha_e_s=calm, best_s=None)
 
 
 def without_background(problem: FrameProblem, own_e_s: FloatArray) -> FrameProblem:

@@ -43,8 +43,9 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
+from simulator.imaging import quadrant_of
 from simulator.knobs import Dial, dial_of
-from simulator.signal import ProgrammeLaw, programme_parts, quadrant_of
+from simulator.signal import ProgrammeLaw, programme_parts
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 

@@ -37,13 +37,15 @@ class StackNoise:
     then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background),
     ``speckle`` (what averages over visits only), ``common_speckle`` and ``companion_wings`` (what never averages).
     ``quiet`` is the variance that a significance is measured by: without the planet's own light and the mean's error;
-    ``white`` what of it averages with time, ``speckle`` what averages over visits only.
+    ``white`` what of it averages with time, ``speckle`` what averages over visits only. ``errors`` is the part of
+    ``white`` that photons make which the errors of the wavefront scatter; 0 where photons are counted.
     """
 
     signal_e: FloatArray
     quiet: FloatArray
     white: FloatArray
     speckle: FloatArray
+    errors: FloatArray
     snr: FloatArray
     significance: FloatArray
     _terms: Callable[[], dict[str, FloatArray]]
@@ -210,6 +212,26 @@ def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = 
     return np.asarray(camera.light_factor * share * rates.planet_e_s)
 
 
+def error_noise(rates: ApertureRates, camera: FrameCamera, strategy: Strategy, programme: Programme) -> FloatArray:
+    """Return the same of the light that errors of the wavefront scatter, of science and reference frames, e-^2/s.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    camera : FrameCamera
+    strategy : Strategy
+    programme : Programme
+    """
+    share = rates.noise_fraction * rates.variance_factor * programme.white_factor
+    light = _errors_e_s(rates, programme.frame_ratio(strategy.reference_ratio))
+    return np.asarray(camera.light_factor * share * light)
+
+
+def _errors_e_s(rates: ApertureRates, reference_ratio: ArrayLike) -> FloatArray:
+    """Return the scattered light whose photons make noise in the difference of a science frame and its references."""
+    return np.asarray(rates.errors_e_s * (1.0 + rates.reference_halo / np.asarray(reference_ratio, float)))
+
+
 def residual_law(rates: ApertureRates, programme: Programme) -> SpeckleLaw:
     """Return everything that a programme leaves and that frames do not average, before two rolls are averaged.
 
@@ -262,10 +284,11 @@ def stack_noise(
     if strategy.mode == "photon_counting":
         law = counting_probabilities(camera, float(gain.flat[0]), strategy)
         counts, planet = counted_terms(rates, exposure, stack, law, camera, ratio)
-        white = np.asarray(sum(counts.values()))
+        white, errors = np.asarray(sum(counts.values())), np.zeros(1)
     else:
         factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
         white = share * white_term(rates, camera, ratio).variance_e2(exposure, factor2, gain)
+        errors = share * factor2 * _errors_e_s(rates, ratio) * exposure
         planet = every * made.own_factor * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     integrated = (frames * exposure) ** 2 * rates.variance_factor
     wings = integrated * rates.wings_e2_s2 * made.planet_factor2
@@ -288,7 +311,8 @@ def stack_noise(
     with np.errstate(divide="ignore", invalid="ignore"):
         snr = np.where(signal > 0, signal / np.sqrt(quiet + mean + planet), 0.0)
         significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, quiet, white, spread(speckle, snr.shape), snr, significance, terms)
+    speckle, errors = (spread(part, snr.shape) for part in (speckle, errors))
+    return StackNoise(signal, quiet, white, speckle, errors, snr, significance, terms)
 
 
 def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from cpic_planner.etc.rates import companions_of
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-from simulator.signal import quadrant_of
+from simulator.imaging import quadrant_of
 from simulator.target import albedo_notes, albedo_source, contrast_at, needs_insolation, phase_value, sin_phase
 
 NEAREST_ARCSEC, FARTHEST_ARCSEC = 1e-6, 120.0

@@ -23,7 +23,7 @@ from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
 from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
 from cpic_planner.etc.motion import motion_factor, programme_days
-from cpic_planner.etc.noise import Objective, StackNoise, own_noise, snr_paper, stack_noise
+from cpic_planner.etc.noise import Objective, StackNoise, error_noise, own_noise, snr_paper, stack_noise
 from cpic_planner.etc.planet import Planets, planets_of
 from cpic_planner.etc.programmes import Programmes, Span
 from cpic_planner.etc.searches import last_true, spread, whole_steps
@@ -107,7 +107,7 @@ class Solved:
         shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
-        most = _Most.of(cases, problem, lost, self.level if question == "exposure_time" else None)
+        most = _Most.of(self, lost, self.level if question == "exposure_time" else None)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
@@ -246,9 +246,8 @@ class _Most:
     dark_visit_s: FloatArray
 
     @classmethod
-    def of(
-        cls, cases: CameraCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None
-    ) -> "_Most":
+    def of(cls, solved: "Solved", lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
+        cases, problem, programme = solved.cases, solved.problem, solved.cases.programme
         parts = np.zeros((7, *lost.shape))
         parts[5:] = np.inf
         if lost.any():
@@ -262,8 +261,14 @@ class _Most:
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
                 endless = budget.programme_floor(cases, _ENDLESS)
                 parts[4, lost] = spread(endless, lost.shape)[lost]
-                parts[5, lost] = smooth_least_visit_s(budget.without_speckles(part), wanted, cost)
-                own = spread(own_noise(cases.rates, problem.camera, cases.programme), lost.shape)[lost]
+                errors = error_noise(cases.rates, problem.camera, cases.model.strategy, programme)
+                if solved.with_planet:
+                    errors = errors * (1.0 + 1.0 / cases.rates.background_apertures)
+                calm = budget.without_speckles(part, spread(errors, lost.shape)[lost])
+                # A search asks for less where nothing is speckles, and its visits can be short.
+                none = cases.search.at_speckles(programme)(np.zeros_like(level), np.ones_like(level))[lost]
+                parts[5, lost] = smooth_least_visit_s(calm, none if solved.searched else wanted)
+                own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
                 parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
         return cls(*parts)
 
@@ -306,7 +311,8 @@ class _Detection:
             whole = spread(model.visit_s(total_s), margin.shape) if chosen else each
             own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
             least = wanted.at_speckles(programme)(np.zeros_like(level), visit)
-            calm[lost] = budget.reached(budget.without_speckles(alone.at(lost)), whole[lost], least[lost])
+            errors = spread(error_noise(cases.rates, problem.camera, strategy, programme), lost.shape)[lost]
+            calm[lost] = budget.reached(budget.without_speckles(alone.at(lost), errors), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
@@ -376,10 +382,11 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
         lit, averaged = np.nan_to_num(whole * light / (crossed + light)), np.nan_to_num(noise.speckle / whole)
 
     def reached(square: FloatArray) -> NDArray[np.bool_]:
-        quiet = noise.quiet - whole + square * (whole - lit) + square**2 * lit
+        less = noise.errors * (1.0 - square)
+        quiet = noise.quiet - less - whole + square * (whole - lit) + square**2 * lit
         with np.errstate(divide="ignore", invalid="ignore"):
             bright = np.nan_to_num(square * shining / (beating + square * shining)) * averaged
-            needed = level(1.0 - noise.white / quiet, choice.visit_s, bright)
+            needed = level(1.0 - (noise.white - less) / quiet, choice.visit_s, bright)
             return np.asarray(noise.signal_e / np.sqrt(quiet) >= needed)
 
     low = last_true(reached, noise.quiet.shape, _HALVINGS)

@@ -326,7 +326,7 @@ class Wanted:
 
 def of_band(noise: StackNoise, index: Any) -> StackNoise:
     """Return the noise of some of the cases, without its terms."""
-    names = ("signal_e", "quiet", "white", "speckle", "snr", "significance")
+    names = ("signal_e", "quiet", "white", "speckle", "errors", "snr", "significance")
     parts = {name: np.broadcast_to(getattr(noise, name), noise.snr.shape)[index] for name in names}
     return StackNoise(**parts, _terms=dict)
 

@@ -188,6 +188,7 @@ def faintest_contrast(
         rates,
         planet_e_s=star * metrics.core_open,
         halo_e_s=none,
+        errors_e_s=none,
         exozodi_e_s=none,
         sky_e_s=sky,
         dark_e_s=charge,

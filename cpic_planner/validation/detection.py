@@ -266,6 +266,7 @@ def searcher(
     visits: int = 1,
     reference_visits: int = 1,
     common_fraction: float = 0.0,
+    known_light_e_s: FloatArray | None = None,
 ) -> Searcher:
     """Return a search for sources everywhere in the dark hole, for an image of a stack or several.
 
@@ -291,6 +292,8 @@ def searcher(
     common_fraction : float
         Believed rms, over that of a visit's offset, of the wavefront by which science and reference differ in every
         visit (`Drift.common_fraction`): it is fitted, from a prior around this number; 0 for none. 0 to 1.
+    known_light_e_s : ndarray, shape (n, n), optional
+        Light on the stamp that is no planet's nor the star's, such as the wings of another star; even by default.
 
     Raises
     ------
@@ -319,7 +322,7 @@ def searcher(
     if maps.linear.shape != image.shape:
         raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
     programme = SearchedProgramme(visits, reference_visits, common_fraction)
-    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known, programme)
+    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known, programme, known_light_e_s)
     return Searcher(field, sigma, per_search, maps.visit_nm if maps.n_visits else 0.0)
 
 

@@ -90,6 +90,7 @@ def searcher_of(
         visits=visits.plan.visits,
         reference_visits=visits.plan.reference_visits,
         common_fraction=visits.instrument.drift.common_fraction,
+        known_light_e_s=visits.known_light_e_s,
     )
 
 

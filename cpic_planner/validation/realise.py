@@ -131,6 +131,16 @@ class VisitPair:
         """What the science frames show."""
         return self.science.scene
 
+    @functools.cached_property
+    def known_light_e_s(self) -> FloatArray:
+        """What does not change on the stamp, e-/s in each pixel: other stars, dust and sky, but not the planets."""
+        rows, columns, _ = self.science.area.stamp(len(self.geometry.hole))
+        light = self.science.light.static_e_s[rows, columns].copy()
+        for one in self.science.truth.sources[1:]:
+            if one.kind == "planet":
+                light -= one.rate_e_s * self.optics.at(one.x_arcsec, one.y_arcsec)
+        return light
+
     def visit(self, role: Role, number: int) -> Observation:
         """Return a visit of the programme, to be run frame by frame."""
         first = self.science if role == "science" else self.reference

@@ -144,6 +144,7 @@ class SearchField:
         star_e: float,
         known: Sequence[tuple[float, float]],
         programme: "SearchedProgramme",
+        known_light: FloatArray | None = None,
     ) -> None:
         self._stack, self._psf, self._maps, self._programme = stack, psf, maps, programme
         self.pairs = programme.pairs
@@ -168,14 +169,17 @@ class SearchField:
         self._box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if rows.size else (slice(0),) * 2
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
-        nominal, stray = maps.nominal[self.region], maps.stray[self.region]
-        # What the star does not light, such as the wings of a companion, is seen in the variance itself.
-        wings = smoothed(stack.white_variance_e2, self.region, self.lambda_d_pixels)[self.region]
-        pattern = np.stack([np.ones(self._y.size), self._y, self._x, nominal, stray, wings])
-        white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
+        # Shapes come from known light alone: the photons that are seen are dark where the residual is bright.
+        lights = [maps.nominal, maps.stray, *([] if known_light is None else [known_light])]
+        even = np.ones(self._y.size), self._y, self._x
+        seen, sharp = (
+            np.stack([*even, *(light[self.region] for light in each)])
+            for each in ((smoothed(light, self.region) for light in lights), lights)
+        )
+        white = smooth_white(stack.white_variance_e2[self.region], seen, sharp) if self._y.size else sharp[0]
         least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
-        self._stray = star_e * stray
+        self._stray = star_e * maps.stray[self.region]
         linear, square = maps.linear[self.region], maps.square[self.region]
         self.terms = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=False)
         self._within = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=True)
@@ -466,7 +470,7 @@ class SearchField:
         return np.asarray(peak.flux_e * self._stack.rdi.project(np.where(self.region, image, 0.0)))
 
 
-def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
+def smooth_white(measured: FloatArray, patterns: FloatArray, sharp: FloatArray) -> FloatArray:
     """Return the variance without the noise of its own measurement: least squares on smooth patterns.
 
     Parameters
@@ -475,7 +479,9 @@ def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
         Variance per position, from frames that hold the same noise as the residual: where they happen to be dark the
         residual is bright and its variance is understated.
     patterns : ndarray, shape (k, p)
-        Images of the light, at least 0.
+        Images of the light, at least 0, blurred as the variance is.
+    sharp : ndarray, shape (k, p)
+        The same as they are.
 
     Returns
     -------
@@ -489,10 +495,10 @@ def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
     Models, ch. 9). Without weights the core of a star in the field decides the fit everywhere.
     """
     scales = patterns.mean(axis=1)
-    used = patterns[scales > 0] / scales[scales > 0][:, None]
+    used, real = (part[scales > 0] / scales[scales > 0][:, None] for part in (patterns, sharp))
     scale = math.fabs(float(np.median(measured)))
     relative, fit = measured / (scale or 1.0), np.ones(measured.shape)
     for _ in range(_ROUNDS if scale else 1):
         weights, *_ = np.linalg.lstsq((used / fit).T, relative / fit, rcond=None)
         fit = np.maximum(weights @ used, 0.25 if scale else 0.0)
-    return np.asarray(fit * (scale or 1.0))
+    return np.asarray(np.maximum(weights @ real, 0.25 if scale else 0.0) * (scale or 1.0))

@@ -189,7 +189,7 @@ def rates(planet: float, halo: float) -> ApertureRates:
         "dark_e_s": DARK,
         "loss_per_s": LOSS,
         "reference_light_e_s": halo + SKY + DARK,
-        "reference_halo_e_s": halo,
+        "reference_halo": 1.0,
         "reference_scale": SCALE,
         "smear_e": SMEAR,
         "reference_smear_e": SMEAR,

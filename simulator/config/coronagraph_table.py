@@ -59,6 +59,11 @@ COLUMNS = Columns(
     _column("sky_transmission", "", 0.0, 1.0, "that of an even sky, where it is another than of dust around the star"),
     _column("speckle_variance_per_nm2", "", 0.0, 1e6, "variance of core sums between visits each 1 nm off: cross term"),
     _column("speckle_variance_per_nm4", "", 0.0, 1e6, "the same of the light of the wavefront's errors"),
+    _column("noise_contrast", "", 0.0, 1.0, "mean starlight of the cores whose scatter is the noise of a source there"),
+    _column("error_light_per_nm2", "", 0.0, 1.0, "light that wavefront errors of 1 nm rms scatter into these cores"),
+    _column(
+        "planet_left", "", 1e-3, 1.0, "part of a source's light that the mean of the background leaves in its core"
+    ),
     _column("source_peak_pixel", "", 0.0, 1.0, "brightest pixel of a source"),
     _column(
         *("source_peak_step", "", 0.0, 1.0, "the same, of pixels as wide as the rows' step: contrasts are over it"),
@@ -91,7 +96,13 @@ CONSTANT = (
     *("filter_square", "filter_tails", "filter_positions", "filter_roughness"),
 )
 """Columns of one value for all separations."""
-_LOGARITHMIC = ("raw_contrast", "contrast_stability", "speckle_variance_per_nm2", "speckle_variance_per_nm4")
+_LOGARITHMIC = (
+    "raw_contrast",
+    "noise_contrast",
+    "contrast_stability",
+    "speckle_variance_per_nm2",
+    "speckle_variance_per_nm4",
+)
 _IN_LAMBDA_D = re.compile(
     r"\s*\(?\s*(?:lambda|lam|λ|l)_?(?:0|c)?\s*/\s*D\s*\)?\s*(?:\^|\*\*)?\s*(2|²)?\s*", re.IGNORECASE
 )

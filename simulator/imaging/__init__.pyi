@@ -5,6 +5,17 @@ from simulator.config.map_files import (
     read_maps as read_maps,
     real_map as real_map,
 )
+from simulator.imaging.annuli import (
+    APART_RADII as APART_RADII,
+    STEP_PIXELS as STEP_PIXELS,
+    AnnulusLight as AnnulusLight,
+    ByGeometry as ByGeometry,
+    error_halo as error_halo,
+    light_around as light_around,
+    mean_over as mean_over,
+    noise_apertures as noise_apertures,
+    quadrant_of as quadrant_of,
+)
 from simulator.imaging.aperture import aperture_sums as aperture_sums
 from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
 from simulator.imaging.clear_pupil import scattered_light as scattered_light

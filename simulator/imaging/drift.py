@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 STEP_CYCLES = 0.5
 LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
+_FEWEST_SAMPLES = 64
 FLAT_BELOW_CYCLES = 1.0
 
 
@@ -233,6 +234,26 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
     for array in arrays:
         array.flags.writeable = False
     return ScreenModel(*arrays)
+
+
+@functools.lru_cache(maxsize=8)
+def spectrum(psd_slope: float) -> tuple[FloatArray, FloatArray]:
+    """Return the frequencies along an axis, cycles per diameter, and the mean square of the waves of a screen of 1 nm.
+
+    Parameters
+    ----------
+    psd_slope : float
+        Exponent of the power spectrum of the screens, ``f^-slope``.
+
+    Returns
+    -------
+    frequency : ndarray, shape (127,)
+    power : ndarray, shape (127, 127)
+        nm^2, half of each wave's at opposite frequencies. All of it is 1, and what piston, tip and tilt take.
+    """
+    upper = 0.5 * screen_model(_FEWEST_SAMPLES, psd_slope).amplitude ** 2
+    power = np.concatenate([upper[:0:-1, ::-1], upper[:1] + upper[:1, ::-1], upper[1:]])
+    return STEP_CYCLES * np.arange(-LAST_INDEX, LAST_INDEX + 1.0), np.asarray(power)
 
 
 @dataclass(frozen=True, eq=False)

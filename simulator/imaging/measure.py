@@ -439,6 +439,7 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "register_tail": _register_tail(frame[hole.any(axis=1)], offset, columns),
         "column_light": on_axis.sum(axis=0) + beyond.sum(axis=0),
         "source_noise_fraction": _source_noise_fraction(imager),
+        "pupil_steps": len(imager.transmission),
     }
     values |= _wings(wide or imager)
     for name, table in (("floor", vars(floor)), ("filter", vars(matched))):

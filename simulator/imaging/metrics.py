@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -71,6 +71,8 @@ class PsfMetrics(StampMetrics):
     filter_positions, filter_roughness : float
         Positions of filtered white noise that are worth one, and the variance of its gradient along an axis over its
         variance, per square pixel.
+    pupil_steps : int
+        Steps across the pupil of which its field is made; 0 where nobody knows.
     """
 
     hole_state: HoleStatus
@@ -95,6 +97,7 @@ class PsfMetrics(StampMetrics):
     filter_tails: float
     filter_positions: float
     filter_roughness: float
+    pupil_steps: int = 0
 
     @property
     def field_radius_arcsec(self) -> float:
@@ -221,19 +224,32 @@ class PsfMetrics(StampMetrics):
         """Return the light per pixel that a source leaves at an offset (x, y), smoothed over a step of the map.
 
         The wings of a stepped apodizer gather along its axes: on a diagonal they lie a hundred times below the
-        azimuthal mean. Beyond the map the pattern of its edge goes on and fades as the inverse square; the offset
-        across an arm stays as it is.
+        azimuthal mean. The field of a pupil of ``n`` steps repeats every ``n`` lambda/D along an axis, times
+        ``sinc(u / n)`` with u in lambda/D: beyond the map its light is that of the map's last such part, over the
+        square of the offsets. It is good to 10 % in the mean over a hole, and to a factor of 1.5 where the width of the
+        band smears it. Where the steps are not known, the pattern of the edge goes on and fades as the inverse square;
+        the offset across an arm stays as it is.
         """
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
         last, step = len(self.wing_map) - 1, self.wing_map_step_arcsec
-        edge = (last // 2 - 0.5) * step
+        edge, dimmer = (last // 2 - 0.5) * step, np.ones(x.shape)
+        if self.pupil_steps:
+            (x, own), (y, other) = (self._repeated(part, edge) for part in (x, y))
+            dimmer = own * other
         # The last boxes lie beside an axis where the source does.
         far = np.maximum(np.maximum(np.abs(x), np.abs(y)) / edge, 1.0)
         along = np.abs(x) > np.abs(y)
         x, y = np.where(along, x / far, x), np.where(along, y, y / far)
         column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
-        result: FloatArray = np.exp(bilinear(np.log(self.wing_map), row, column)) / far**2
+        result: FloatArray = np.exp(bilinear(np.log(self.wing_map), row, column)) * dimmer / far**2
         return result
+
+    def _repeated(self, offset: FloatArray, edge_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Return offsets along an axis within the edge whose light repeats at given ones, and how much dimmer it is."""
+        period = self.pupil_steps * self.lambda_d_arcsec
+        beyond = np.maximum(np.abs(offset) - edge_arcsec, 0.0)
+        within = offset - np.sign(offset) * np.ceil(beyond / period) * period
+        return within, np.where(beyond > 0.0, (within / np.where(beyond > 0.0, offset, 1.0)) ** 2, 1.0)
 
     @property
     def aperture_map_half_arcsec(self) -> float:
@@ -349,6 +365,8 @@ class PsfMetrics(StampMetrics):
         """
         values: dict[str, Any] = {}
         for field in fields(cls):
+            if field.name not in arrays and field.default is not MISSING:
+                continue
             if field.name not in arrays:
                 raise InputError("metrics", field.name, allowed="arrays of every field")
             array = np.asarray(arrays[field.name])

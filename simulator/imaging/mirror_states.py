@@ -146,4 +146,5 @@ def _states(key: str, band: str, held: Unkeyed) -> tuple[PsfMetrics, ...]:
 def _of_file(stored: Mapping[str, NDArray[Any]], own: PsfMetrics) -> PsfMetrics:
     """Return a state from its file, and the far wings from the instrument's own state."""
     shared = {name: getattr(own, name) for name in SHARED}
-    return replace(PsfMetrics.from_arrays(unpacked(shared | dict(stored))), **shared)
+    made = PsfMetrics.from_arrays(unpacked(shared | dict(stored)))
+    return replace(made, pupil_steps=own.pupil_steps, **shared)

@@ -19,8 +19,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import logging
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import astuple, fields, replace
+from dataclasses import MISSING, astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,9 +113,9 @@ def _shipped(kind: str, key: str, band: str) -> Path | None:
 
 
 @functools.lru_cache(maxsize=16)
-def _shipped_metrics(path: Path) -> PsfMetrics:
+def _shipped_metrics(path: Path, pupil_steps: int) -> PsfMetrics:
     """Return the metrics of a file in the package: it takes longer to unpack them than to use them."""
-    return PsfMetrics.from_arrays(unpacked(read_npz(path)))
+    return replace(PsfMetrics.from_arrays(unpacked(read_npz(path))), pupil_steps=pupil_steps)
 
 
 def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
@@ -238,7 +239,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
     pixel_arcsec = instrument.pixel_scale_arcsec(band)
     parts = {
         "schema": [SCHEMA, HOLE_SCHEMA],
-        "fields": sorted(field.name for field in fields(PsfMetrics)),
+        "fields": sorted(field.name for field in fields(PsfMetrics) if field.default is MISSING),
         "band": band,
         "edges": edges,
         "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
@@ -312,7 +313,8 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
         return _table_metrics(key, band, Unkeyed(instrument))
     path = _shipped("metrics", key, band)
     if path is not None:
-        return _shipped_metrics(path)
+        steps = math.lcm(len(configured_apodizer(instrument)), instrument.wavefront.samples)
+        return _shipped_metrics(path, steps)
 
     def metrics_of(arrays: Mapping[str, NDArray[Any]]) -> PsfMetrics:
         return PsfMetrics.from_arrays(unpacked(arrays))

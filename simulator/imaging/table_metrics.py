@@ -61,6 +61,22 @@ class TableMetrics(PsfMetrics):
         contrast = self.table.at("raw_contrast", separation_arcsec)
         return self.contrast_factor * contrast * self.table.at("core_throughput", separation_arcsec)
 
+    def noise_light(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what the table has for `simulator.imaging.annuli.AnnulusLight` at (x, y): its starlight and no other.
+
+        Where it does not say, all starlight is in its raw contrast, and the background holds nothing of a source.
+        """
+        star = self.halo_aperture(x_arcsec, y_arcsec)
+        if "noise_contrast" in self.table:
+            contrast = self.table.at_place("noise_contrast", x_arcsec, y_arcsec)
+            star = self.contrast_factor * contrast * self.core_throughput(x_arcsec, y_arcsec)
+        said = (("error_light_per_nm2", 0.0), ("planet_left", 1.0))
+        errors, left = (
+            self.table.at_place(name, x_arcsec, y_arcsec) if name in self.table else np.full(star.shape, usual)
+            for name, usual in said
+        )
+        return star, errors, left
+
     def core_pixels(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray | float:
         """Return the area in pixels of the core at (x, y)."""
         if "core_area_arcsec2" not in self.table or not self.table.varies("core_area_arcsec2"):

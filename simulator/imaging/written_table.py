@@ -7,9 +7,12 @@ import numpy as np
 from cpic_core import FloatArray, InputError, as_path, check_writable, numeric_context, visible, write_named
 from simulator.config import InstrumentLike, load_instrument
 from simulator.config.instrument import Instrument
+from simulator.imaging.annuli import light_around
 from simulator.imaging.store import psf_metrics
 
 N_ROWS = 240
+ANNULUS_LAMBDA_D = 1.5
+"""Half width of the annulus whose light the table has: that of reductions by default."""
 
 
 @numeric_context()
@@ -70,6 +73,8 @@ def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, F
     core = metrics.core_throughput(x, y)
     lit = core > 1e-6 * core.max()
     separation, x, y, core = separation[lit], x[lit], y[lit], core[lit]
+    of_errors = {"psd_slope": instrument.drift.psd_slope, "wavelength_nm": instrument.band(band).center_nm}
+    around = light_around(metrics, ANNULUS_LAMBDA_D, x, y, **of_errors)
     linear, square = (np.exp(np.interp(separation, rings, logs)) for logs in metrics.floor_logs())
     beyond = np.maximum(separation / rings[-1], 1.0)
     stable = metrics.stability(separation)
@@ -84,6 +89,9 @@ def _columns(instrument: Instrument, band: str) -> tuple[FloatArray, dict[str, F
     return separation, {
         "core_throughput": core,
         "raw_contrast": metrics.halo_aperture(x, y) / core,
+        "noise_contrast": around.star / core,
+        "error_light_per_nm2": around.errors,
+        "planet_left": around.planet_left,
         **residual,
         "occulter_transmission": np.maximum(metrics.dust_transmission(x, y, core), core),
         "sky_transmission": np.maximum(metrics.apodizer_energy * metrics.sky_share(x, y), core),

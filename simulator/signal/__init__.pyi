@@ -1,7 +1,6 @@
 from simulator.signal.companions import (
     CompanionTables as CompanionTables,
     companion_tables as companion_tables,
-    quadrant_of as quadrant_of,
 )
 from simulator.signal.light import (
     annulus_apertures as annulus_apertures,
@@ -41,6 +40,7 @@ from simulator.signal.speckles import (
     SpeckleLaw as SpeckleLaw,
     annulus_floor as annulus_floor,
     error_light_share as error_light_share,
+    error_variance_nm2 as error_variance_nm2,
     programme_law as programme_law,
     programme_parts as programme_parts,
     speckle_law as speckle_law,

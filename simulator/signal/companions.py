@@ -14,8 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, IntArray
-from simulator.imaging import PsfMetrics
+from cpic_core import ArrayLike, FloatArray
+from simulator.imaging import (
+    APART_RADII,
+    STEP_PIXELS,
+    ByGeometry,
+    PsfMetrics,
+    mean_over,
+    noise_apertures,
+    quadrant_of,
+)
 
 Place = tuple[FloatArray, FloatArray]
 """Offsets x and y of ``k`` companions from the star on the detector, arcsec, shape ``(k, a)``: one place each, or ``a``
@@ -24,13 +32,13 @@ of them that are equally likely."""
 # Rms of aperture sums of the wings about their smooth course, over the latter, where no map resolves them: typical of
 # the visible bands, and good to a factor of two at most single places (tests of this module, against images).
 _STRUCTURE = 0.4
-# Pixels between apertures: for one place of a companion, and for many that are averaged.
-_STEP_PIXELS, _ROUGH_STEP_PIXELS = 2.0, 6.0
-_N_SEPARATIONS = 16
+# Brightest pixel over the mean of an aperture on it: that of fringes, which wings are within an aperture. Images of
+# companions that fill the register have 1.1 to 1.8.
+_FRINGES = 2.0
+# Pixels between apertures for many places of a companion that are averaged.
+_ROUGH_STEP_PIXELS = 6.0
 # Companions whose tables are kept, of one band and annulus: 2 kB each.
 _MOST_KEPT = 10_000
-# Apertures this many radii from a source hold no pixel of the disc around it that is left out of the background.
-_APART_RADII = 2.5
 
 
 @dataclass(frozen=True)
@@ -64,7 +72,7 @@ class CompanionTables:
     tables : ndarray, shape (k, 3, 4, s)
         Fields of `CompanionLight`, by the quadrant of the planet (`quadrant_of`).
     brightest : ndarray, shape (k,)
-        Light in the brightest aperture of the hole.
+        Light on the brightest pixel of the hole, at most.
     quadrants : ndarray, shape (k, 4)
         Mean light in the apertures of each quadrant; inf in one that is not controlled, which is full of starlight.
     """
@@ -129,7 +137,7 @@ def companion_tables(
     the science frames do. With ``W`` the light in an aperture and the references' ``R``, what is left is
     ``var(W - R)``; beyond the map that resolves the wings ``0.4^2 mean(W^2 + R^2)`` is added for their structure.
     """
-    kept = _kept(_Wings(metrics), annulus_lambda_d, place[0].shape[1], len(difference), rows)
+    kept = _kept(ByGeometry(metrics), annulus_lambda_d, place[0].shape[1], len(difference), rows)
     every = np.stack([part for one in (place, *difference) for part in one], axis=1, dtype=np.float64)
     keys = [companion.tobytes() for companion in every]
     new = [number for number, key in enumerate(keys) if key not in kept]
@@ -142,53 +150,27 @@ def companion_tables(
         found = _tables(metrics, annulus_lambda_d, places, rows)
         kept.update({keys[number]: row for number, row in zip(new, zip(*found, strict=True), strict=True)})
     tables, brightest, quadrants = (np.array(part) for part in zip(*(kept[key] for key in keys), strict=True))
-    step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    return CompanionTables(_apertures(_Wings(metrics), annulus_lambda_d, step)[2], tables, brightest, quadrants)
-
-
-def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
-    """Return the number of the quadrant of a place: 0 upper right (+x, +y), 1 upper left, 2 lower right, 3 lower left.
-
-    Parameters
-    ----------
-    x_arcsec, y_arcsec : array_like
-        Offsets from the star on the detector.
-    """
-    return (np.asarray(x_arcsec) < 0).astype(np.int64) + 2 * (np.asarray(y_arcsec) < 0)
+    step = STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
+    separation_arcsec = noise_apertures(ByGeometry(metrics), annulus_lambda_d, step).separation_arcsec
+    return CompanionTables(separation_arcsec, tables, brightest, quadrants)
 
 
 Row = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class _Wings:
-    """Figures of a band, equal to those of all dark holes of one geometry that share the light without the mask."""
-
-    def __init__(self, metrics: PsfMetrics) -> None:
-        self.metrics = metrics
-        maps = (metrics.wing_map, metrics.aperture_map, metrics.column_profile)
-        steps = metrics.wing_map_step_arcsec, metrics.aperture_map_step_arcsec
-        self._key = (metrics.geometry, *steps, *map(id, maps))  # no other map has that id while this one lives
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Wings) and self._key == other._key
-
-
 @functools.lru_cache(maxsize=64)
 def _kept(
-    wings: _Wings, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
+    figures: ByGeometry, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
 ) -> dict[bytes, Row]:
-    """Return the tables, brightest aperture and quadrants of single companions, by their places."""
+    """Return the tables, brightest pixel and quadrants of single companions, by their places."""
     return {}
 
 
 def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place], rows: tuple[float, float]) -> Row:
     """Return the same of ``k`` companions at once, which stand at the first of the places."""
     place, *difference = places
-    step = _STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    x, y, separations, share = _apertures(_Wings(metrics), annulus_lambda_d, step)
+    step = STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
+    x, y, separations, share = noise_apertures(ByGeometry(metrics), annulus_lambda_d, step)
     light, apart = _apart(metrics, x, y, place)
     column_x, index = np.unique(x, return_inverse=True)
     columns = metrics.source_column_aperture(column_x - place[0][..., None])[..., index]
@@ -197,21 +179,24 @@ def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place
     # Of a companion beyond the active rows, or behind the mask, the columns hold its wings alone.
     columns = np.where(seen[..., None], columns, (rows[1] - rows[0]) * light)
     tables = np.zeros((len(light), 3, 4, separations.size))
-    whole = np.maximum(_over(apart.sum(axis=1), share), 1e-9)
+    whole = np.maximum(mean_over(apart.sum(axis=1), share), 1e-9)
     for field, part in enumerate((light, columns)):
-        tables[:, field] = _over((part * apart).sum(axis=1), share) / whole
+        tables[:, field] = mean_over((part * apart).sum(axis=1), share) / whole
     if difference:
         tables[:, 2] = _left(metrics, x, y, difference, share)
     quadrants, number = np.full((len(light), 4), np.inf), quadrant_of(x, y)
     for dark in np.unique(number):
         quadrants[:, dark] = light[..., number == dark].mean(axis=(1, 2))
-    return tables, light.max(axis=2).mean(axis=1), quadrants
+    pixel = metrics.pixel_scale_arcsec
+    over_edges, _ = _apart(metrics, *metrics.zone.cells(step * pixel, 0.0, pixel)[:2], place)
+    brightest = over_edges.max(axis=2).mean(axis=1) * (_FRINGES / metrics.aperture_pixels)
+    return tables, brightest, quadrants
 
 
 def _apart(metrics: PsfMetrics, x: FloatArray, y: FloatArray, place: Place) -> tuple[FloatArray, FloatArray]:
     """Return companions' light in apertures, ``(k, a, p)``, 0 on the companion itself, and which are beside it."""
     dx, dy = x - place[0][..., None], y - place[1][..., None]
-    apart = np.hypot(dx, dy) > _APART_RADII * metrics.aperture_radius_arcsec
+    apart = np.hypot(dx, dy) > APART_RADII * metrics.aperture_radius_arcsec
     return metrics.source_aperture(dx, dy) * apart, apart.astype(float)
 
 
@@ -226,43 +211,9 @@ def _left(metrics: PsfMetrics, x: FloatArray, y: FloatArray, places: Sequence[Pl
         square += far * light**2
         beside *= apart
     whole, course, scatter, structure = (
-        _over(part.reshape(-1, x.size), share) for part in (beside, found * beside, found**2 * beside, square * beside)
+        mean_over(part.reshape(-1, x.size), share)
+        for part in (beside, found * beside, found**2 * beside, square * beside)
     )
     whole = np.maximum(whole, 1e-9)
     variance = np.maximum(scatter / whole - (course / whole) ** 2, 0.0) + _STRUCTURE**2 * structure / whole
     return np.asarray(variance.reshape(*places[0][0].shape, *variance.shape[1:]).mean(axis=1))
-
-
-def _over(values: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the sum over apertures ``(r, p)`` with the shares ``(p, 4, s)``, the same bytes for any number of rows."""
-    return np.asarray(np.einsum("rp,pqs->rqs", values, share, optimize=False))
-
-
-@functools.lru_cache(maxsize=64)
-def _grid(wings: _Wings, step_pixels: float) -> tuple[FloatArray, FloatArray, float]:
-    """Return x and y of apertures whose pixels lie in the zone, centres of square cells, and the side of a cell."""
-    metrics = wings.metrics
-    pixel = metrics.pixel_scale_arcsec
-    return metrics.zone.cells(step_pixels * pixel, metrics.aperture_radius_arcsec, pixel)
-
-
-@functools.lru_cache(maxsize=64)
-def _apertures(
-    wings: _Wings, annulus_lambda_d: float, step_pixels: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return x and y of apertures, separations of planets, and each one's share in their noise, ``(p, 4, s)``.
-
-    Cells that an edge of the annulus or of a disc cuts count with the part inside.
-    """
-    (x, y, step), metrics = _grid(wings, step_pixels), wings.metrics
-    separation, radius = np.hypot(x, y), metrics.aperture_radius_arcsec
-    planet = np.linspace(separation.min(), separation.max(), _N_SEPARATIONS)
-    room = annulus_lambda_d * metrics.lambda_d_arcsec - radius - 0.5 * metrics.pixel_scale_arcsec
-    away = np.abs(separation[:, None] - planet)
-    inside = np.clip((np.maximum(room, away.min(axis=0)) - away) / step + 0.5, 0.0, 1.0)
-    number, offset = np.arange(4)[:, None], planet / np.sqrt(2.0)
-    place = (1 - 2 * (number % 2)) * offset, (1 - 2 * (number // 2)) * offset
-    near = np.hypot(x[:, None, None] - place[0], y[:, None, None] - place[1])
-    beside = np.clip((near - _APART_RADII * radius) / step + 0.5, 0.0, 1.0) * inside[:, None, :]
-    # Where nothing of the annulus is beside the planet, all of it counts.
-    return x, y, planet, np.where(beside.any(axis=0), beside, inside[:, None, :])

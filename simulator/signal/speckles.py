@@ -348,6 +348,20 @@ def error_light_share(
     return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
 
 
+def error_variance_nm2(drift: Drift) -> float:
+    """Return the mean square of the wavefront errors of a science visit whose light lies in the zone, nm^2.
+
+    Parameters
+    ----------
+    drift : Drift
+        The offset of the visit, the screen that all science visits share, and as much of what swings with the orbit as
+        reaches the zone. The walk within a visit of ``v`` is left out: its light, ``w v / 2``, counts little where its
+        speckles grow with v.
+    """
+    reaches = LOW_ORDER_SQUARE**0.5 if drift.orbital_orders == "low" else 1.0
+    return drift.visit_nm**2 + drift.common_nm**2 + reaches * drift.orbital_nm**2
+
+
 def annulus_floor(metrics: PsfMetrics, annulus_lambda_d: float, separation_arcsec: ArrayLike) -> tuple[FloatArray, ...]:
     """Return `PsfMetrics.floor_linear` and `floor_square` of the annulus around separations: mean of its apertures."""
     place, *tables = _annulus_table(metrics, annulus_lambda_d)

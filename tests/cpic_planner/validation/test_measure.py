@@ -11,8 +11,9 @@ from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.detection import MATCH_LAMBDA_D
-from cpic_planner.validation.measure import forced_photometry, measure_planets
+from cpic_planner.validation.measure import forced_photometry, measure_planets, searcher_of
 from cpic_planner.validation.rdi import rdi_subtract
+from cpic_planner.validation.reduced import smoothed
 from cpic_planner.validation.speckle_maps import matched_sum
 from cpic_planner.validation.templates import obstacle
 from cpic_planner.validation.whitened import SpeckleModel
@@ -71,6 +72,42 @@ def test_subjects_stand_where_the_scene_puts_them():
         assert subject.core == pytest.approx(
             float(visits.optics.metrics.core_throughput(source.x_arcsec, source.y_arcsec)), rel=0.02
         )
+
+
+def test_a_search_knows_the_stripes_of_a_companions_wings():
+    """White noise as the search takes it, beside the variance of the photons that the references show."""
+    beside = {"name": "companion", "magnitude": 2.0, "spectral_type": "K5V", "separation_arcsec": 3.0, "pa_deg": 20.0}
+    scene = SCENE | {"planets": SCENE["planets"][:1], "stars": [beside | {"companion": True}]}
+    config = {"scene": scene, "bands": ("F720",), "exposure_s": 4.0, "n_frames": 600, "em_gain": 300.0, "audit": False}
+    (task,) = _work(ConfirmQuestion.of(config)).tasks
+    visits = visit_pair(task)
+    stack, rate = visits.draw(0).reduced, visits.science.truth.sources[0].rate_e_s
+    dark = replace(visits)
+    dark.__dict__["known_light_e_s"] = np.zeros(stack.region.shape)
+
+    def apart(pair):
+        field = searcher_of(pair, stack, rate).field
+        # Photons are counted over 1.5 pixels.
+        white = smoothed(field.unfold(field.terms.white), stack.region)[stack.region]
+        return np.std(white / stack.white_variance_e2[stack.region])
+
+    assert apart(visits) < 0.1
+    assert apart(dark) > 0.25
+
+
+def test_noise_of_few_photons_is_alike_on_both_sides():
+    """Its weights come from no photons that are in the residual, which is bright where the references were dark."""
+    calm = {"drift": {"visit_nm": 1e-4, "walk_nm_per_sqrt_hour": 1e-4, "orbital_nm": 0}}
+    faint = {"cstar": SCENE["cstar"] | {"v_mag": 6.0}, "planets": []}
+    config = {"scene": SCENE | faint, "bands": ("F662",), "exposure_s": 74.0, "n_frames": 40, "em_gain": 480.0}
+    (task,) = _work(ConfirmQuestion.of(config | {"instrument": load_instrument(calm), "audit": False})).tasks
+    visits, filtered = visit_pair(task), []
+    rate = visits.science.truth.sources[0].rate_e_s
+    for number in range(60):
+        stack = visits.draw(number).reduced
+        filtered.append(searcher_of(visits, stack, rate).field.measure(stack.image_e).snr)
+    values = np.stack(filtered)
+    assert abs(float(np.mean((values - values.mean()) ** 3) / values.std() ** 3)) < 0.07
 
 
 @pytest.mark.long

@@ -68,9 +68,9 @@ def test_slopes_are_derivatives():
 def test_smooth_white_keeps_patterns_and_drops_noise():
     patterns = np.stack([np.ones(N), FALL, np.zeros(N)])
     truth = 3.0 + 4.0 * FALL
-    smooth = smooth_white(truth * (1 + 0.2 * RNG.standard_normal(N)), patterns)
+    smooth = smooth_white(truth * (1 + 0.2 * RNG.standard_normal(N)), patterns, patterns)
     np.testing.assert_allclose(smooth, truth, rtol=0.03)
-    assert smooth_white(np.where(FALL < 0.9, 1.0, -9.0), patterns[:2]).min() == pytest.approx(0.25)
+    assert smooth_white(np.where(FALL < 0.9, 1.0, -9.0), patterns[:2], patterns[:2]).min() == pytest.approx(0.25)
 
 
 def test_a_star_in_the_field_leaves_the_white_noise_elsewhere():
@@ -78,5 +78,5 @@ def test_a_star_in_the_field_leaves_the_white_noise_elsewhere():
     core = 300.0 * np.exp(-0.5 * ((np.arange(N) - 30.0) / 10.0) ** 2)
     truth = 3.0 + 4.0 * FALL + core
     patterns = np.stack([np.ones(N), FALL, uniform_filter1d(truth, 81)])
-    smooth = smooth_white(truth * (1 + 0.2 * RNG.standard_normal(N)), patterns)
+    smooth = smooth_white(truth * (1 + 0.2 * RNG.standard_normal(N)), patterns, patterns)
     np.testing.assert_allclose(smooth[400:], truth[400:], rtol=0.05)

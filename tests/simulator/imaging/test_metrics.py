@@ -5,7 +5,15 @@ import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
 from simulator.config import load_instrument
-from simulator.imaging import HoleZone, PsfMetrics, build_imager, overlap_weights, psf_metrics, single_band_psf
+from simulator.imaging import (
+    HoleZone,
+    PsfMetrics,
+    aperture_sums,
+    build_imager,
+    overlap_weights,
+    psf_metrics,
+    single_band_psf,
+)
 from simulator.imaging.build import bare_imager, dark_hole_of
 from simulator.imaging.measure import _wings, stamp_figures
 from simulator.imaging.pupil import draw_aberrations
@@ -209,8 +217,11 @@ def test_apertures_around_a_source_are_those_of_images(metrics, band):
 
 
 def test_wings_go_on_beyond_the_map_as_they_leave_it(metrics):
-    """Boxes 18 to 24 arcsec from a source, on an arm and far from any: the map's edge tells them apart."""
-    m = metrics["F520"]
+    """Boxes 18 to 24 arcsec from a source, on an arm and far from any: the map's edge tells them apart.
+
+    Of a pupil of which nobody knows the steps.
+    """
+    m = dataclasses.replace(metrics["F520"], pupil_steps=0)
     imager = build_imager(INSTRUMENT, "F520", Knobs(wavelength_nodes=24))
     centres = 0.5 + np.arange(-4, 5) * m.pixel_scale_arcsec
     axis = imager.axis(centres, masked=False)
@@ -223,6 +234,26 @@ def test_wings_go_on_beyond_the_map_as_they_leave_it(metrics):
     assert np.mean(ring_off) > np.log(20)
     edge = (len(m.wing_map) // 2 - 0.5) * m.wing_map_step_arcsec
     np.testing.assert_allclose(m.wing_at(edge * (1 + 1e-9), 3.0), m.wing_at(edge, 3.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_light_of_a_stepped_pupil_repeats_beyond_the_map(metrics, band):
+    """Mean light in the apertures of the hole of sources 20 arcsec away, beside the arms and between them, of images.
+
+    The pattern of the map's edge had 0.1 to 9 times as much.
+    """
+    m, psf = metrics[band], single_band_psf(band, instrument=INSTRUMENT)
+    pixel, middle = m.pixel_scale_arcsec, len(psf.on_axis) // 2
+    weights = overlap_weights(m.aperture_radius_arcsec / pixel)
+    x, y, _ = m.zone.cells(2 * pixel, m.aperture_radius_arcsec, pixel)
+    row, column = (np.rint(part / pixel).astype(int) + middle for part in (y, x))
+    for pa_deg in (10.0, 55.0, 100.0):
+        from_x, from_y = -20.0 * np.sin(np.radians(pa_deg)), 20.0 * np.cos(np.radians(pa_deg))
+        seen = aperture_sums(psf.at(from_x, from_y), weights)[row, column].mean()
+        found = m.source_aperture(
+            column * pixel - middle * pixel - from_x, row * pixel - middle * pixel - from_y
+        ).mean()
+        assert found == pytest.approx(seen, rel=0.15)
 
 
 def test_core_is_zero_beyond_the_field_and_vectorised(metrics):
