@@ -6,13 +6,15 @@ noise is the share ``w`` of the variance, the cross term of the wavefront's erro
 light of the errors ``l``, these have closed forms (``F`` of `PsfMetrics.filter_square`, ``m`` the mean's variance):
 
     v     = w + c f_c + l f_l                         noise through the filter; f of `PsfMetrics.filter_linear`
-    mu    = S g / sqrt(v)                             signal over noise; g of `PsfMetrics.filter_gain`
+    mu    = S g (1 + var / 6) / sqrt(v)               signal over noise; g of `PsfMetrics.filter_gain`
     f_l   = F (1 - m / b) / mean(1 - m / b)           apertures, of variance b, are measured less the mean of the hole
     peak  = sqrt(mu^2 + 2), or mu at a known place    a maximum over two coordinates
     rel   = s' I^-1 s                                 relative variance of the noise estimate; s slopes of ln v
     tau   = snr_at(level, laplace, 2 / rel, visits)   threshold; laplace from the kurtosis of the errors' light
-    P     = Phi((peak - tau) / sqrt(1 + own + tau^2 rel / 4))
+    var   = rel (1 + 3 laplace^2 / 2 visits)          the same of what is there: squares of heavy tails vary by more
+    P     = Phi((peak - tau) / sqrt(1 + own + tau^2 var / 4))
 
+The median of a mean square of relative variance ``var`` lies ``var / 3`` below its mean (Wilson & Hilferty 1931).
 ``I`` is the information of all places of the hole but the planet's disc and, as far as speckles rule, its mirror image,
 and of the scatter of the visits, on the level of the white noise and the drift, by which ``s`` are slopes. The cross
 term varies from place to place: P is the mean over fifths of the places at a separation.
@@ -391,6 +393,9 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_frac
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
     uncertain = np.sqrt(relative / _MOST_RELATIVE)
+    # Mean squares of few visits with heavy tails vary by more than a fit of Gaussian noise says.
+    varied = relative * (1.0 + 1.5 * here.heavy[..., None, :] ** 2 * _inverse_visits()[:, None])
+    unit = unit * (1.0 + varied / 6.0)
 
     @functools.cache
     def tables(at_place: bool) -> FloatArray:
@@ -403,7 +408,7 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_frac
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
         lower, upper = _log_thresholds(sigma)
         needed = np.exp(_value((1.0 - between) * lower + between * upper, here.heavy, uncertain))
-        return _polynomials(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * relative), gained))
+        return _polynomials(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * varied), gained))
 
     return SearchLaw(place, tables)
 

@@ -219,8 +219,6 @@ def test_law_of_detection(speckled, at_place):
     shares = {"w": 1.0 - speckled, "c": speckled * (1.0 - light), "l": speckled * light}
     through = {"c": shares["c"], "l": shares["l"], "f_c": 0.9, "f_l": float(metrics.filter_square)}
     noise = page(DETECTION, "eq-filtered-noise", w=shares["w"], **through)
-    mean = page(DETECTION, "eq-filtered-signal", S=half, g=1.14, v=noise)
-    height = mean if at_place else page(DETECTION, "eq-peak", mu=mean)
     laplace = page(DETECTION, "eq-laplace", kappa=float(metrics.filter_tails), v=noise, **through)
     slopes = shares["w"] / noise, (through["c"] * 0.9 + 2.0 * through["l"] * through["f_l"]) / noise
     known = {"I_11": 1e9, "I_12": 0.0, "I_22": 1e9, "s_1": slopes[0], "s_2": slopes[1]}
@@ -231,12 +229,15 @@ def test_law_of_detection(speckled, at_place):
     samples = (np.count_nonzero(metrics.hole) - disc) / float(metrics.filter_positions)
     known |= {"J": 1.0 + 0.5 * samples / (1.0 + (1.0 - slopes[0]) ** 2) * left**2, "t_3": left}
     relative = page(DETECTION, "eq-relative", **known, N=float(MAP_VISITS), **{"lambda": laplace})
+    varied = page(DETECTION, "eq-varied", rho=relative, V=many, **{"lambda": laplace})
+    mean = page(DETECTION, "eq-filtered-signal", S=half, g=1.14, v=noise, rho_v=varied)
+    height = mean if at_place else page(DETECTION, "eq-peak", mu=mean)
     level = 5.0
     if not at_place:
         region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
         level = search_threshold(region, metrics.filter_roughness).unwrap()
     threshold = float(snr_at(level, 0.0, 2.0 / max(relative, 1e-9))[0])
-    numbers = {"h": height, "tau": threshold, "o": 0.0, "rho": relative}
+    numbers = {"h": height, "tau": threshold, "o": 0.0, "rho_v": varied}
     assert page(DETECTION, "eq-chance", Phi_n=stats.norm.cdf, **numbers) == pytest.approx(0.5, abs=0.02)
 
 

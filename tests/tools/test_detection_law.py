@@ -26,7 +26,10 @@ def test_cells_are_the_same_every_time_and_fill_their_ranges():
 
 def test_planets_stand_in_the_hole_and_are_counted(measured):
     found = measured["1"]
-    assert len(found["found"]) == len(found["placed"]) == len(found["contrast"]) == 3
+    assert len(found["shown"]) == 3
+    x, y, contrast = cells.unpacked(found["planets"])
+    assert cells.packed(x, y, contrast) == found["planets"]
+    assert ((np.hypot(x, y) > 0.2) & (np.hypot(x, y) < 1.0) & (contrast > 0.0)).all()
     assert found["elements"] > 20.0
     (row,) = report.predicted(measured.values())
     assert (np.array(row["promised"]["found"]) <= row["promised"]["placed"]).all()
@@ -50,7 +53,7 @@ def test_report_adds_up():
         assert lines[0][:2] == ["all", "16000"]
         assert sum(int(line[1]) for line in lines if line[0] in cells.BANDS) == 16000
     assert [line[-1] for line in report.alarm_rows(rows)] == ["yes"] * 3
-    text = report.text(rows, {"minutes": 1.0})
+    text = report.text(rows, {"minutes": 1.0, "stacks": 50})
     assert "map.png" in text
     assert all(f"{name}" in text for name in report.MODES.values())
 

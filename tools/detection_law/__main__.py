@@ -20,7 +20,7 @@ from tools.detection_law.cells import measured
 from tools.detection_law.report import predicted, text, write_map
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "detection_law"
-CELLS, STACKS, PLANETS = 120, 12, 8
+CELLS, STACKS, PLANETS = 250, 50, 8
 
 
 def _measure(known: dict[str, Any], count: int) -> dict[str, Any]:
@@ -31,6 +31,7 @@ def _measure(known: dict[str, Any], count: int) -> dict[str, Any]:
         jobs = {number: pool.submit(measured, number, STACKS, PLANETS) for number in missing}
         for number, job in jobs.items():
             known["cells"][str(number)] = job.result()
+    known["stacks"] = STACKS
     known["minutes"] = known.get("minutes", 0.0) + (time.perf_counter() - began) / 60.0
     return known
 
@@ -47,7 +48,8 @@ def main() -> None:
     if not asked.write:
         known = _measure(known, asked.cells)
         lines = (f"{json.dumps(number)}: {json.dumps(cell)}" for number, cell in known["cells"].items())
-        write_text(file, f'{{"minutes": {known["minutes"]:.1f}, "cells": {{\n' + ",\n".join(lines) + "\n}}\n")
+        head = f'{{"minutes": {known["minutes"]:.1f}, "stacks": {STACKS}, "cells": {{\n'
+        write_text(file, head + ",\n".join(lines) + "\n}}\n")
     rows = predicted(known["cells"].values())
     write_map(rows, FOLDER / "map.png")
     write_text(FOLDER / "report.md", text(rows, known))

@@ -1,5 +1,6 @@
 """Random scenes, drawn as images with planets at random places: what the search finds beside what is predicted."""
 
+import base64
 import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -29,6 +30,7 @@ SEED, BANDS, VISITS = 8, ("F520", "F662", "F720", "F850"), (1, 2, 4, 8, 16, 64)
 LEVELS = (3.0, 4.0, 5.0)
 SCATTER = 0.35  # of the brightness of planets about that at which half are found, in the logarithm
 _PROBE, _NEAR_LAMBDA_D = 1e-9, 1.5
+_STEP_ARCSEC, _STEP_DEX = 1e-4, 1e-3
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,7 @@ def measured(number: int, stacks: int, planets: int) -> dict[str, Any] | None:
     law = band_law(programme.model, cell.band)
     where = np.hypot(x, y)[None], etc.speckled_share(probe.noise), 0.5, float(cell.visits)
     half = (_PROBE * law.half(*where, at_place=False) / probe.noise.significance)[0]
-    contrast = half * np.exp(rng.normal(0.1, SCATTER, n))
+    x, y, contrast = unpacked(packed(x, y, half * np.exp(rng.normal(0.1, SCATTER, n))))
     found, placed, alarms, elements = [], [], {f"{level:g}": 0 for level in LEVELS}, 0.0
     for stack in range(stacks):
         reduced = pair.draw(stack).reduced
@@ -179,16 +181,29 @@ def measured(number: int, stacks: int, planets: int) -> dict[str, Any] | None:
             asked = etc.search_threshold(empty.region, empty.roughness, sigma=level).unwrap()
             alarms[f"{level:g}"] += sum(one >= asked for one in own)
         for k in range(stack * planets, (stack + 1) * planets):
-            image = np.asarray(pair.optics.at(*places[k], margin_pixels=0))
+            place = float(x[k]), float(y[k])
+            image = np.asarray(pair.optics.at(*place, margin_pixels=0))
             shown = inject(reduced, image, contrast[k] * rate_e_s * reduced.integration_s, rng)
-            seen = search.search(shown.image_e, [places[k]])
-            match = seen.strongest_near(*places[k], geometry)
+            seen = search.search(shown.image_e, [place])
+            match = seen.strongest_near(*place, geometry)
             found.append(int(match is not None and match.detected))
             placed.append(int(seen.at_places[0].detected))
     frames = [programme.frames.exposure_s, programme.frames.n_frames, programme.frames.em_gain]
-    planets_of = {"x_arcsec": x.round(5).tolist(), "y_arcsec": y.round(5).tolist(), "contrast": contrast.tolist()}
-    return {"cell": asdict(cell), "frames": frames, **planets_of, "found": found, "placed": placed} | {
+    shown = "".join(str(one + 2 * two) for one, two in zip(found, placed, strict=True))
+    return {"cell": asdict(cell), "frames": frames, "planets": packed(x, y, contrast), "shown": shown} | {
         "alarms": alarms,
         "elements": elements,
         "stacks": stacks,
     }
+
+
+def packed(x_arcsec: FloatArray, y_arcsec: FloatArray, contrast: FloatArray) -> str:
+    """Return planets as text: their offsets in units of 1e-4 arcsec and contrasts in 1e-3 dex, two bytes each."""
+    numbers = np.round([x_arcsec / _STEP_ARCSEC, y_arcsec / _STEP_ARCSEC, np.log10(contrast) / _STEP_DEX])
+    return base64.b64encode(numbers.astype("<i2").tobytes()).decode()
+
+
+def unpacked(planets: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the offsets and contrasts of planets that `packed` wrote."""
+    x, y, brightness = np.frombuffer(base64.b64decode(planets), "<i2").reshape(3, -1).astype(float)
+    return x * _STEP_ARCSEC, y * _STEP_ARCSEC, 10.0 ** (brightness * _STEP_DEX)

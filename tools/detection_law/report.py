@@ -10,7 +10,7 @@ import numpy as np
 
 from cpic_core import FloatArray, write_bytes
 from cpic_planner.validation import Frames
-from tools.detection_law.cells import LEVELS, VISITS, Cell, Programme
+from tools.detection_law.cells import LEVELS, VISITS, Cell, Programme, unpacked
 from tools.report_parts import machine, png, table
 
 MODES = {"found": "blind", "placed": "at a known place"}
@@ -34,12 +34,14 @@ def predicted(cells: Iterable[Mapping[str, Any] | None]) -> list[dict[str, Any]]
         programme = Programme.of(cell, Frames(exposure_s, n_frames, em_gain, cell.visits))
         if programme is None:
             continue
-        x, y, contrast = (np.array(item[name]) for name in ("x_arcsec", "y_arcsec", "contrast"))
+        x, y, contrast = unpacked(item["planets"])
+        shown = np.array([int(one) for one in item["shown"]])
         prospect = programme.prospect(x, y, contrast)
         promised = {"found": prospect.chances.blind[0], "placed": prospect.chances.known_place[0]}
         own = {"cell": cell, "separation": np.hypot(x, y), "promised": promised, "alarms": item["alarms"]}
         own |= {"speckled": 1.0 - np.broadcast_to(prospect.noise.white / prospect.noise.quiet, (1, x.size))[0]}
-        rows.append(own | {"elements": item["elements"]} | {mode: np.array(item[mode], float) for mode in MODES})
+        seen = {mode: (shown >> bit & 1).astype(float) for bit, mode in enumerate(MODES)}
+        rows.append(own | {"elements": item["elements"]} | seen)
     return rows
 
 
@@ -158,9 +160,9 @@ Regenerate with `python -m tools.detection_law`; everything below is written by 
 processes; {machine()}).
 
 {len(rows)} cells are drawn at random: band, star (V 0 to 8), 1 to 64 visits of 1 to 4 h, drift of 0.01 to 0.5 nm, a
-companion at 2 to 20 arcsec in three of ten, a star behind the hole in one of seven. Each has {known.get("stacks", 12)}
+companion at 2 to 20 arcsec in three of ten, a star behind the hole in one of seven. Each has {known["stacks"]}
 programmes of images, into which {planets} planets in all are put one at a time, at random places and with a brightness
-about that at which half are found. The promise is the probability of the calculator for that place
+about that at which half are found: planets of one cell share its programmes. The promise is the probability of the calculator for that place
 (`cpic_planner.etc.detection_law`); no number in it is fitted to these images.
 
 ![found against promised](map.png)
