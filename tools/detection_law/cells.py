@@ -189,8 +189,8 @@ def measured(number: int, stacks: int, planets: int) -> dict[str, Any] | None:
             found.append(int(match is not None and match.detected))
             placed.append(int(seen.at_places[0].detected))
     frames = [programme.frames.exposure_s, programme.frames.n_frames, programme.frames.em_gain]
-    shown = "".join(str(one + 2 * two) for one, two in zip(found, placed, strict=True))
-    return {"cell": asdict(cell), "frames": frames, "planets": packed(x, y, contrast), "shown": shown} | {
+    both = "".join(str(one + 2 * two) for one, two in zip(found, placed, strict=True))
+    return {"cell": asdict(cell), "frames": frames, "planets": packed(x, y, contrast), "shown": both} | {
         "alarms": alarms,
         "elements": elements,
         "stacks": stacks,

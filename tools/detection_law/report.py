@@ -162,7 +162,8 @@ processes; {machine()}).
 {len(rows)} cells are drawn at random: band, star (V 0 to 8), 1 to 64 visits of 1 to 4 h, drift of 0.01 to 0.5 nm, a
 companion at 2 to 20 arcsec in three of ten, a star behind the hole in one of seven. Each has {known["stacks"]}
 programmes of images, into which {planets} planets in all are put one at a time, at random places and with a brightness
-about that at which half are found: planets of one cell share its programmes. The promise is the probability of the calculator for that place
+about that at which half are found: planets of one cell share its programmes. The promise is the probability of the
+calculator for that place
 (`cpic_planner.etc.detection_law`); no number in it is fitted to these images.
 
 ![found against promised](map.png)

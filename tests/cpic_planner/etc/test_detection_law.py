@@ -47,7 +47,7 @@ def geometry(band):
 
 
 def half_of_student(level, dof):
-    """Mean of a normal variate that, over an estimate of so many degrees of freedom, reaches the level half the time."""
+    """Mean of a normal variate that reaches the level half the time, over an estimate of so many degrees of freedom."""
     threshold = student.isf(norm.sf(level), dof)
     return brentq(lambda mean: nct.sf(threshold, dof, mean) - 0.5, 0.5 * threshold, 1.5 * threshold)
 
