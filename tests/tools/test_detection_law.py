@@ -45,10 +45,14 @@ def test_report_adds_up():
         place = rng.uniform(0.4, 0.9, 400)
         alarms = dict(zip("345", rng.poisson(1e4 * norm.sf([3.0, 4.0, 5.0])), strict=True))
         row = {"cell": cells.Cell.drawn(number), "separation": place, "promised": chance, "alarms": alarms}
-        rows.append(row | hits | {"speckled": rng.random(400), "elements": 1e4})
+        slope = dict.fromkeys(report.MODES, 0.8)
+        rows.append(row | hits | {"speckled": rng.random(400), "elements": 1e4, "slope": slope})
     for mode in report.MODES:
         apart, error = report.differences(rows, mode)
         assert np.mean((apart / error) ** 2) == pytest.approx(1.0, abs=0.6)
+        assert report.law_error(rows, mode) < 0.02
+        worse = [row | {mode: (rng.random(400) < row["promised"][mode] + 0.8 * 0.1).astype(float)} for row in rows]
+        assert report.law_error(worse, mode) == pytest.approx(0.1, abs=0.02)
         lines = report.groups(rows, mode)
         assert lines[0][:2] == ["all", "16000"]
         assert sum(int(line[1]) for line in lines if line[0] in cells.BANDS) == 16000

@@ -15,6 +15,7 @@ from tools.report_parts import machine, png, table
 
 MODES = {"found": "blind", "placed": "at a known place"}
 _WORST = 8
+_BRIGHTER = 0.02
 
 
 def predicted(cells: Iterable[Mapping[str, Any] | None]) -> list[dict[str, Any]]:
@@ -36,9 +37,12 @@ def predicted(cells: Iterable[Mapping[str, Any] | None]) -> list[dict[str, Any]]
             continue
         x, y, contrast = unpacked(item["planets"])
         shown = np.array([int(one) for one in item["shown"]])
-        prospect = programme.prospect(x, y, contrast)
-        promised = {"found": prospect.chances.blind[0], "placed": prospect.chances.known_place[0]}
+        prospect, brighter = (programme.prospect(x, y, factor * contrast) for factor in (1.0, 1.0 + _BRIGHTER))
+        promised, more = (
+            {"found": seen.chances.blind[0], "placed": seen.chances.known_place[0]} for seen in (prospect, brighter)
+        )
         own = {"cell": cell, "separation": np.hypot(x, y), "promised": promised, "alarms": item["alarms"]}
+        own |= {"slope": {mode: float((more[mode] - promised[mode]).mean()) / _BRIGHTER for mode in MODES}}
         own |= {"speckled": 1.0 - np.broadcast_to(prospect.noise.white / prospect.noise.quiet, (1, x.size))[0]}
         seen = {mode: (shown >> bit & 1).astype(float) for bit, mode in enumerate(MODES)}
         rows.append(own | {"elements": item["elements"]} | seen)
@@ -89,6 +93,15 @@ def differences(rows: list[dict[str, Any]], mode: str) -> FloatArray:
     promised = [row["promised"][mode] for row in rows]
     error = [math.sqrt(max(float(np.sum(part * (1.0 - part))), 0.25)) / part.size for part in promised]
     return np.array([[row[mode].mean() - row["promised"][mode].mean() for row in rows], error])
+
+
+def law_error(rows: list[dict[str, Any]], mode: str) -> float:
+    """Return the relative standard error of the significance at which half are found, without what counting makes."""
+    slope = np.array([row["slope"][mode] for row in rows])
+    apart, error = differences(rows, mode)
+    known = slope > 0.3 * slope.max()
+    square = (apart[known] ** 2 - error[known] ** 2) / slope[known] ** 2
+    return math.sqrt(max(float(square.mean()), 0.0))
 
 
 def _worst(rows: list[dict[str, Any]]) -> list[list[str]]:
@@ -147,9 +160,11 @@ def text(rows: list[dict[str, Any]], known: Mapping[str, Any]) -> str:
         apart = differences(rows, mode)
         alone = float(np.mean(apart[1])) * math.sqrt(2.0 / math.pi)
         head = ["planets", "number", "promised", "found", "difference", "its error"]
+        half = 100.0 * law_error(rows, mode)
         parts.append(
             f"## Found {name}\n\nThe mean difference of a cell is {np.abs(apart[0]).mean():.3f} in size, of which "
-            f"counting alone makes {alone:.3f}; the largest is {np.abs(apart[0]).max():.3f}.\n\n"
+            f"counting alone makes {alone:.3f}; the largest is {np.abs(apart[0]).max():.3f}. The significance at which "
+            f"half are found has a relative standard error of {half:.1f} % by cell, counting taken out.\n\n"
             f"{table(head, groups(rows, mode))}\n"
         )
     head = ["band", "V (mag)", "visits", "drift (nm)", "other stars", "promised", "found", "difference", "its error"]
