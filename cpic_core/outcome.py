@@ -51,6 +51,8 @@ class Reason(StrEnum):
     """The place is too far from the star: outside the outer edge of the dark hole."""
     TOO_FEW_ELEMENTS = "too_few_resolution_elements"
     """Fewer than three resolution elements at this separation: the scatter of the background is undefined."""
+    SOURCE_ON_PLACE = "source_on_place"
+    """Another source stands within lambda/D: their light cannot be told apart."""
     NO_TIME = "time_below_overheads"
     """The time holds no science frame with its share of reference frames and overhead."""
     TOO_MANY_FRAMES = "too_many_frames"

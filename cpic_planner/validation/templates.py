@@ -3,6 +3,7 @@
 Whether they can is known before any image is made: `obstacle`.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -260,6 +261,12 @@ def obstacle(planet: PlanetPlace, geometry: BandGeometry, strategy: Strategy) ->
             rolls = " at one of the two rolls" if len(planet.apertures) > 1 else ""
             reason = edge_crossed(geometry.zone, x, y, geometry.aperture_radius_arcsec)
             return reason, f"the mask or the edge of the dark hole hides the planet{rolls}"
+    within = geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
+    for place in planet.places_arcsec:
+        apart = [math.dist(pixels_of(geometry, place), other) for other in planet.others]
+        if min(apart, default=math.inf) < within:
+            nearest = f"{min(apart) * geometry.pixel_scale_arcsec:.3f} arcsec from the planet, within lambda/D"
+            return Reason.SOURCE_ON_PLACE, f"another source stands {nearest}: their light cannot be told apart"
     if not planet.tells_noise(geometry.hole, geometry, strategy):
         few = f"fewer than {MIN_BACKGROUND_APERTURES} apertures fit around the planet to measure the noise in"
         return Reason.TOO_FEW_ELEMENTS, few

@@ -188,6 +188,12 @@ def cut_off(seen: Evidence, number: int) -> BandConfirmation:
     )
 
 
+_PREDICTED = (
+    *("predicted_snr", "predicted_significance", "predicted_verdict"),
+    *("predicted_detection_probability", "predicted_detection_probability_known_place"),
+)
+
+
 def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
     """Return the answers for planets of a task that need no image.
 
@@ -208,11 +214,13 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
         geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
         for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):
             if (hidden := obstacle(place, geometry, strategy)) is not None:
-                few = hidden[0] is Reason.TOO_FEW_ELEMENTS
-                reasons[number] = (Status.UNREACHABLE if few else Status.OUTSIDE_FIELD, *hidden, "not observed")
+                inside = hidden[0] in (Reason.TOO_FEW_ELEMENTS, Reason.SOURCE_ON_PLACE)
+                reasons[number] = (Status.UNREACHABLE if inside else Status.OUTSIDE_FIELD, *hidden, "not observed")
     answers = []
     for number, (status, reason, text, verdict) in reasons.items():
         more = {"image": None, "modelled": modelling.record(), "verdict": verdict}
+        if reason is Reason.SOURCE_ON_PLACE:  # predictions know the light of an annulus
+            more |= dict.fromkeys(_PREDICTED)
         answers.append(not_observed(status, reason, text, **(_asked(task, number) | more)))
     return answers
 

@@ -15,7 +15,7 @@ from cpic_planner.validation.measure import forced_photometry, measure_planets, 
 from cpic_planner.validation.rdi import rdi_subtract
 from cpic_planner.validation.reduced import smoothed
 from cpic_planner.validation.speckle_maps import matched_sum
-from cpic_planner.validation.templates import obstacle
+from cpic_planner.validation.templates import obstacle, pixels_of
 from cpic_planner.validation.whitened import SpeckleModel
 from simulator import load_instrument, load_scene
 from simulator.signal import REGION_LAMBDA_D
@@ -175,6 +175,12 @@ def test_what_stands_in_the_way_of_a_planet_is_named():
     assert obstacle(planet, visits.geometry, visits.strategy) is None
     crowded = replace(planet, background=np.zeros_like(planet.background))
     assert obstacle(crowded, visits.geometry, visits.strategy)[0].value == "too_few_resolution_elements"
+    pixel = visits.geometry.pixel_scale_arcsec
+    for apart, named in ((0.9, "source_on_place"), (1.1, None)):
+        x, y = pixels_of(visits.geometry, planet.places_arcsec[0])
+        beside = replace(planet, others=((x, y + apart * visits.geometry.lambda_d_arcsec / pixel),))
+        found = obstacle(beside, visits.geometry, visits.strategy)
+        assert (found and found[0].value) == named
     corner = visits.geometry.zone.outer_arcsec
     behind = replace(planet, places_arcsec=((0.0, 0.4),), apertures=(np.roll(planet.apertures[0], 30, axis=1),))
     beyond = replace(behind, places_arcsec=((corner, corner),))
