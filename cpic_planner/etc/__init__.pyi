@@ -74,6 +74,7 @@ from cpic_planner.etc.motion import (
 from cpic_planner.etc.noise import (
     Objective as Objective,
     StackNoise as StackNoise,
+    error_noise as error_noise,
     frame_problem as frame_problem,
     own_noise as own_noise,
     stack_noise as stack_noise,

@@ -17,7 +17,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, Scene
 from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
-from simulator.imaging import AnnulusLight, PsfMetrics, error_halo, light_around
+from simulator.imaging import AnnulusLight, PsfMetrics, light_around
 from simulator.signal import (
     CompanionTables,
     ProgrammeLaw,
@@ -341,9 +341,8 @@ def aperture_rates(
     zodis : array_like, optional
         Dust around the star at each position, at least 0, same shape rule; by default that of the instrument's sky.
     at_place : bool
-        Take the light of star and companions in the aperture itself: that of a search, which judges a place by its own
-        light. By default it is the mean of the apertures that measure the noise, as of photometry, which takes the mean
-        of the background off the planet.
+        Take the light of companions in the aperture itself: that of a search, which judges a place by its own light. By
+        default it is the mean of the apertures that measure the noise, as of photometry.
 
     Returns
     -------
@@ -368,7 +367,7 @@ def aperture_rates(
     wings_e_s, columns_e_s, wings_e2_s2, brightest_e_s = _companions(model, targets, band, x, y)
     if at_place:
         wings_e_s = _companions_at(model, targets, band, x, y)
-    seen = _light_around(model, band, x, y, at_place=at_place)
+    seen = _light_around(model, band, x, y)
     errors = star * error_variance_nm2(instrument.drift) * seen.errors
     halo = star * seen.star + errors
     area, core = metrics.core_pixels(x, y), metrics.core_throughput(x, y)
@@ -413,18 +412,15 @@ def aperture_rates(
     )
 
 
-def _light_around(model: EtcModel, band: str, x: FloatArray, y: FloatArray, *, at_place: bool) -> AnnulusLight:
-    """Return the star's light in the apertures that measure the noise of places, or in the apertures there.
+def _light_around(model: EtcModel, band: str, x: FloatArray, y: FloatArray) -> AnnulusLight:
+    """Return the star's light in the apertures that measure the noise of places, and what their mean takes of a planet.
 
     Two rolls leave as much of a planet as of its negative image in the mean of the background.
     """
-    instrument, metrics = model.instrument, model.metrics[band]
-    whole = np.ones((1,) * x.ndim)
+    instrument, width = model.instrument, model.strategy.annulus_lambda_d
     of_errors = {"psd_slope": instrument.drift.psd_slope, "wavelength_nm": instrument.band(band).center_nm}
-    if at_place:
-        return AnnulusLight(metrics.halo_aperture(x, y), error_halo(metrics, x, y, **of_errors), whole)
-    found = light_around(metrics, model.strategy.annulus_lambda_d, x, y, **of_errors)
-    return found if len(model.strategy.rolls_deg) == 1 else found._replace(planet_left=whole)
+    found = light_around(model.metrics[band], width, x, y, **of_errors)
+    return found if len(model.strategy.rolls_deg) == 1 else found._replace(planet_left=np.ones((1,) * x.ndim))
 
 
 def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
 from cpic_planner import etc
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS
+from simulator.detectors import noise_factor2
 from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
 
 VISITS = etc.whole_steps(MAX_VISITS, 24)
@@ -43,6 +44,8 @@ class Outlook:
     white : ndarray
         ``G``: white noise over signal squared of one second of a visit at its best exposure; infinite where no frame is
         possible.
+    errors : ndarray
+        Part of it that photons make which the errors of the wavefront scatter.
     shortest_s : ndarray
         Length of one such frame, readout included.
     crossed, light : ProgrammeLaw
@@ -60,6 +63,7 @@ class Outlook:
     level: FloatArray
     separation_arcsec: FloatArray
     white: FloatArray
+    errors: FloatArray
     shortest_s: FloatArray
     crossed: ProgrammeLaw
     light: ProgrammeLaw
@@ -111,6 +115,13 @@ class Outlook:
             planet = rates.core * rates.planet_left * contrast
             of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
             wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
+            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
+            scattered = mean * etc.error_noise(rates, problem.camera, strategy, etc.ONE_VISIT)
+            camera = problem.camera
+            stages = camera.register_stages
+            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
+            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
+            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
 
         def last(part: ArrayLike) -> FloatArray:
             return np.asarray(part, float)[..., None]
@@ -124,6 +135,7 @@ class Outlook:
             last(level),
             last(separation_arcsec),
             last(white),
+            last(errors),
             frame_s,
             crossed,
             light,
@@ -151,8 +163,11 @@ class Outlook:
 
     def drifting(self, factor: ArrayLike) -> Self:
         """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
-        k = np.asarray(factor, float)
-        return replace(self, crossed=self.crossed.scaled(k**2), light=self.light.scaled(k**4))
+        k2 = np.asarray(factor, float) ** 2
+        with np.errstate(invalid="ignore"):
+            less = np.where(np.isfinite(self.errors), self.errors * (1.0 - k2), 0.0)
+        crossed, light = self.crossed.scaled(k2), self.light.scaled(k2**2)
+        return replace(self, white=self.white - less, errors=self.errors * k2, crossed=crossed, light=light)
 
     def at_rest(self) -> Self:
         """Return the same for planets that stand still."""

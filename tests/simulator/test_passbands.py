@@ -447,6 +447,7 @@ FURTHER_V_I = {
     "HD 16160": 1.06,
     "HD 32147": 1.10,
     "HD 100623": 0.88,
+    "HD 192310": 0.93,
 }
 # Both stars of 70 Oph and of 36 Oph in one aperture: Cousins 1980, SAAO Circ. 1, 234.
 V_I_OF_PAIRS = {("70 Oph A", "70 Oph B"): 0.965, ("36 Oph A", "36 Oph B"): 0.925}
@@ -475,7 +476,7 @@ def _grid_v_i(row: dict[str, Any]) -> float:
 
 
 def test_red_light_of_the_first_targets_is_what_was_measured() -> None:
-    """Light in I of 38 of the first 60 and 4 others, relative to V, within 5 per cent; the mean of all, within 1.
+    """Light in I of 37 of the first 60 and 5 others, relative to V, within 5 per cent; the mean of all, within 1.
 
     The published V-I of 61 Cyg B runs from 1.56 (transformed from the system of Kron) to 1.63 (Gaia), its temperature
     from 4044 to 4174 K; the grid at the median temperature has 1.52, which is 7 per cent less light in I than 1.60.

@@ -12,7 +12,7 @@ CASES = [
     ("eps Ind", 1, 2000.0, 0.4, "F520", "blind", 0.0, "speckles"),
     ("del Pav", 4, 7200.0, 0.5, "F662", "blind", 0.0, "speckles"),
     ("tau Cet", 1, 1500.0, 0.6, "F520", "known_place", 0.0, "background"),
-    ("tau Cet", 16, 10200.0, 0.5, "F520", "blind", 240.0, "motion"),
+    ("tau Cet", 12, 8100.0, 0.55, "F520", "blind", 240.0, "motion"),
 ]
 
 

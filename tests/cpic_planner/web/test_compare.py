@@ -97,7 +97,7 @@ def test_the_data_of_a_page_are_what_the_commands_print(ask, send, capsys):
     [
         ("time_s=36000", False),  # each instrument has its own best place
         ("time_s=36000&separation_arcsec=0.5", True),
-        ("snr=5", False),
+        ("detect=true", False),
         ("snr=5&separation_arcsec=0.5&contrast=1e-8", True),
         ("contrast_limit=true&detect=true&time_s=36000&separation_arcsec=0.5", True),
     ],
