@@ -51,6 +51,7 @@ _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
 _APART, _FAR, _BETWEEN = 0.15, 2.0, 3
+_REPEATED = 4
 _TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
@@ -98,8 +99,15 @@ class SearchLaw:
 
     def _read(self, at_place: bool, which: ArrayLike, where: Sequence[FloatArray]) -> FloatArray:
         """Return numbers of the tables: ``which`` of the three, and places of `_where`."""
-        tables, parts = self._tables(at_place, where[0]), [np.asarray(part) for part in (which, *where)]
-        shape = np.broadcast_shapes(*(part.shape for part in parts))
+        tables, row = self._tables(at_place, where[0]), where[0]
+        shape = np.broadcast_shapes(*(np.shape(part) for part in (which, *where)))
+        if row.size * _REPEATED < math.prod(shape):
+            few, index = np.unique(row, return_inverse=True)
+            if few.size * _VISITS * _REPEATED <= math.prod(shape):  # separations of a grid: rows of their own
+                low, share = _cell(np.append(few, few[-1]), tables.shape[-2])
+                tables = _between(tables[..., low, :], tables[..., low + 1, :], share[:, None])
+                row = index.reshape(row.shape).astype(float)
+        parts = [np.asarray(part) for part in (which, row, *where[1:])]
         wide = [part.reshape((1,) * (max(len(shape), 1) - part.ndim) + part.shape) for part in parts]
         found = np.empty(shape or (1,))
         step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
@@ -193,19 +201,28 @@ def _looked_up(
 ) -> FloatArray:
     """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
     size = tables.shape[-2]
-    low, few = np.minimum(row.astype(np.intp), size - 2), np.minimum(many.astype(np.intp), _VISITS - 2)
+    (low, share), (few, of_visits) = _cell(row, size), _cell(many, _VISITS)
     cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (which * size + low) * _VISITS + few
-
-    def between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
-        second -= first
-        second *= share
-        second += first
-        return second
-
     # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
-    one, two = (between(cells.take(at, 1), cells.take(at + _VISITS, 1), row - low) for at in (corner, corner + 1))
-    found = between(one, two, many - few).reshape(_SHARES, _LIGHTS, *corner.shape)
+    one, two = (cells.take(at, 1) for at in (corner, corner + 1))
+    if share.any():
+        one, two = (_between(end, cells.take(at + _VISITS, 1), share) for end, at in ((one, corner), (two, corner + 1)))
+    found = _between(one, two, of_visits).reshape(_SHARES, _LIGHTS, *corner.shape)
     return _polynomial(_polynomial(found, speckled), light)
+
+
+def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:
+    """Return the number before each of these, and their share of the way to the next."""
+    low = np.minimum(row.astype(np.intp), size - 2)
+    return low, row - low
+
+
+def _between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
+    """Return numbers between two, written over the second."""
+    second -= first
+    second *= share
+    second += first
+    return second
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
