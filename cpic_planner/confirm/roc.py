@@ -1,7 +1,6 @@
 """``cpic roc``: how likely a planet is found, against the false alarms of a search."""
 
 import functools
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -97,11 +96,9 @@ def _levels(seen: searched.Observed, images: searched.Searched | None) -> list[R
     assert answer.contrast is not None  # as every answer about a planet has it
     sigma = np.unique([*LEVELS, seen.model.strategy.sigma])
     x, y = etc.planet_offsets(seen.model, seen.star, seen.band, answer.separation_arcsec)
-    rows, planet = [], [np.full(1, part) for part in (x, y, answer.contrast)]
+    rows, expected = [], seen.prospect(*(np.full(1, part) for part in (x, y, answer.contrast)))
     for level in sigma.tolist():
-        strategy = seen.model.strategy.model_copy(update={"sigma": level})
-        own = replace(seen, model=replace(seen.model, strategy=strategy))
-        blind, known = (float(chance[0, 0]) for chance in own.prospect(*planet).found)
+        blind, known = (float(chance[0, 0]) for chance in expected.at_level(level).found)
         row = RocRow(
             band=seen.band,
             sigma=level,

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, IntArray, special
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
 from cpic_planner.etc.detection import near_threshold
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
@@ -53,6 +53,7 @@ _MOST_SHARE, _LEAST_VISITS, _EXCLUDED = 0.9999, 0.5, 1.22
 _TAILS, _RELATIVES, _MOST_RELATIVE = 7, 6, 0.4
 _LEVELS = 1.0, 1.12
 _APART, _FAR, _BETWEEN = 0.15, 2.0, 3
+_REPEATED = 4
 _TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
@@ -64,15 +65,32 @@ class SearchLaw:
     Attributes
     ----------
     separation_arcsec : ndarray, shape (r,)
-    tables : callable
-        Of whether the place is known, ``(s, l, 3, r, v)``: logarithm of the significance at which half of the planets
-        are detected, and widths of the law in it to either side. By separation and inverse root of the number of
-        visits, the polynomials in the roots of the share of the speckles in the variance and of that of the errors'
-        light in the speckles. Along polynomials no valley opens that the law has not.
+    made : callable
+        Of whether the place is known, and of numbers of separations, ``(s, l, 3, n, v)``: logarithm of the significance
+        at which half of the planets are detected, and widths of the law in it to either side. By separation and inverse
+        root of the number of visits, the polynomials in the roots of the share of the speckles in the variance and of
+        that of the errors' light in the speckles. Along polynomials no valley opens that the law has not.
     """
 
     separation_arcsec: FloatArray
-    tables: Callable[[bool], FloatArray]
+    made: Callable[[bool, IntArray], FloatArray]
+
+    @functools.cached_property
+    def _kept(self) -> tuple[FloatArray, BoolArray]:
+        """Tables of both ways to search, and of which separations they are made."""
+        n = self.separation_arcsec.size
+        return np.empty((2, _SHARES, _LIGHTS, 3, n, _VISITS)), np.zeros((2, n), bool)
+
+    def _tables(self, at_place: bool, row: FloatArray) -> FloatArray:
+        """Return the tables, made around these rows: one planet needs two of them."""
+        tables: FloatArray = self._kept[0][int(at_place)]
+        there: BoolArray = self._kept[1][int(at_place)]
+        asked, low = np.zeros(there.size, bool), np.minimum(row.astype(np.intp), there.size - 2)
+        asked[low] = asked[low + 1] = True
+        if (new := np.flatnonzero(asked & ~there)).size:
+            tables[..., new, :] = self.made(at_place, new)
+            there[new] = True
+        return tables
 
     def _where(self, *where: ArrayLike) -> list[FloatArray]:
         """Return rows and columns of the tables, and the polynomials' variables, of what `half` is asked for."""
@@ -83,8 +101,15 @@ class SearchLaw:
 
     def _read(self, at_place: bool, which: ArrayLike, where: Sequence[FloatArray]) -> FloatArray:
         """Return numbers of the tables: ``which`` of the three, and places of `_where`."""
-        tables, parts = self.tables(at_place), [np.asarray(part) for part in (which, *where)]
-        shape = np.broadcast_shapes(*(part.shape for part in parts))
+        tables, row = self._tables(at_place, where[0]), where[0]
+        shape = np.broadcast_shapes(*(np.shape(part) for part in (which, *where)))
+        if row.size * _REPEATED < math.prod(shape):
+            few, index = np.unique(row, return_inverse=True)
+            if few.size * _VISITS * _REPEATED <= math.prod(shape):  # separations of a grid: rows of their own
+                low, share = _cell(np.append(few, few[-1]), tables.shape[-2])
+                tables = _between(tables[..., low, :], tables[..., low + 1, :], share[:, None])
+                row = index.reshape(row.shape).astype(float)
+        parts = [np.asarray(part) for part in (which, row, *where[1:])]
         wide = [part.reshape((1,) * (max(len(shape), 1) - part.ndim) + part.shape) for part in parts]
         found = np.empty(shape or (1,))
         step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
@@ -178,19 +203,28 @@ def _looked_up(
 ) -> FloatArray:
     """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
     size = tables.shape[-2]
-    low, few = np.minimum(row.astype(np.intp), size - 2), np.minimum(many.astype(np.intp), _VISITS - 2)
+    (low, share), (few, of_visits) = _cell(row, size), _cell(many, _VISITS)
     cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (which * size + low) * _VISITS + few
-
-    def between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
-        second -= first
-        second *= share
-        second += first
-        return second
-
     # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
-    one, two = (between(cells.take(at, 1), cells.take(at + _VISITS, 1), row - low) for at in (corner, corner + 1))
-    found = between(one, two, many - few).reshape(_SHARES, _LIGHTS, *corner.shape)
+    one, two = (cells.take(at, 1) for at in (corner, corner + 1))
+    if share.any():
+        one, two = (_between(end, cells.take(at + _VISITS, 1), share) for end, at in ((one, corner), (two, corner + 1)))
+    found = _between(one, two, of_visits).reshape(_SHARES, _LIGHTS, *corner.shape)
     return _polynomial(_polynomial(found, speckled), light)
+
+
+def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:
+    """Return the number before each of these, and their share of the way to the next."""
+    low = np.minimum(row.astype(np.intp), size - 2)
+    return low, row - low
+
+
+def _between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatArray:
+    """Return numbers between two, written over the second."""
+    second -= first
+    second *= share
+    second += first
+    return second
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
@@ -324,13 +358,12 @@ def _log_thresholds(sigma: float) -> FloatArray:
 
 def _value(coefficients: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Return polynomials in the nodes' x (..., p) and y (..., v, p), of coefficients (v, x, y): (..., v, p)."""
-    x, y = 2.0 * x - 1.0, 2.0 * y.swapaxes(-1, -2) - 1.0
-    powers = np.vander(x.ravel(), coefficients.shape[1], increasing=True)
-    along_y = np.tensordot(powers, coefficients, (1, 1)).reshape(*x.shape, *coefficients.shape[::2])
-    return _polynomial(np.moveaxis(along_y, -1, 0), y).swapaxes(-1, -2)
+    x, y = 2.0 * x - 1.0, 2.0 * y - 1.0
+    along_y = [_polynomial(np.moveaxis(column, -1, 0)[..., None], y) for column in np.moveaxis(coefficients, 1, 0)]
+    return _polynomial(along_y, x[..., None, :])
 
 
-def _polynomial(coefficients: FloatArray, x: FloatArray) -> FloatArray:
+def _polynomial(coefficients: Sequence[FloatArray] | FloatArray, x: FloatArray) -> FloatArray:
     """Return polynomials, whose powers are the first axis."""
     found: FloatArray = coefficients[-1] * x
     for coefficient in coefficients[-2:0:-1]:
@@ -364,8 +397,12 @@ class _Terms:
 
 
 @functools.lru_cache(maxsize=64)
-def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_fraction: float) -> SearchLaw:
-    """Return the law of a band; see the module."""
+def _noise(metrics: PsfMetrics, annulus_lambda_d: float, common_fraction: float) -> tuple[FloatArray, ...]:
+    """Return what laws of all levels are made of, by separation, and by share, light, number of visits and place there.
+
+    Separations, signal over noise of a planet of the significance 1, relative variance of the noise by the fit and by
+    what is there, and Laplace share.
+    """
     bins = metrics.floor_separation_arcsec
     ends = metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec)
     # Light and filters are linear between the bins of the metrics: no other places are needed.
@@ -392,25 +429,30 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_frac
     # Signal over noise through the filter of a planet of the significance 1.
     white = here.level / (1.0 - share[..., None])
     unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
-    uncertain = np.sqrt(relative / _MOST_RELATIVE)
     # Mean squares of few visits with heavy tails vary by more than a fit of Gaussian noise says.
     varied = relative * (1.0 + 1.5 * here.heavy[..., None, :] ** 2 * _inverse_visits()[:, None])
-    unit = unit * (1.0 + varied / 6.0)
+    return place, unit * (1.0 + varied / 6.0), relative, varied, here.heavy
 
-    @functools.cache
-    def tables(at_place: bool) -> FloatArray:
-        level, gained = 1.0, 0.0
-        if not at_place:  # a maximum over two coordinates lies above the mean
-            region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
-            least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
-            level = (search_threshold(region, metrics.filter_roughness, sigma=least).value or least) / least
-            gained = 2.0
+
+@functools.lru_cache(maxsize=64)
+def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_fraction: float) -> SearchLaw:
+    """Return the law of a band; see the module."""
+    place, unit, relative, varied, heavy = _noise(metrics, annulus_lambda_d, common_fraction)
+    region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
+    least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
+    blind = search_threshold(region, metrics.filter_roughness, sigma=least).value or least
+
+    def made(at_place: bool, rows: IntArray) -> FloatArray:
+        # A maximum over two coordinates lies above the mean.
+        level, gained = (1.0, 0.0) if at_place else (blind / least, 2.0)
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
         lower, upper = _log_thresholds(sigma)
-        needed = np.exp(_value((1.0 - between) * lower + between * upper, here.heavy, uncertain))
-        return _polynomials(_middle_and_widths(unit, needed, np.sqrt(1.0 + 0.25 * needed**2 * varied), gained))
+        table = (1.0 - between) * lower + between * upper
+        needed = np.exp(_value(table, heavy[rows], np.sqrt(relative[rows] / _MOST_RELATIVE)))
+        spread = np.sqrt(1.0 + 0.25 * needed**2 * varied[rows])
+        return _polynomials(_middle_and_widths(unit[rows], needed, spread, gained))
 
-    return SearchLaw(place, tables)
+    return SearchLaw(place, made)
 
 
 def _nodes(count: int) -> FloatArray:
@@ -426,7 +468,10 @@ def _through(count: int) -> FloatArray:
 
 def _polynomials(table: FloatArray) -> FloatArray:
     """Return the polynomials through a table at `_nodes`, (3, r, s, l, v): (s, l, 3, r, v)."""
-    return np.asarray(np.einsum("is,jl,krslv->ijkrv", *map(_through, (_SHARES, _LIGHTS)), table, optimize=True))
+    for count in (_LIGHTS, _SHARES):  # without BLAS, which adds few and many rows in other orders
+        parts = zip(_through(count).T, np.moveaxis(table, 3, 0), strict=True)
+        table = np.asarray(sum(np.multiply.outer(column, part) for column, part in parts))
+    return table
 
 
 def _hole_arcsec(metrics: PsfMetrics) -> tuple[FloatArray, FloatArray]:

@@ -1,6 +1,7 @@
 """Expected detections of planets anywhere in the dark hole of a band, by a programme of given frames."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class Prospect:
         Probabilities of a detection, NaN where no law was measured.
     motion : ndarray
         Factor by which a blind search asks for more because planets may move.
+    at_level : callable
+        The same of a search at another level (sigma).
     """
 
     programme: Programme
@@ -39,6 +42,7 @@ class Prospect:
     threshold: FloatArray
     chances: Chances
     motion: FloatArray
+    at_level: "Callable[[float], Prospect]"
 
     @property
     def margin(self) -> FloatArray:
@@ -91,13 +95,17 @@ def prospect_of(
     camera = model.camera(band)
     noise = stack_noise(rates, *frames, camera, model.strategy, made)
     elements = model.metrics[band].resolution_elements(separation)
-    threshold = threshold_array(elements, model.strategy.sigma)
     visit_s = np.asarray(frames[1] * (frames[0] + camera.readout_s))
-    motion = np.ones_like(separation)
-    if moving:
-        motion = motion_factor(SearchMotion.of(model, targets, band, separation), made, visit_s)
     visits = effective_of(made, rates.speckle)
     here = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast, at_place=True)
     seen = stack_noise(here, *frames, camera, model.strategy, made)
-    chances = visit_chances(model, band, separation, visit_s, seen, visits, motion=motion)
-    return Prospect(made, noise, threshold, chances, np.asarray(motion))
+
+    def at_level(sigma: float) -> Prospect:
+        own = replace(model, strategy=model.strategy.model_copy(update={"sigma": sigma}))
+        motion = np.ones_like(separation)
+        if moving:
+            motion = np.asarray(motion_factor(SearchMotion.of(own, targets, band, separation), made, visit_s))
+        chances = visit_chances(own, band, separation, visit_s, seen, visits, motion=motion)
+        return Prospect(made, noise, threshold_array(elements, sigma), chances, motion, at_level)
+
+    return at_level(model.strategy.sigma)

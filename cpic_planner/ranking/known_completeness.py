@@ -301,7 +301,6 @@ def _chances(
     hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
-    threshold = etc.near_threshold(model.metrics[band].resolution_elements(separation), strategy.sigma)
     seen = etc.of_band(noise, here)
     effective = etc.effective_of(programme, rates.speckle)
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
@@ -310,9 +309,10 @@ def _chances(
     found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
     modes = (found.blind, moving), (found.known_place, np.ones_like(moving))
     for row, (part, needed) in zip(chance, modes, strict=False):
-        row[hopeful] = np.where(
-            np.isnan(part), seen.significance >= needed * threshold, part * (part >= etc.LEAST_PROBABILITY)
-        )
+        row[hopeful] = part * (part >= etc.LEAST_PROBABILITY)
+        if law is None:
+            elements = model.metrics[band].resolution_elements(separation)
+            row[hopeful] = seen.significance >= needed * etc.near_threshold(elements, strategy.sigma)
     return chance
 
 

@@ -88,6 +88,16 @@ def test_law_of_many_planets_at_once_is_that_of_each():
             assert found.flat[at] == alone
 
 
+def test_law_is_made_of_some_separations_as_of_all():
+    """To the last bit, whichever are asked for first."""
+    every, some = (laws._law.__wrapped__(MODEL.metrics["F850"], 2.0, 5.0, 0.1) for _ in range(2))
+    place, where = every.separation_arcsec, (0.3, 0.6, 3.0)
+    for way in (False, True):
+        whole = every.half(place, *where, at_place=way)
+        for i in (7, 0, place.size - 1):
+            assert some.half(place[i], *where, at_place=way) == whole[i]
+
+
 @pytest.mark.parametrize("band", BANDS)
 def test_blind_search_in_known_white_noise_asks_for_its_threshold(band):
     """A maximum over two coordinates has the mean square of the signal plus 2."""
@@ -170,6 +180,7 @@ def test_a_planet_near_the_inner_edge_hides_what_tells_the_drift(monkeypatch):
     """One visit, mostly white noise: only places near the edge have speckles, many of them under the planet."""
     law = band_law(MODEL, "F662")
     monkeypatch.setattr(laws, "_EXCLUDED", 0.01)
+    monkeypatch.setattr(laws, "_noise", laws._noise.__wrapped__)
     width, common = MODEL.strategy.annulus_lambda_d, MODEL.instrument.drift.common_fraction
     whole = laws._law.__wrapped__(MODEL.metrics["F662"], width, MODEL.strategy.sigma, common)
     near, far = (
