@@ -99,8 +99,6 @@ class _Refused(Exception):
 
 def _not_measured(model: EtcModel, answer: EtcAnswer) -> str:
     """Return why images of this answer are not measured; empty if they are."""
-    if model.instrument.band(answer.band).camera != "VIS":
-        return f"images of the near-infrared camera ({answer.band}) are simulated, not yet measured"
     if model.strategy.mode != "analogue":
         return "photon counting is predicted, not yet measured in images"
     return ""

@@ -108,12 +108,12 @@ def _star(ready: _Prepared, row: results.RankedTarget, roll_deg: float = 0.0) ->
 
 
 def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
-    """Return the bands of a schedule whose images are measured."""
-    visible = config.instrument.visible_bands()
-    found = tuple(band for band in visible if any(visit.setting.band == band for visit in listed))
+    """Return the bands of the instrument that a schedule names."""
+    known = tuple(config.instrument.bands)
+    found = tuple(band for band in known if any(visit.setting.band == band for visit in listed))
     if not found:
         bands = ", ".join(dict.fromkeys(visit.setting.band for visit in listed))
-        raise InputError("schedule", bands, allowed=f"visits in {', '.join(visible)}, whose images are measured")
+        raise InputError("schedule", bands, allowed=f"visits in {', '.join(known)}")
     return found
 
 

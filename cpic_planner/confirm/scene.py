@@ -89,7 +89,7 @@ def confirm_scene(
     Raises
     ------
     InputError
-        For bands of the near-infrared camera, anything out of range, or a folder that cannot be used.
+        For anything out of range, or a folder that cannot be used.
     """
     return run(confirm_job(config), out, **how)
 

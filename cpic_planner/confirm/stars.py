@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from cpic_core import InputError
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
@@ -58,7 +57,7 @@ def result_header(
 
 
 def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse tables, unknown bands, and those of the near-infrared camera: of none of them images are measured.
+    """Refuse tables and unknown bands: of neither images are measured.
 
     Parameters
     ----------
@@ -67,12 +66,8 @@ def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None
         Names of bands of the instrument.
     """
     refuse_table(instrument)
-    visible = instrument.visible_bands()
     for band in bands or ():
         instrument.band(band)
-        if band not in visible:
-            hint = "images of the near-infrared camera are simulated, not yet measured"
-            raise InputError("band", band, allowed=", ".join(visible), hint=hint)
 
 
 def plan_tasks(
@@ -143,11 +138,11 @@ def tasks_of(
 
 def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> str:
     """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some."""
-    visible, library = config.instrument.visible_bands(), config.strategy.library
+    library = config.strategy.library
     if visit.reserve:
         return "a reserve visit, made only where others have freed the time for it"
-    if visit.setting.band not in visible:
-        return f"images are measured in {', '.join(visible)}"
+    if visit.setting.band not in config.instrument.bands:
+        return f"the instrument has no such band: {', '.join(config.instrument.bands)}"
     if visit.reference_library not in ("", library):
         return f"its references are those of {visit.reference_library}, the plan's of {library}: give --library"
     if visit.setting.n_frames > queries.MAX_FRAMES:

@@ -220,10 +220,9 @@ def law_of(model: EtcModel, band: str) -> SearchLaw | None:
     Returns
     -------
     SearchLaw or None
-        None where no images were measured: in bands of the near-infrared camera, and where photons are counted.
+        None where no images were measured: where photons are counted.
     """
-    measured = model.strategy.mode == "analogue" and band in model.instrument.visible_bands()
-    return band_law(model, band) if measured else None
+    return band_law(model, band) if model.strategy.mode == "analogue" else None
 
 
 def needed_margin(

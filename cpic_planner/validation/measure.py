@@ -225,7 +225,7 @@ def forced_photometry(
     around = planet.around(stack.region, geometry, filter_name)
     matched = planet.kernels(geometry, filter_name) if filter_name == "matched" else None
     kernel = matched[0] if matched else None
-    shared: dict[str, Any] = {"background_region": around, "em_gain": stack.em_gain, "stages": stack.stages}
+    shared: dict[str, Any] = {"background_region": around, "factor2": stack.factor2}
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(roll, one, two, first, second[0], radius, kernels=matched, **shared)

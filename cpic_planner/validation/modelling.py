@@ -186,7 +186,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     if not measured:
         shown, measured = _with_planet(shown, instrument, task.band)
     whole = all(value == 0 for value in dial.tolerance.values())
-    limits = [name for name in LIMITS if getattr(instrument.detector.switches, name)]
+    limits = [name for name in LIMITS if getattr(instrument.detector_of(task.band).switches, name, False)]
     sizes = forecast(
         shown,
         instrument,

@@ -164,7 +164,7 @@ class VisitPair:
     def expected(self, role: Role, realisation: int) -> FloatArray:
         """Return the means of the same images for the same wavefronts."""
         stacks, visits, summed = self._drawing(role)
-        dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
+        dark_e = pedestal_e(self.science.channel.detector, self.task.exposure_s)
         electrons = stacks.mean_rates(realisation, visits=visits, summed=summed) * self.task.exposure_s + dark_e
         return np.where(stacks.region, electrons * stacks.counts(visits, summed=summed)[:, None, None], 0.0)
 
@@ -198,7 +198,7 @@ class VisitPair:
             n_modes=n_modes,
             exposure_s=self.task.exposure_s,
             em_gain=self.task.em_gain,
-            detector=self.science.instrument.detector,
+            detector=self.science.channel.detector,
             science_frames=science_n,
             reference_frames=reference_n,
             reference_scale=self.scale,
@@ -324,7 +324,7 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
             parts.append(story)
             lost.append(len(usable) / np.maximum(usable.sum(axis=0), 1))
             # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
-            whole = whole + pedestal_e(observation.instrument.detector, observation.exposure_s)
+            whole = whole + pedestal_e(observation.channel.detector, observation.exposure_s)
             images.append(whole if number == 1 else whole.sum(axis=0, keepdims=True))
         thinning.append(np.mean(lost, axis=0))
         kept.append(np.concatenate(images))
@@ -375,5 +375,5 @@ def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
 
 def cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
     """Return frames in electrons, the pixel-frames that no particle voids either, and how many were hit."""
-    found = rejected_in(frames, frames.detector.read_noise_e * frames.detector.switches.read_noise)
+    found = rejected_in(frames)
     return frames.electrons, frames.usable & ~found.rejected, found.n_hit

@@ -16,7 +16,7 @@ from cpic_planner.validation.apertures import check_mask, frame_counts
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
 from simulator.camera import FrameNoise, MaskBit
-from simulator.config import Detector
+from simulator.config import AnyDetector
 from simulator.detectors import wave_angles
 from simulator.observing import Observation
 
@@ -191,8 +191,8 @@ class ReducedStack:
         Sum of the science exposures.
     em_gain : float
         Gain of the register.
-    stages : int
-        Stages of the register.
+    factor2 : float
+        Variance over mean of the electrons that are counted.
     inputs : Inputs or None
         What it was reduced from; None where that is not kept, and it cannot be reduced otherwise.
     """
@@ -204,7 +204,7 @@ class ReducedStack:
     rdi: RdiResult
     integration_s: float
     em_gain: float
-    stages: int
+    factor2: float
     inputs: Inputs | None = field(default=None, repr=False)
 
     def within(self, region: BoolArray, n_modes: int) -> "ReducedStack":
@@ -250,7 +250,7 @@ def reduce_stack(
     n_modes: int,
     exposure_s: float,
     em_gain: float,
-    detector: Detector,
+    detector: AnyDetector,
     science_frames: ArrayLike = 1,
     reference_frames: ArrayLike = 1,
     reference_scale: float = 1.0,
@@ -269,7 +269,7 @@ def reduce_stack(
         Modes that are projected out after the mean (temporal centring).
     exposure_s, em_gain : float
         Of one frame.
-    detector : Detector
+    detector : Detector or InfraredDetector
         Noise of its frames.
     science_frames, reference_frames : array_like
         Number of frames in each image, one number for all or one each.
@@ -322,17 +322,17 @@ def reduce_stack(
         rdi=cut,
         integration_s=total * exposure_s,
         em_gain=float(em_gain),
-        stages=detector.register_stages,
+        factor2=noise.factor2,
         inputs=Inputs(science.sum(axis=0) / total, library, total, other_star),
     )
 
 
-def pedestal_e(detector: Detector, exposure_s: float) -> float:
+def pedestal_e(detector: AnyDetector, exposure_s: float) -> float:
     """Return the mean electrons of dark current and clock-induced charge in a pixel of one frame.
 
     Parameters
     ----------
-    detector : Detector
+    detector : Detector or InfraredDetector
     exposure_s : float
         Of the frame.
     """

@@ -106,7 +106,7 @@ class HoleStacks:
             these = counts == count
             path = (*every[0].path, "stack", "sum" if summed else "visits", visits, int(count))
             exposure = self._lit(stars[these])
-            sums = stack_electrons(sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path)
+            sums = stack_electrons(sequence.camera_chain, exposure, int(count), seed=sequence.seed, path=path)
             drawn[these] = sums.reshape(-1, *drawn.shape[1:])
         drawn -= counts[:, None, None] * sequence.smear_e[self._place]
         return self._whole(drawn)
@@ -176,7 +176,7 @@ class HoleStacks:
     @functools.cached_property
     def _response(self) -> FloatArray | float:
         """Sensitivity of the pixels of the hole."""
-        camera, shape = self.observation.visible_camera, self.observation.shape
+        camera, shape = self.observation.camera_chain, self.observation.shape
         response = camera.response(shape, self.observation.first_pixel)
         return response[self._place] if isinstance(response, np.ndarray) else response
 
@@ -187,7 +187,7 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bo
     Parameters
     ----------
     observation : Observation
-        Of the visible camera with ``window="hole"`` and the star behind the mask.
+        With ``window="hole"`` and the star behind the mask.
     epochs : int
         Wavefronts of a visit, at least 1; a visit of fewer frames has one a frame.
     exact : bool, optional
@@ -250,11 +250,10 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
         reach there, or whose overflow enters it; ``invalid`` where an effect is on that does not add up or moves
         charge.
     """
-    if not observation.channel.multiplies:
-        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{observation.band} is read by the infrared camera")
-    camera = observation.visible_camera
+    camera = observation.camera_chain
     # An image of the hole alone cannot hold what other pixels leave behind.
-    moving = next((effect.switch for effect in camera.charge if effect.in_sums == "moves_charge"), None)
+    effects = (*camera.charge, *camera.voltage)
+    moving = next((effect.switch for effect in effects if effect.in_sums == "moves_charge"), None)
     if moving:
         message = f"{moving} moves charge between pixels: switch it off"
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
@@ -262,7 +261,7 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
     region = observation.psf.geometry.hole
     inside = dataclasses.replace(exposure, mean_e=np.where(region, exposure.mean_e, 0.0))
     answer = stackable(camera, inside)
-    if answer.status is not Status.OK:
+    if answer.status is not Status.OK or not observation.channel.multiplies:
         return answer
     # Overflow elsewhere is allowed as long as none of it arrives in the hole.
     charge = exposure.mean_e + _MARGIN_SIGMA * np.sqrt(exposure.mean_e)

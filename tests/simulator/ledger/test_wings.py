@@ -17,7 +17,7 @@ STILL = dict.fromkeys(NOT_IN_SUMS, False)
 def flows(scene, instrument, settings):
     """Whether charge arrives in the aperture of the planet, in the mean image of the whole frame: bloomed, trailed."""
     seen = observe(scene, instrument=instrument, **settings, switches=STILL)
-    exposure = seen.visible_camera.prepare(seen.mean_rate_map, seen.exposure_s, seen.em_gain)
+    exposure = seen.camera_chain.prepare(seen.mean_rate_map, seen.exposure_s, seen.em_gain)
     before = exposure.mean_e
     after = before.copy()
     Blooming().expect(after, exposure)
