@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, Outcome, Status
+from cpic_core import BoolArray, FloatArray, NDArray, Outcome, Reason, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
@@ -252,10 +252,12 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     reference = seen(plan.reference_scene, plan.reference)
 
     stacks = None
-    answer = hole_stackable(science)
+    answer: Outcome[float] = Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "frames are drawn one by one")
+    if sums:
+        answer = hole_stackable(science)
+        if answer.status is Status.OK:
+            answer = hole_stackable(reference)
     if answer.status is Status.OK:
-        answer = hole_stackable(reference)
-    if sums and answer.status is Status.OK:
         epochs = _epochs(task, how, chosen.drift)
         drawn = functools.partial(hole_stacks, epochs=epochs, exact=how.exact)
         stacks = drawn(science), drawn(reference)

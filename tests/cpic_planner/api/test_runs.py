@@ -14,7 +14,7 @@ from cpic_planner import compare_strategies, star_visibility
         ({"simulator_overrides": {"thruput": "x0.7"}}, "thruput"),
         ({"simulator_overrides": {"throughput": "x-1"}}, "at least 0"),
         ({"realisations": 0}, "realisations"),
-        ({"bands": ("F1265",)}, "near-infrared"),
+        ({"bands": ("F999",)}, "F999"),
     ],
 )
 def test_plans_and_scenes_refuse_alike(refused, tmp_path, settings, words):

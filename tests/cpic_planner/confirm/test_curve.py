@@ -92,7 +92,7 @@ def test_completeness_counts_the_part_of_the_circle_in_the_dark_hole(curve):
 
 
 def test_a_band_without_a_law_of_images_has_a_step_at_the_threshold():
-    curve = contrast_curve("tau Cet", bands=["F1265"], time_s=36000.0)
+    curve = contrast_curve("tau Cet", bands=["F520"], time_s=36000.0, strategy={"mode": "photon_counting"})
     rows = [row for row in curve.points if row.contrast_limit_blind is not None]
     assert rows
     for row in rows:
@@ -145,7 +145,6 @@ def test_images_measure_the_limit_and_find_bright_planets_alone():
         ({"seed": 3}, "seed"),
         ({"images": 3, "strategy": {"mode": "photon_counting"}}, "strategy.mode"),
         ({"images": 3, "strategy": {"library": "roll"}}, "images"),
-        ({"images": 3, "bands": ["F1265"]}, "band"),
         ({"target": "no such star"}, "star"),
         ({"separation_arcsec": [-0.5]}, "separation_arcsec"),
         ({"separation_arcsec": []}, "separation_arcsec"),

@@ -139,7 +139,6 @@ def test_frames_may_be_left_to_the_calculator():
         ({"exposure_s": None}, "exposure_s"),
         ({"n_frames": None}, "n_frames"),
         ({"strategy": Strategy(mode="photon_counting")}, "photon"),
-        ({"bands": ("F1265",)}, "near-infrared"),
         ({"bands": ("F999",)}, "F999"),
     ],
 )

@@ -1,5 +1,8 @@
 """Sums of frames over the hole against the frames themselves."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 
@@ -258,4 +261,25 @@ def test_effects_that_are_no_sum_are_refused(switch):
 def test_only_the_hole_behind_the_mask(refused):
     for changes in ({"window": "full"}, {"star_offset_arcsec": (0.3, 0.3)}):
         refused("window", hole_stacks, sequence(**changes))
-    assert hole_stackable(sequence(band="F1265", em_gain=1.0)).status is Status.INVALID
+
+
+def test_near_infrared_sums_are_those_of_frames_read_up_a_ramp():
+    """Mean and variance over the hole; frames that pixels couple in do not add up pixel by pixel."""
+    ramp = {"readout_mode": "up_the_ramp", "n_reads": 4, "read_noise_e": 6.0}
+    instrument = load_instrument({"near_infrared": {"detector": ramp}}).switched(dict.fromkeys(MOVING, False))
+    settings = {"band": "F1265", "exposure_s": 50.0, "n_frames": 40, "window": "hole", "fidelity": "quick"}
+    seen = observe(scene(), **settings, max_epochs=1, instrument=instrument)
+    stacks = hole_stacks(seen, epochs=1, exact=True)
+    once, region = stacks.draw(0)[0][stacks.region], stacks.region
+    light_e = 50.0 * seen.mean_rate_map[region]
+    detector = seen.channel.detector
+    reads, factor2 = detector.ramp(50.0)
+    mean = 40 * (light_e + 50.0 * detector.dark_e_s)
+    variance = factor2 * mean + 40 * (reads * detector.read_noise_e**2 + detector.gain_e_adu**2 / 12.0)
+    frames = sum(seen.camera_chain.to_electrons(adu)[region] for adu in seen.iter_frames())
+    for found in (once, frames):
+        pull = (found - mean) / np.sqrt(variance)
+        assert abs(pull.mean()) < 4.0 / math.sqrt(pull.size)
+        assert pull.std() == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * pull.size))
+    coupled = dataclasses.replace(seen, instrument=instrument.switched({"interpixel_capacitance": True}))
+    assert "interpixel_capacitance" in hole_stackable(coupled).message
