@@ -13,8 +13,6 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
-from simulator.config import Instrument
-from simulator.imaging import refuse_table
 from simulator.ledger import not_modelled
 
 if TYPE_CHECKING:
@@ -54,20 +52,6 @@ def result_header(
         "calibration_text": mean.text,
         "not_modelled": not_modelled(validation.images_of(config.instrument)),
     }
-
-
-def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse tables and unknown bands: of neither images are measured.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    bands : sequence of str or None
-        Names of bands of the instrument.
-    """
-    refuse_table(instrument)
-    for band in bands or ():
-        instrument.band(band)
 
 
 def plan_tasks(
@@ -248,7 +232,6 @@ def confirm_stars(
     from cpic_planner.ranking import rank_targets
 
     queries.refuse_counting(model.strategy)
-    refuse_unimaged(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))
@@ -277,7 +260,6 @@ def star_images_job(
 
     @functools.cache
     def prepared() -> tuple[results.RankedTarget, list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
-        refuse_unimaged(model.instrument, model.bands)
         row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
         return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
 

@@ -19,6 +19,7 @@ from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_f
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import PlanetTemplate, planet_templates
 from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
+from simulator.imaging import ExternalPsf
 from simulator.target import detector_to_sky
 
 
@@ -166,7 +167,9 @@ def _false(blind: BlindSearch, visits: VisitPair) -> int:
 
 
 def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
-    """Return the star's rate from a series off the mask; the scene's if even its shortest exposure saturates."""
+    """Return the star's rate from a series off the mask; the scene's if that saturates, or of a table, has no place."""
+    if isinstance(visits.science.psf, ExternalPsf):
+        return _known_star(visits)
     scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
     series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
     if series.value is not None:

@@ -15,7 +15,7 @@ from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, spec
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, radius_pixel
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
-from simulator.imaging import BandGeometry
+from simulator.imaging import BandGeometry, TablePsf
 from simulator.signal import REGION_LAMBDA_D
 
 
@@ -81,15 +81,16 @@ def searcher_of(
     maps : SpeckleMaps, optional
         `maps_of` the visits, where they are at hand.
     """
+    plan, still = visits.plan, visits.still
     return searcher(
         stack,
         visits.optics,
         maps or maps_of(visits),
         star_rate_e_s=star_rate_e_s,
         sigma=visits.strategy.sigma,
-        visits=visits.plan.visits,
-        reference_visits=visits.plan.reference_visits,
-        common_fraction=visits.instrument.drift.common_fraction,
+        visits=1 if still else plan.visits,
+        reference_visits=1 if still else plan.reference_visits,
+        common_fraction=0.0 if isinstance(visits.science.psf, TablePsf) else visits.instrument.drift.common_fraction,
     )
 
 

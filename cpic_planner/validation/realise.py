@@ -19,7 +19,7 @@ from cpic_planner.validation.rejection import filled, rejected_in
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Drift, Instrument, Scene, validate
-from simulator.imaging import BandGeometry, Psf
+from simulator.imaging import BandGeometry, Psf, TablePsf
 from simulator.observing import HoleStacks, Observation, Role, hole_stackable, hole_stacks, observe
 
 ROLES: tuple[Role, Role] = ("science", "reference")
@@ -124,7 +124,14 @@ class VisitPair:
     @property
     def optics(self) -> Psf:
         """The optics themselves."""
-        return cast(Psf, self.science.psf)  # a task has no PSF from a file
+        return cast(Psf, self.science.psf)  # or one of a table, which has the same images
+
+    @property
+    def still(self) -> bool:
+        """Whether all science visits have the same residual, as a table may say: they are worth one."""
+        psf = self.science.psf
+        stable = psf.figures.stability(np.zeros(1)) if isinstance(psf, TablePsf) else None
+        return stable is not None and stable[1]
 
     @property
     def scene(self) -> Scene:
@@ -172,7 +179,7 @@ class VisitPair:
         """Return the sums of a role, its visits, and whether they are one draw."""
         assert self._stacks is not None  # as stackable says
         if role == "science":  # the search learns from how its visits scatter
-            return self._stacks[0], self.plan.visits, False
+            return self._stacks[0], self.plan.visits, self.still
         # Of references without modes only the mean counts. Rolls are each other's references.
         return self._stacks[1], self.plan.reference_visits, self.strategy.n_modes == 0 and not self.plan.shows_planet
 

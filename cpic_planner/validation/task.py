@@ -255,8 +255,12 @@ def expected_of(
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
     expected = etc.prospect_of(sums, target, band, x, y, faint, setting, visits, moving=False)
-    noise, margin, chances = expected.noise, expected.margin, expected.chances
-    others = etc.aperture_rates(model, target, band, x, y, faint)
+    margin, chances = expected.margin, expected.chances
+    # Of a table the calculator counts whole pixels, and images what of them lies in the aperture.
+    seen = expected
+    if model.of_table:
+        seen = etc.prospect_of(sums.measured(), target, band, x, y, faint, setting, visits, moving=False)
+    noise, others = seen.noise, etc.aperture_rates(model.measured(), target, band, x, y, faint)
     full = etc.stack_noise(others, *setting, model.camera(band), model.strategy, expected.programme)
     at_place = model.strategy.search == "known_place"
     chance = float((chances.known_place if at_place else chances.blind)[0, 0])

@@ -161,6 +161,8 @@ def forecast(
         pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
     knobs = _knob_sizes(optics, optics.n_epochs)
+    if instrument.coronagraph.table is not None:  # there is no field to sample
+        knobs = {name: dict.fromkeys(values, sizes_of(0.0)) for name, values in knobs.items()}
     sizes |= {
         "off_mask_psf": _off_mask(case.light),
         "drift": optics.no_drift(),

@@ -21,10 +21,10 @@ import numpy as np
 from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Status, check_whole
 from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
-from simulator.imaging import ExternalPsf, FocalGrid, VisitLight, centred_axis, expands, visit_light
+from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, visit_stamps, visit_waves
+from simulator.observing.scene_light import MAX_VISIT, Visit, table_stamps, visit_stamps, visit_waves
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
@@ -45,16 +45,16 @@ class HoleStacks:
         Pixels that are drawn: the dark hole.
     epochs : int
         Wavefronts of a visit.
-    star : VisitLight, FocalGrid or ndarray
-        What gives the star's light on rows and columns of the hole: an expansion, a transform of each wavefront, or
-        an image that does not change.
+    star : VisitLight, FocalGrid, TablePsf or ndarray
+        What gives the star's light on rows and columns of the hole: an expansion, a transform of each wavefront, the
+        speckles of a table, or an image that does not change.
     """
 
     observation: Observation
     static_e_s: FloatArray
     region: NDArray[np.bool_]
     epochs: int
-    star: VisitLight | FocalGrid | FloatArray
+    star: VisitLight | FocalGrid | TablePsf | FloatArray
     _place: tuple[NDArray[np.intp], NDArray[np.intp]]
 
     @property
@@ -122,9 +122,15 @@ class HoleStacks:
         """Return the mean of the unit star on rows and columns of the hole in every draw."""
         sequence, star = self.observation, self.star
         shares = self.frames / sequence.n_frames
+        visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
+        if isinstance(star, TablePsf):
+            whole = table_stamps(star, sequence.instrument.drift, visit_s, sequence.seed, visits)
+            seen = np.asarray(whole[(slice(None), *self._place)])
+            if summed:
+                return np.asarray(seen.mean(axis=0, keepdims=True))
+            return seen if len(visits) > 1 else np.repeat(seen, self.epochs, axis=0)
         if isinstance(star, np.ndarray):
             return np.broadcast_to(star, (self.counts(len(visits), summed=summed).size, *star.shape))
-        visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
         given = sequence.instrument.drift, self.epochs, visit_s, sequence.seed
         if isinstance(star, FocalGrid):
             images = (visit_stamps(star, *given, one) for one in visits)
@@ -225,10 +231,12 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bo
 
 def _star_of(
     observation: Observation, rows: NDArray[np.intp], columns: NDArray[np.intp], exact: bool | None
-) -> VisitLight | FocalGrid | FloatArray:
+) -> VisitLight | FocalGrid | TablePsf | FloatArray:
     """Return what gives the light of the star on rows and columns of the stamp."""
     psf, drift = observation.psf, observation.instrument.drift
     visit_s = (observation.exposure_s + observation.readout_s) * observation.n_frames
+    if isinstance(psf, TablePsf):
+        return psf
     if isinstance(psf, ExternalPsf):
         return np.asarray(psf.on_axis[np.ix_(rows, columns)])
     offset = centred_axis(len(psf.on_axis), psf.imager.pixel_scale_arcsec)

@@ -233,10 +233,10 @@ def programme_parts(
 
 
 def _stable_law(variance: FloatArray, *, common: bool) -> ProgrammeLaw:
-    """Return the law of a residual that no drift changes: the same in all visits, or new in each science visit."""
+    """Return the law of a residual that no drift changes: the same in all visits, or of the two visits of a pair."""
     nothing = np.zeros((1,) * variance.ndim)
-    none, still = SpeckleLaw(nothing, nothing, nothing), SpeckleLaw(variance, nothing, nothing)
-    return ProgrammeLaw(*((none, none, still) if common else (still, none, none)))
+    none, still = (SpeckleLaw(part, nothing, nothing) for part in (nothing, variance if common else 0.5 * variance))
+    return ProgrammeLaw(*((none, none, still) if common else (still, still, none)))
 
 
 def unit_parts(
