@@ -4,7 +4,7 @@ import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from simulator.imaging import (
     visit_responses,
 )
 from simulator.signal import programme_law
+
+_P = TypeVar("_P", Psf, TablePsf)
 
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
@@ -111,13 +113,14 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
     weights = filter_kernel(psf)
     if isinstance(psf, TablePsf):
-        visit_nm, unit = 1.0, _maps_of_table(psf, drift, n_visits)
+        key = content_hash({"table": metrics_key(psf.instrument, psf.band), "drift": drift.model_dump(mode="json")})
+        visit_nm, unit = 1.0, _maps_of_table(_Keyed(psf, key), drift, n_visits)
     elif isinstance(psf, ExternalPsf) or not visit_nm > 0:
         nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
     else:
-        unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
+        unit = _unit_maps(_Keyed(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
     return SpeckleMaps(
         linear=visit_nm**2 * unit["linear"],
         square=visit_nm**4 * unit["square"],
@@ -151,15 +154,15 @@ def _key(psf: Psf, slope: float, n_visits: int) -> str:
 
 
 @dataclass(frozen=True)
-class _KeyedPsf:
+class _Keyed(Generic[_P]):
     """A PSF that counts as equal to any other of its key."""
 
-    psf: Psf = field(compare=False)
+    psf: _P = field(compare=False)
     key: str
 
 
 @functools.lru_cache(maxsize=16)
-def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int) -> dict[str, FloatArray]:
+def _unit_maps(keyed: "_Keyed[Psf]", slope: float, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of an offset of 1 nm, from the cache or measured."""
 
     def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -178,8 +181,10 @@ def _measured(psf: Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     return _filtered_maps(hole, filter_kernel(psf), responses)
 
 
-def _maps_of_table(psf: TablePsf, drift: Drift, n_visits: int) -> dict[str, FloatArray]:
+@functools.lru_cache(maxsize=16)
+def _maps_of_table(keyed: "_Keyed[TablePsf]", drift: Drift, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of a table: of visits of an hour, each with half of what is left of a pair."""
+    psf = keyed.psf
     place, hole = psf.figures.floor_separation_arcsec, psf.geometry.hole
     left = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D).law(1.0, 1.0).variance(_HOUR_S)
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))

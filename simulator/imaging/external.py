@@ -140,6 +140,10 @@ class ExternalPsf:
         most = table.maps.get("core_throughput", table.columns["core_throughput"]).max()
         return table.at_place("core_throughput", x_arcsec, y_arcsec) / float(most)
 
+    def extended(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Return the same of extended light."""
+        return self.passed(x_arcsec, y_arcsec)
+
     def at(self, x_arcsec: float, y_arcsec: float, *, margin_pixels: int | None = None) -> FloatArray:
         """Return the image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 

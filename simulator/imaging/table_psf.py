@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ComplexArray, FloatArray, overlap_weights, stream
+from cpic_core import ArrayLike, ComplexArray, FloatArray, overlap_weights, stream
 from simulator.config import Instrument
 from simulator.imaging.external import ExternalPsf, load_psf
 from simulator.imaging.sampling import centred_offsets
@@ -62,6 +62,12 @@ class TablePsf(ExternalPsf):
     def field(self) -> FloatArray:
         """Field of the star without errors."""
         return np.sqrt(self.on_axis)
+
+    def extended(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Return the light of an extended source at (x, y) over that of ``off_axis``: all that passes, not cores."""
+        shape = np.broadcast_shapes(np.shape(x_arcsec), np.shape(y_arcsec))
+        place = np.broadcast_to(np.asarray(x_arcsec, float), shape), np.broadcast_to(np.asarray(y_arcsec, float), shape)
+        return self.figures.dust_transmission(*place, np.zeros(shape)) / float(self.off_axis.sum())
 
     def moved(self, separation_arcsec: FloatArray, variance: FloatArray, rng: np.random.Generator) -> ComplexArray:
         """Return a field that makes sums over a core vary as much.
