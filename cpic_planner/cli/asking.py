@@ -232,8 +232,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
             arguments.append(arg)
             continue
         if new[0] not in known:
-            hint = "it is predicted, not yet measured in images"
-            raise InputError(arg, "given", allowed="only with cpic etc and cpic rank", hint=hint)
+            raise InputError(arg, "given", allowed="only with commands that have it")
         note(f"{arg} is now {' '.join(new)}")
         arguments += new
     return arguments

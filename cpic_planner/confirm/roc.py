@@ -101,7 +101,8 @@ def _levels(seen: searched.Observed, images: searched.Searched | None) -> list[R
     for level in sigma.tolist():
         strategy = seen.model.strategy.model_copy(update={"sigma": level})
         own = replace(seen, model=replace(seen.model, strategy=strategy))
-        blind, known = (float(chance[0, 0]) for chance in own.prospect(*planet).found)
+        chances = own.prospect(*planet).chances
+        blind, known = (float(chance[0, 0]) for chance in (chances.blind, chances.known_place))
         row = RocRow(
             band=seen.band,
             sigma=level,

@@ -13,6 +13,7 @@ from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
+from simulator.knobs import dial_of
 from simulator.ledger import not_modelled
 
 if TYPE_CHECKING:
@@ -231,7 +232,7 @@ def confirm_stars(
     """
     from cpic_planner.ranking import rank_targets
 
-    queries.refuse_counting(model.strategy)
+    queries.refuse_counting(model.strategy, dial_of(settings.get("fidelity"), settings.get("tolerance")))
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))

@@ -56,7 +56,7 @@ _STEPS, _BESIDE, _LOWEST, _HIGHEST = 20, 0.15, 0.5, 1e3
 
 @dataclass(frozen=True, eq=False)
 class SearchLaw:
-    """Law of detections of one band; made by `law_of`.
+    """Law of detections of one band; made by `band_law`.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ def _least_logs(law: SearchLaw, probability: float) -> FloatArray:
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
-    """Return the law of a band of a model, whether images have tested it or not.
+    """Return the law of a band of a model.
 
     Parameters
     ----------
@@ -212,17 +212,6 @@ def band_law(model: EtcModel, band: str) -> SearchLaw:
         Name of a band of the instrument, such as ``F520``.
     """
     return _law(model.metrics[band], model.strategy.annulus_lambda_d, model.strategy.sigma)
-
-
-def law_of(model: EtcModel, band: str) -> SearchLaw | None:
-    """Return the law of a band of a model where images have tested it.
-
-    Returns
-    -------
-    SearchLaw or None
-        None where no images were measured: where photons are counted.
-    """
-    return band_law(model, band) if model.strategy.mode == "analogue" else None
 
 
 def needed_margin(
@@ -249,15 +238,12 @@ def needed_margin(
     Returns
     -------
     ndarray
-        1 where no law was measured (`law_of`), or no threshold is defined.
+        1 where no threshold is defined.
     """
-    law = law_of(model, band)
-    if law is None:
-        return np.ones(np.broadcast_shapes(*map(np.shape, (separation_arcsec, speckled, light, visits))))
     if threshold is None:
         threshold = near_threshold(model.metrics[band].resolution_elements(separation_arcsec), model.strategy.sigma)
     known = model.strategy.search == "known_place"
-    half = law.half(separation_arcsec, speckled, light, visits, at_place=known)
+    half = band_law(model, band).half(separation_arcsec, speckled, light, visits, at_place=known)
     return np.where(np.isfinite(threshold), half / threshold, 1.0)
 
 

@@ -150,7 +150,7 @@ def completeness(
     A planet can be detected if its whole photometric aperture lies in the dark zone at roll 0 and the small-sample
     threshold of its separation is defined, which it is not below three resolution elements. Its significance over that
     threshold then gives the probability of a detection, by the law that images follow
-    (`cpic_planner.etc.visit_chances`); where no law was measured, a planet that reaches the threshold counts whole.
+    (`cpic_planner.etc.visit_chances`).
     Core throughput, halo and contrast are its own. The setting is not changed for it: one bright enough to saturate
     counts as detected.
     """
@@ -231,7 +231,7 @@ class _Counts:
     @functools.cached_property
     def _faintest(self) -> FloatArray:
         """Contrast below which no planet counts, by star and ring."""
-        law = etc.law_of(self.model, self.band)
+        law = etc.band_law(self.model, self.band)
         found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
         frames = {name: part[observed] for name, part in vars(self.setting).items()}
         chosen = self.targets.select(observed)
@@ -286,23 +286,20 @@ def _chances(
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
     chance = np.zeros((2, len(shown[0])))
-    separation, law = np.hypot(x, y), etc.law_of(model, band)
+    separation = np.hypot(x, y)
     # The law is what takes longest here.
-    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY)
+    least = etc.band_law(model, band).least(separation, etc.LEAST_PROBABILITY)
     hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
-    threshold = etc.near_threshold(model.metrics[band].resolution_elements(separation), strategy.sigma)
     seen = etc.of_band(noise, here)
     effective = etc.effective_of(programme, rates.speckle)
     visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
     found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving)
-    for mode, (part, needed) in enumerate(((found.blind, moving), (found.known_place, np.ones_like(moving)))):
-        chance[mode, hopeful] = np.where(
-            np.isnan(part), seen.significance >= needed * threshold, part * (part >= etc.LEAST_PROBABILITY)
-        )
+    for mode, part in enumerate((found.blind, found.known_place)):
+        chance[mode, hopeful] = part * (part >= etc.LEAST_PROBABILITY)
     return chance
 
 

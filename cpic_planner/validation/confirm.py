@@ -73,7 +73,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             if not counted and positions[index] is None and item is not None and item.found:
                 positions[index] = positions_of(at, realisation, blind, planet)
     audits: list[AuditRecord | None] = [None] * len(planets)
-    if task.audit and sums and planets:
+    if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
     statistics = FrameStatistics.of(parts) if parts else None
     seen = Evidence(task, modelling, None if known else star, false, statistics)

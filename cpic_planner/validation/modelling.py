@@ -210,7 +210,8 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     for name in () if by_frames or whole else limits:
         rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0, reason=why)
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
-    draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
+    counted = strategy.mode != "analogue"  # of whose counts only sums are drawn
+    draw = choice.draw if by_frames or (choice.outcome.value is not None and not counted) else "sums"
     epochs = min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs
     visit_s = task.n_frames * (task.exposure_s + instrument.detector_of(task.band).readout_s)
     small, accepted = expands(instrument.drift, visit_s), dial.tolerance["snr"]

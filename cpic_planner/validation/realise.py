@@ -9,7 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, Outcome, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Status, stream
+from cpic_planner.etc import MAX_MEAN_E, CountingLaw, FrameCamera, counting_probabilities
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
@@ -164,9 +165,28 @@ class VisitPair:
             As of `draw`.
         """
         stacks, visits, summed = self._drawing(role)
-        fixed = self.plan.noise_free and role == "reference"
-        images = self.expected(role, realisation) if fixed else stacks.draw(realisation, visits=visits, summed=summed)
-        return images, stacks.counts(visits, summed=summed)
+        counts = stacks.counts(visits, summed=summed)
+        if self.plan.noise_free and role == "reference":
+            return self.expected(role, realisation), counts
+        if self.counting is not None:
+            return self._counted(role, realisation, counts, self.counting), counts
+        return stacks.draw(realisation, visits=visits, summed=summed), counts
+
+    def _counted(self, role: Role, realisation: int, counts: IntArray, law: CountingLaw) -> FloatArray:
+        """Return the electrons that counts of photons tell: frames above the threshold are a binomial number."""
+        each, smear_e = counts[:, None, None], self.smear_e(role)
+        mean_e = self.expected(role, realisation) / each + smear_e
+        path = "counted", self.task.name, self.task.band, role, realisation
+        share = stream(self.task.seed, *path).binomial(each, law.q(np.minimum(mean_e, MAX_MEAN_E))) / each
+        return np.where(self.geometry.hole, (law.mean(share) - smear_e) * each, 0.0)
+
+    @functools.cached_property
+    def counting(self) -> CountingLaw | None:
+        """Law of counts of photons; None where charge is measured."""
+        if self.strategy.mode == "analogue":
+            return None
+        camera = FrameCamera.of(self.instrument, self.task.band)
+        return counting_probabilities(camera, self.task.em_gain, self.strategy)
 
     def expected(self, role: Role, realisation: int) -> FloatArray:
         """Return the means of the same images for the same wavefronts."""
@@ -211,6 +231,7 @@ class VisitPair:
             reference_scale=self.scale,
             noise_free_reference=self.plan.noise_free,
             smear_e=(self.smear_e("science"), self.smear_e("reference")),
+            counting=self.counting,
         )
         return Realisation(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 
@@ -264,6 +285,9 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
         answer = hole_stackable(science)
         if answer.status is Status.OK:
             answer = hole_stackable(reference)
+    if strategy.mode != "analogue" and answer.status is not Status.OK:
+        hint = f"photons are counted in sums of frames alone: {answer.message}"
+        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
     if answer.status is Status.OK:
         epochs = _epochs(task, how, chosen.drift)
         drawn = functools.partial(hole_stacks, epochs=epochs, exact=how.exact)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, numeric_context
+from cpic_planner.etc import CountingLaw, counting_variance
 from cpic_planner.validation.apertures import check_mask, frame_counts
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
@@ -256,6 +257,7 @@ def reduce_stack(
     reference_scale: float = 1.0,
     noise_free_reference: bool = False,
     smear_e: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
+    counting: CountingLaw | None = None,
 ) -> ReducedStack:
     """Subtract the mean reference and its leading modes, and sum.
 
@@ -280,6 +282,8 @@ def reduce_stack(
     smear_e : tuple of array_like
         Mean electrons that smeared into every pixel of a science and of a reference frame. They were taken off; their
         noise stays.
+    counting : CountingLaw, optional
+        Of counts of photons from which the electrons were worked out.
 
     Raises
     ------
@@ -303,17 +307,25 @@ def reduce_stack(
         raise InputError("reference_scale", reference_scale, allowed="above 0")
     noise = FrameNoise.of(detector, em_gain, exposure_s)
     dark_e = noise.pedestal_e
+
+    def frame_variance_e2(charge_e: FloatArray) -> FloatArray:
+        return noise.charge_variance_e2(charge_e) if counting is None else counting_variance(charge_e, counting)
+
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
     cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
     total, library_total = float(science_n.sum()), float(reference_n.sum())
     light = smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
     seen = np.maximum(light, 0.0)
-    variance = total * noise.charge_variance_e2(seen + dark_e + smear_e[0])
+    inside = seen + dark_e + smear_e[0]
+    variance = total * frame_variance_e2(inside)
     if not noise_free_reference:
         # Held in a frame of the reference: its light before it was scaled, and the rest as it is.
         held = seen / reference_scale + dark_e + smear_e[1]
-        variance += total**2 / library_total * reference_scale**2 * noise.charge_variance_e2(held)
-    other_star = reference_scale != 1.0
+        variance += total**2 / library_total * reference_scale**2 * frame_variance_e2(held)
+    other_star, factor2 = reference_scale != 1.0, noise.factor2
+    if counting is not None:
+        about = np.median(inside[region]) * np.array([1.0, 1.01])
+        factor2 = float(np.diff(counting_variance(about, counting))[0] / np.diff(about)[0])
     return ReducedStack(
         image_e=_summed(cut, science_n, other_star),
         region=cut.region,
@@ -322,7 +334,7 @@ def reduce_stack(
         rdi=cut,
         integration_s=total * exposure_s,
         em_gain=float(em_gain),
-        factor2=noise.factor2,
+        factor2=factor2,
         inputs=Inputs(science.sum(axis=0) / total, library, total, other_star),
     )
 
