@@ -15,7 +15,7 @@ from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
 from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
+from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack, smoothed
 from cpic_planner.validation.rejection import filled, rejected_in
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
@@ -153,7 +153,7 @@ class VisitPair:
     def draw(self, realisation: int) -> Realisation:
         """Return one realisation from sums of frames; only where ``stackable`` is ok."""
         science, reference = (self.drawn(role, realisation) for role in ROLES)
-        return self.reduced(science[0], reference[0], science[1], reference[1], self._drawing("science")[0].region)
+        return self.reduced(science[0], reference[0], science[1], reference[1], self._region)
 
     def drawn(self, role: Role, realisation: int) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the images of one role, sums of frames in electrons, and how many frames each is the sum of.
@@ -175,10 +175,26 @@ class VisitPair:
     def _counted(self, role: Role, realisation: int, counts: IntArray, law: CountingLaw) -> FloatArray:
         """Return the electrons that counts of photons tell: frames above the threshold are a binomial number."""
         each, smear_e = counts[:, None, None], self.smear_e(role)
-        mean_e = self.expected(role, realisation) / each + smear_e
+        mean_e = self._held(role, realisation)
         path = "counted", self.task.name, self.task.band, role, realisation
         share = stream(self.task.seed, *path).binomial(each, law.q(np.minimum(mean_e, MAX_MEAN_E))) / each
-        return np.where(self.geometry.hole, (law.mean(share) - smear_e) * each, 0.0)
+        about = smoothed(np.average(share, axis=0, weights=counts), self._region)
+        return np.where(self.geometry.hole, (law.electrons(share, about) - smear_e) * each, 0.0)
+
+    def _held(self, role: Role, realisation: int) -> FloatArray:
+        """Return the mean electrons of a frame of each image, smear included."""
+        stacks, visits, summed = self._drawing(role)
+        counts = stacks.counts(visits, summed=summed)[:, None, None]
+        return np.asarray(self.expected(role, realisation) / counts + self.smear_e(role))
+
+    @functools.cached_property
+    def _region(self) -> BoolArray:
+        """Pixels that take part in sums of frames: the dark hole, as far as photons can be told apart there."""
+        hole = self._drawing("science")[0].region
+        if self.counting is None:
+            return hole
+        told = [self.counting.usable(self._held(role, 0)).all(axis=0) for role in ROLES]
+        return np.asarray(hole & told[0] & told[1])
 
     @functools.cached_property
     def counting(self) -> CountingLaw | None:
