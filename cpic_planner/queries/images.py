@@ -248,10 +248,7 @@ class ImageQuestion(shared.InstrumentQuestion):
     ``simulator_overrides`` alter the images alone.
     """
 
-    strategy: shared.Strategy = shared.asked_strategy(
-        "How the observation is made and reduced.",
-        group=shared.Reduction,
-    )
+    strategy: shared.Strategy = shared.asked_strategy()
     realisations: int = asked(
         REALISATIONS,
         "Simulated observations of every planet and band, each with its own drift and noise.",

@@ -13,7 +13,6 @@ COMMAND = "plan"
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--photon-counting"], ["--photon-counting", "cpic etc", "not yet measured"]),
         (["--realisations", "0"], ["--realisations"]),
         (["--library", "reference_star"], ["--reference-v-mag"]),
         (["--reference-teff-k", "5000"], ["--reference-teff-k", "--library reference_star"]),

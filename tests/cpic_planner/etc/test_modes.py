@@ -149,13 +149,6 @@ def test_without_drift_modes_take_nothing(monkeypatch):
     assert modes.snr == mean.snr
 
 
-def test_near_infrared_predictions_are_for_the_mean():
-    given = {"time_s": 1e5, "contrast": 1e-8, "separation_arcsec": 1.0, "bands": ["F1265"]}
-    mean, modes = (signal_to_noise(model(bands=["F1265"], visits=8, n_modes=k), TAU_CET, **given)[0] for k in (0, 4))
-    assert (modes.n_modes, modes.snr) == (0, mean.snr)
-    assert "modes_not_modelled" in modes.flags
-
-
 def test_the_number_of_modes_is_chosen_where_it_is_left_open():
     """Never worse than the mean or the most, and 0 where the mean is best."""
     settings = {"time_s": 1e5, "contrast": 2e-9, **PLACE}

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from simulator import observe
-from simulator.detectors import Blooming
+from simulator.detectors import VISIBLE, Blooming, switched
 from simulator.imaging import psf_metrics
 from simulator.ledger import NOT_IN_SUMS, forecast
 from simulator.ledger.light import _arrives
 
-STILL = dict.fromkeys(NOT_IN_SUMS, False)
+STILL = {name: False for name in NOT_IN_SUMS if name in switched(VISIBLE)}
 
 
 def flows(scene, instrument, settings):
