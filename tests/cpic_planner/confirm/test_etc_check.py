@@ -69,9 +69,11 @@ def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
     share, error = images.snr / images.predicted_snr, images.snr_error / images.predicted_snr
     assert images.etc_ratio == pytest.approx(images.predicted_snr / images.snr)
     assert images.etc_ratio_error / images.etc_ratio == pytest.approx(images.snr_error / images.snr)
-    assert abs(share - 1.0) <= record.closed_form_error["snr"] + 3.0 * error
+    stated = 0.05 if record.closed_form_error is None else record.closed_form_error["snr"]
+    assert abs(share - 1.0) <= stated + 3.0 * error
     assert error < 0.15
-    assert images.agrees == (abs(share - 1.0) <= record.closed_form_error["snr"] + 2.0 * error)
+    if record.closed_form_error is not None:
+        assert images.agrees == (abs(share - 1.0) <= stated + 2.0 * error)
     # Sums hold no particles: what they are compared with is the answer but for those.
     assert images.predicted_snr == pytest.approx(found.snr, rel=0.02)
     assert found.value == answers[0].value
@@ -151,6 +153,20 @@ def test_frame_by_frame_with_every_effect(tau_ceti):
     assert images.light_ratio == pytest.approx(1.0, abs=0.005)
     assert images.predicted_snr == pytest.approx(found.snr, rel=1e-9)
     assert abs(images.flux_ratio - 1.0) <= 4.0 * images.flux_ratio_error
+
+
+@pytest.mark.parametrize("averages", ["never", "visits"])
+def test_a_table_agrees_with_its_images(averages, tau_ceti):
+    """A residual that is the same in all visits, and one that is new in each; at a gain that bright speckles allow."""
+    table = load_instrument("roman_hlc_like").changed({"coronagraph": {"stability_averages": averages}})
+    model = build_model(table, None, Strategy(visits=3))
+    place = {"time_s": 20 * HOUR_S, "separation_arcsec": 0.33, "em_gain": 100.0}
+    answers = signal_to_noise(model, tau_ceti, contrast=6e-9, **place)
+    (found,) = check(model, tau_ceti, answers, seed=2, realisations=16)
+    images = found.fidelity.images
+    assert images.light_ratio == pytest.approx(1.0, abs=0.03)
+    assert abs(images.snr / images.predicted_snr - 1.0) < 4.0 * images.snr_error / images.predicted_snr
+    assert images.n_found >= 8
 
 
 def test_more_frames_than_can_be_drawn_one_by_one(answer, tau_ceti):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from simulator import observe
-from simulator.detectors import VISIBLE, Blooming, switched
+from simulator.detectors import Blooming
+from simulator.detectors.chains import VISIBLE, switched
 from simulator.imaging import psf_metrics
 from simulator.ledger import NOT_IN_SUMS, forecast
 from simulator.ledger.light import _arrives

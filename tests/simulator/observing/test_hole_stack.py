@@ -283,3 +283,26 @@ def test_near_infrared_sums_are_those_of_frames_read_up_a_ramp():
         assert pull.std() == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * pull.size))
     coupled = dataclasses.replace(seen, instrument=instrument.switched({"interpixel_capacitance": True}))
     assert "interpixel_capacitance" in hole_stackable(coupled).message
+
+
+@pytest.mark.parametrize("averages", ["never", "visits"])
+def test_visits_of_a_table_have_its_residual(averages):
+    """The same in all visits, or a new one in each; sums of frames and frames see one wavefront a visit."""
+    table = load_instrument("roman_hlc_like").changed({"coronagraph": {"stability_averages": averages}})
+    instrument = table.switched(dict.fromkeys(MOVING, False))
+    settings = {"band": "CGI1", "exposure_s": 10.0, "n_frames": 20, "em_gain": 10.0, "window": "hole"}
+    seen = observe(scene(5.0), **settings, instrument=instrument)
+    stacks = hole_stacks(seen, epochs=3)
+    visits = stacks.mean_rates(0, visits=4)
+    apart, even = np.ptp(visits, axis=0)[stacks.region], visits.mean(axis=0)[stacks.region]
+    assert (apart.max() == 0.0) == (averages == "never")
+    assert apart.max() < even.max()
+    np.testing.assert_allclose(stacks.mean_rates(0, visits=4, summed=True)[0], visits.mean(axis=0), rtol=1e-12)
+    assert len(stacks.mean_rates(0)) == 3
+    for visit in (0, 3):
+        frames = seen.at_visit(visit).mean_rate_map
+        np.testing.assert_allclose(visits[visit][stacks.region], frames[stacks.region], rtol=1e-9)
+    reference = observe(scene(5.0), **settings, instrument=instrument, role="reference")
+    same = np.array_equal(reference.mean_rate_map, reference.at_visit(1).mean_rate_map)
+    assert same == (averages == "never")
+    assert not np.array_equal(stacks.mean_rates(1, visits=4), visits)
