@@ -190,8 +190,6 @@ class ReducedStack:
         The projection, and with it the forward model of a planet.
     integration_s : float
         Sum of the science exposures.
-    em_gain : float
-        Gain of the register.
     factor2 : float
         Variance over mean of the electrons that are counted.
     inputs : Inputs or None
@@ -204,7 +202,6 @@ class ReducedStack:
     halo_e: FloatArray
     rdi: RdiResult
     integration_s: float
-    em_gain: float
     factor2: float
     inputs: Inputs | None = field(default=None, repr=False)
 
@@ -333,7 +330,6 @@ def reduce_stack(
         halo_e=np.where(region, total * light, 0.0),
         rdi=cut,
         integration_s=total * exposure_s,
-        em_gain=float(em_gain),
         factor2=factor2,
         inputs=Inputs(science.sum(axis=0) / total, library, total, other_star),
     )

@@ -6,7 +6,7 @@ from simulator.config.map_files import (
     real_map as real_map,
 )
 from simulator.imaging.aperture import aperture_sums as aperture_sums
-from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
+from simulator.imaging.build import build_imager as build_imager
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames, wavefronts as wavefronts
 from simulator.imaging.external import ExternalPsf as ExternalPsf
