@@ -208,7 +208,7 @@ def transferred(image_e: ArrayLike, detector: AnyDetector, first_pixel: tuple[in
 
 
 class _AnySteps:
-    """What turns the raw numbers of either camera into light: the calibration set of the sequence's pixels."""
+    """The base of both cameras: the calibration set of the pixels of a sequence."""
 
     def __init__(self, observation: Observation, detector: AnyDetector) -> None:
         maps, switches = load_calibration_set(detector), detector.switches

@@ -124,12 +124,10 @@ WAYS = {
 
 @pytest.mark.parametrize("field", WAYS)
 def test_every_setting_of_a_strategy_has_one_name(field):
-    """By option, by keyword, and in files; only what a command cannot honour is missing."""
+    """By option, by keyword, and in files."""
     option, value = WAYS[field]
     for name in ("etc", "rank", "plan", "confirm"):
-        names = option_names(MODELS[name])
-        honoured = field != "mode" or name in ("etc", "rank")
-        assert (names.get(f"strategy.{field}") == option) == honoured
+        assert option_names(MODELS[name])[f"strategy.{field}"] == option
     question = EtcQuestion.of({"target": "tau Cet", "strategy": {field: value}})
     assert getattr(question.strategy, field) == value
 
