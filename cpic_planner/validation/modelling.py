@@ -130,6 +130,8 @@ class Modelling(Choice):
         seen = self.drifting(instrument)
         if self.draw == "sums":
             return images_of(seen)
+        if seen.coronagraph.table is not None:  # no shadow of a mask tells the level of a frame: it counts as known
+            seen = seen.switched(dict.fromkeys(("bias_drift", "interference"), False))
         return seen.switched(self.switches) if self.switches else seen
 
     def scene(self, scene: Scene) -> Scene:
