@@ -228,12 +228,9 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
             arguments += [f"{name}-s", seconds_text(name, text)]
             continue
         new = RENAMED.get(arg)
-        if new is None or arg in known or (new[0] not in known and len(new) == 1):
+        if new is None or arg in known or new[0] not in known:
             arguments.append(arg)
             continue
-        if new[0] not in known:
-            hint = "it is predicted, not yet measured in images"
-            raise InputError(arg, "given", allowed="only with cpic etc and cpic rank", hint=hint)
         note(f"{arg} is now {' '.join(new)}")
         arguments += new
     return arguments

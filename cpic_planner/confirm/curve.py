@@ -161,7 +161,8 @@ def _map(seen: searched.Observed, rows: Sequence[CurveRow]) -> list[Completeness
     x, y = (np.repeat((separation * turn(angle)).ravel(), N_CONTRASTS) for turn in (np.cos, np.sin))
     expected = seen.prospect(x, y, np.tile(contrast, angle.size))
     blind, known = (
-        chance.reshape(len(places), N_AZIMUTHS, N_CONTRASTS).mean(axis=1).tolist() for chance in expected.found
+        chance.reshape(len(places), N_AZIMUTHS, N_CONTRASTS).mean(axis=1).tolist()
+        for chance in (expected.chances.blind, expected.chances.known_place)
     )
     return [
         CompletenessMap(
@@ -219,7 +220,7 @@ def _recovered(seen: searched.Observed, planets: searched.Planets, images: searc
         for number, contrast in enumerate(contrasts if n else []):
             hits = int(images.detected(alarms[:, number], seen.model.strategy.sigma).sum())
             low, high = fraction_interval(hits, n)
-            expected = seen.prospect_in_images(offsets[:, 0], offsets[:, 1], np.full(n, contrast)).found[0]
+            expected = seen.prospect_in_images(offsets[:, 0], offsets[:, 1], np.full(n, contrast)).chances.blind
             row = RecoveredRow(
                 band=seen.band,
                 separation_arcsec=place,

@@ -10,7 +10,7 @@ import numpy as np
 from cpic_core import FloatArray, InputError, Outcome, Reason, Status
 from cpic_planner import validation
 from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, planet_offsets, reference_distance_au
-from cpic_planner.queries import MAX_FRAMES, ReferencePlanet
+from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, refuse_counting
 from cpic_planner.results import EtcAnswer, ImageCheck
 from cpic_planner.targets import Targets
 from simulator.config import Planet, Scene, albedo_spec
@@ -74,10 +74,8 @@ def check_in_images(
     Outcome of ImageCheck
         ``invalid`` or ``saturated`` with reason and sentence where images cannot check the answer.
     """
-    refused = _not_measured(model, answer)
-    if refused:
-        return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, refused)
     try:
+        refuse_counting(model.strategy, dial)
         task = _task(model, star, answer, planet, dial, seed)
         modelling = validation.modelling_of(task)
         done, visits, template = _measured(task, modelling, dial, realisations, progress)
@@ -95,15 +93,6 @@ class _Refused(Exception):
     def __init__(self, status: Status, reason: Reason, message: str) -> None:
         super().__init__(message)
         self.status, self.reason = status, reason
-
-
-def _not_measured(model: EtcModel, answer: EtcAnswer) -> str:
-    """Return why images of this answer are not measured; empty if they are."""
-    if model.instrument.band(answer.band).camera != "VIS":
-        return f"images of the near-infrared camera ({answer.band}) are simulated, not yet measured"
-    if model.strategy.mode != "analogue":
-        return "photon counting is predicted, not yet measured in images"
-    return ""
 
 
 def _task(

@@ -23,7 +23,6 @@ from cpic_planner.confirm.stars import (
     images_cost,
     plan_tasks,
     programme_task,
-    refuse_unimaged,
     result_header,
     tasks_of,
     why_not_imaged,
@@ -76,7 +75,6 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     """
     listed, source = ((), "") if config.schedule is None else read_schedule(config.schedule, config.schedule_strategy)
     bands = config.bands if config.schedule is None else _bands(config, listed)
-    refuse_unimaged(config.instrument, bands)
     model, time_s = timed_model(build_model(config.instrument, bands, config.strategy), config)
     catalogue = as_catalogue(catalog)
     stars = asked_stars(config, catalogue)
@@ -108,12 +106,12 @@ def _star(ready: _Prepared, row: results.RankedTarget, roll_deg: float = 0.0) ->
 
 
 def _bands(config: PlanQuestion, listed: Sequence[ScheduledVisit]) -> tuple[str, ...]:
-    """Return the bands of a schedule whose images are measured."""
-    visible = config.instrument.visible_bands()
-    found = tuple(band for band in visible if any(visit.setting.band == band for visit in listed))
+    """Return the bands of the instrument that a schedule names."""
+    known = tuple(config.instrument.bands)
+    found = tuple(band for band in known if any(visit.setting.band == band for visit in listed))
     if not found:
         bands = ", ".join(dict.fromkeys(visit.setting.band for visit in listed))
-        raise InputError("schedule", bands, allowed=f"visits in {', '.join(visible)}, whose images are measured")
+        raise InputError("schedule", bands, allowed=f"visits in {', '.join(known)}")
     return found
 
 
@@ -316,7 +314,6 @@ def _cost(tasks: Sequence[ConfirmTask], n_targets: int, n_ranked: int, n_bands: 
 
 def _expected_cost(config: PlanQuestion, catalog: CatalogSource) -> Cost:
     """Return the cost of the targets that a rough ranking of the nearest stars has first, some standing for others."""
-    refuse_unimaged(config.instrument, config.bands)
     model, time_s = timed_model(build_model(config.instrument, config.bands, config.strategy), config)
     stars = asked_stars(config, as_catalogue(catalog)).answered
     n_targets = min(config.top, len(stars))

@@ -98,7 +98,8 @@ def _levels(seen: searched.Observed, images: searched.Searched | None) -> list[R
     x, y = etc.planet_offsets(seen.model, seen.star, seen.band, answer.separation_arcsec)
     rows, expected = [], seen.prospect(*(np.full(1, part) for part in (x, y, answer.contrast)))
     for level in sigma.tolist():
-        blind, known = (float(chance[0, 0]) for chance in expected.at_level(level).found)
+        chances = expected.at_level(level).chances
+        blind, known = (float(chance[0, 0]) for chance in (chances.blind, chances.known_place))
         row = RocRow(
             band=seen.band,
             sigma=level,

@@ -11,7 +11,7 @@ import numpy as np
 
 from cpic_core import Reason, Status
 from cpic_planner import validation
-from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, refuse_unimaged, result_header
+from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, result_header
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
@@ -89,7 +89,7 @@ def confirm_scene(
     Raises
     ------
     InputError
-        For bands of the near-infrared camera, anything out of range, or a folder that cannot be used.
+        For anything out of range, or a folder that cannot be used.
     """
     return run(confirm_job(config), out, **how)
 
@@ -143,7 +143,6 @@ def scene_target(scene: Scene) -> Targets:
 
 
 def _work(config: ConfirmQuestion) -> _Work:
-    refuse_unimaged(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     target = scene_target(config.scene)
     tasks: list[validation.ConfirmTask] = []

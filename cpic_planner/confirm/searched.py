@@ -9,7 +9,6 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, special
 from cpic_planner import etc, validation
-from cpic_planner.confirm.stars import refuse_unimaged
 from cpic_planner.jobs import Cost, Runner, Task
 from cpic_planner.queries import ReferencePlanet, SearchedQuestion
 from cpic_planner.results import EtcAnswer, SearchedProgramme
@@ -192,7 +191,6 @@ def search_tasks(
     until : int
         Number of these images.
     """
-    refuse_unimaged(seen.model.instrument, [seen.band])
     images = replace(seen.images, seed=question.seed).to_dict()
     return [
         validation.SearchTask(

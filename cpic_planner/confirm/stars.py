@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from cpic_core import InputError
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
-from simulator.config import Instrument
-from simulator.imaging import refuse_table
+from simulator.knobs import dial_of
 from simulator.ledger import not_modelled
 
 if TYPE_CHECKING:
@@ -55,24 +53,6 @@ def result_header(
         "calibration_text": mean.text,
         "not_modelled": not_modelled(validation.images_of(config.instrument)),
     }
-
-
-def refuse_unimaged(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse tables, unknown bands, and those of the near-infrared camera: of none of them images are measured.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    bands : sequence of str or None
-        Names of bands of the instrument.
-    """
-    refuse_table(instrument)
-    visible = instrument.visible_bands()
-    for band in bands or ():
-        instrument.band(band)
-        if band not in visible:
-            hint = "images of the near-infrared camera are simulated, not yet measured"
-            raise InputError("band", band, allowed=", ".join(visible), hint=hint)
 
 
 def plan_tasks(
@@ -143,11 +123,11 @@ def tasks_of(
 
 def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> str:
     """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some."""
-    visible, library = config.instrument.visible_bands(), config.strategy.library
+    library = config.strategy.library
     if visit.reserve:
         return "a reserve visit, made only where others have freed the time for it"
-    if visit.setting.band not in visible:
-        return f"images are measured in {', '.join(visible)}"
+    if visit.setting.band not in config.instrument.bands:
+        return f"the instrument has no such band: {', '.join(config.instrument.bands)}"
     if visit.reference_library not in ("", library):
         return f"its references are those of {visit.reference_library}, the plan's of {library}: give --library"
     if visit.setting.n_frames > queries.MAX_FRAMES:
@@ -252,8 +232,7 @@ def confirm_stars(
     """
     from cpic_planner.ranking import rank_targets
 
-    queries.refuse_counting(model.strategy)
-    refuse_unimaged(model.instrument, model.bands)
+    queries.refuse_counting(model.strategy, dial_of(settings.get("fidelity"), settings.get("tolerance")))
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
     bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))
@@ -282,7 +261,6 @@ def star_images_job(
 
     @functools.cache
     def prepared() -> tuple[results.RankedTarget, list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
-        refuse_unimaged(model.instrument, model.bands)
         row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
         return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
 

@@ -32,7 +32,6 @@ from cpic_planner.etc.detection_law import (
     PRIORS as PRIORS,
     SearchLaw as SearchLaw,
     band_law as band_law,
-    law_of as law_of,
     light_share as light_share,
     lit_share as lit_share,
     needed_margin as needed_margin,
@@ -78,6 +77,12 @@ from cpic_planner.etc.noise import (
     frame_problem as frame_problem,
     own_noise as own_noise,
     stack_noise as stack_noise,
+)
+from cpic_planner.etc.photon_counting import (
+    MAX_MEAN_E as MAX_MEAN_E,
+    CountingLaw as CountingLaw,
+    counting_probabilities as counting_probabilities,
+    counting_variance as counting_variance,
 )
 from cpic_planner.etc.planet import (
     FARTHEST_ARCSEC as FARTHEST_ARCSEC,

@@ -7,7 +7,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray
 from cpic_planner.etc.detection import MIN_ELEMENTS
-from cpic_planner.etc.detection_law import SearchLaw, law_of, light_share, lit_share, own_share, speckled_share
+from cpic_planner.etc.detection_law import SearchLaw, band_law, light_share, lit_share, own_share, speckled_share
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
 
@@ -17,7 +17,7 @@ LEAST_PROBABILITY = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Chances:
-    """Probabilities of a detection, of a blind search and at a known place; NaN where no law was measured."""
+    """Probabilities of a detection, of a blind search and at a known place."""
 
     blind: FloatArray
     known_place: FloatArray
@@ -25,7 +25,7 @@ class Chances:
     @classmethod
     def of(
         cls,
-        law: SearchLaw | None,
+        law: SearchLaw,
         noise: StackNoise,
         separation_arcsec: ArrayLike,
         light: ArrayLike,
@@ -38,7 +38,7 @@ class Chances:
 
         Parameters
         ----------
-        law : SearchLaw or None
+        law : SearchLaw
         noise : StackNoise
             Of programmes at the planets' places.
         separation_arcsec : array_like
@@ -52,8 +52,6 @@ class Chances:
         at_place : bool
             Those at a known place are asked for; else they are NaN.
         """
-        if law is None:
-            return cls(*np.full((2, *noise.significance.shape), np.nan))
         where = own_share(noise), separation_arcsec, speckled_share(noise), lit_share(noise, light), visits
         paid = noise.significance / np.asarray(motion, float)
         blind = law.probability(paid, *where, at_place=False)
@@ -89,5 +87,5 @@ def visit_chances(
         As of `Chances.of`.
     """
     light = light_share(model, band, separation_arcsec, visit_s)
-    found = Chances.of(law_of(model, band), noise, separation_arcsec, light, visits, motion, at_place=at_place)
+    found = Chances.of(band_law(model, band), noise, separation_arcsec, light, visits, motion, at_place=at_place)
     return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)

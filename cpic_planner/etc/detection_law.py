@@ -60,7 +60,7 @@ _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 @dataclass(frozen=True, eq=False)
 class SearchLaw:
-    """Law of detections of one band; made by `law_of`.
+    """Law of detections of one band; made by `band_law`.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ def _between(first: FloatArray, second: FloatArray, share: FloatArray) -> FloatA
 
 
 def band_law(model: EtcModel, band: str) -> SearchLaw:
-    """Return the law of a band of a model, whether images have tested it or not.
+    """Return the law of a band of a model.
 
     Parameters
     ----------
@@ -239,18 +239,6 @@ def band_law(model: EtcModel, band: str) -> SearchLaw:
     """
     common = model.instrument.drift.common_fraction
     return _law(model.metrics[band], model.strategy.annulus_lambda_d, model.strategy.sigma, common)
-
-
-def law_of(model: EtcModel, band: str) -> SearchLaw | None:
-    """Return the law of a band of a model where images have tested it.
-
-    Returns
-    -------
-    SearchLaw or None
-        None where no images were measured: in bands of the near-infrared camera, and where photons are counted.
-    """
-    measured = model.strategy.mode == "analogue" and band in model.instrument.visible_bands()
-    return band_law(model, band) if measured else None
 
 
 def needed_margin(
@@ -277,15 +265,12 @@ def needed_margin(
     Returns
     -------
     ndarray
-        1 where no law was measured (`law_of`), or no threshold is defined.
+        1 where no threshold is defined.
     """
-    law = law_of(model, band)
-    if law is None:
-        return np.ones(np.broadcast_shapes(*map(np.shape, (separation_arcsec, speckled, light, visits))))
     if threshold is None:
         threshold = near_threshold(model.metrics[band].resolution_elements(separation_arcsec), model.strategy.sigma)
     known = model.strategy.search == "known_place"
-    half = law.half(separation_arcsec, speckled, light, visits, at_place=known)
+    half = band_law(model, band).half(separation_arcsec, speckled, light, visits, at_place=known)
     return np.where(np.isfinite(threshold), half / threshold, 1.0)
 
 

@@ -6,7 +6,7 @@ Where a planet may stand in the dark hole, the visits of a programme, and the ch
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -160,6 +160,10 @@ class EtcModel:
     def loss_per_s(self, band: str) -> float:
         """Return the rate of particles that void an aperture of the band."""
         return self._losses[band]
+
+    def measured(self) -> "EtcModel":
+        """Return the model of the same apertures as they are summed in images (`PsfMetrics.measured`)."""
+        return replace(self, metrics={band: figures.measured() for band, figures in self.metrics.items()})
 
     def modes(self, band: str) -> "BandModes":
         """Return the modes of speckles of the band's references: of visits' offsets, else of the walk in an hour."""

@@ -85,9 +85,7 @@ def modes_obstacle(model: EtcModel, band: str) -> str | None:
     band : str
         Name of a band of the instrument, such as ``F520``.
     """
-    images = not model.of_table and band in model.instrument.visible_bands()
-    modelled = model.strategy.n_modes == 0 or images
-    return None if modelled else MODES_NOT_MODELLED
+    return MODES_NOT_MODELLED if model.strategy.n_modes and model.of_table else None
 
 
 def with_modes(

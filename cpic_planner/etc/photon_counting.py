@@ -32,6 +32,7 @@ _BELOW_SIGMA = 10.5
 _CUTOFF_SIGMA = 9.0  # of the Gaussian in the transformed variable: exp(-40)
 # The probabilities are good to 1e-8; slopes of their differences below this are not known well enough.
 _LEAST_SLOPE = 1e-7
+_N_MEANS = 500  # where the line touches is of no weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,22 @@ class CountingLaw:
         """
         mean = _checked_mean(mean_e)
         return 1.0 - _poisson_mean(1.0 - self.e, mean)
+
+    def electrons(self, share: ArrayLike, about: ArrayLike) -> FloatArray:
+        """Return the electrons per frame that counts tell, to first order in their scatter.
+
+        Parameters
+        ----------
+        share : array_like
+            Frames that count over all of them.
+        about : array_like
+            The same of many pixels or frames of nearly the same light, 0 to 1: the inverse of `q` is the straight line
+            that touches it there, so that a share of few frames, 1 say, has no infinite light.
+        """
+        means = MAX_MEAN_E * np.linspace(0.0, 1.0, _N_MEANS) ** 3
+        level = np.interp(np.asarray(about, float), self.q(means), means)
+        slope = np.maximum(_poisson_mean(np.diff(self.e), level), _LEAST_SLOPE)
+        return np.asarray(level + (np.asarray(share, float) - self.q(level)) / slope)
 
     def usable(self, mean_e: ArrayLike) -> NDArray[np.bool_]:
         """Return whether counts tell the mean: it is at most `MAX_MEAN_E`, and a count's probability follows it.

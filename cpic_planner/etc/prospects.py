@@ -30,7 +30,7 @@ class Prospect:
     threshold : ndarray
         Small-sample threshold of the significance.
     chances : Chances
-        Probabilities of a detection, NaN where no law was measured.
+        Probabilities of a detection.
     motion : ndarray
         Factor by which a blind search asks for more because planets may move.
     at_level : callable
@@ -48,14 +48,6 @@ class Prospect:
     def margin(self) -> FloatArray:
         """Predicted significance over threshold."""
         return np.asarray(self.noise.significance / self.threshold)
-
-    @property
-    def found(self) -> tuple[FloatArray, FloatArray]:
-        """Probabilities blind and at a known place; where no law was measured, 1 where the threshold is reached."""
-        margin, of = self.margin, self.chances
-        both = (of.blind, margin / self.motion), (of.known_place, margin)
-        blind, known = (np.where(np.isnan(chance), reached >= 1.0, chance) for chance, reached in both)
-        return blind, known
 
 
 def prospect_of(

@@ -16,7 +16,6 @@ from cpic_planner.etc import budget
 from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
 from cpic_planner.etc.chances import Chances
 from cpic_planner.etc.detection import verdict_of
-from cpic_planner.etc.detection_law import law_of
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.groups import Found, Group
@@ -111,7 +110,6 @@ class Solved:
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
         detection = None if limit else _Detection.of(cases, choice, noise, self)
         inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
-        unmeasured = strategy.search == "blind" and law_of(model, cases.bands[0].band) is None
         answers = []
         for case in np.ndindex(*cases.contrast.shape):
             own, place = cases.bands[case[0]], case[1:]
@@ -130,8 +128,6 @@ class Solved:
                 head["flags"] += (obstacle,)
             elif used[case] < strategy.n_modes and not strategy.choose_modes and choice.n_frames[case] >= 1:
                 head["flags"] += (MODES_LIMITED,)
-            if unmeasured:
-                head["flags"] += ("blind_law_not_measured",)
             if status is not Status.OK:
                 answers.append(EtcAnswer(value=None, **head))
                 continue
@@ -318,7 +314,7 @@ class _Detection:
             common = calm & (floor <= least)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
             required = _required(cases, choice, noise, wanted, level, lost)
-        mode: DetectionMode = "known_place" if not wanted.laws or wanted.at_place else "blind"
+        mode: DetectionMode = "known_place" if wanted.at_place else "blind"
         return cls(
             mode, detected, chances, calm, common, dark, moving, float(model.visit_s(budget.LONGEST_TIME_S)), required
         )

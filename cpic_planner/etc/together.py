@@ -11,7 +11,7 @@ from cpic_core import ArrayLike, FloatArray, NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
 from cpic_planner.etc.chances import Chances
-from cpic_planner.etc.detection_law import SearchLaw, law_of
+from cpic_planner.etc.detection_law import SearchLaw, band_law
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
 from cpic_planner.etc.motion import SearchMotion, motion_factor
@@ -252,15 +252,13 @@ class Wanted:
         shape = cases.contrast.shape
         if value is not None:
             return cls(np.full(shape, float(value)))
-        model, laws = cases.model, [law_of(cases.model, one.band) for one in cases.bands]
-        thresholds, known = spread(cases.threshold, shape), tuple(law for law in laws if law is not None)
-        if len(known) < len(laws):
-            return cls(thresholds, motion=cases.motion)
+        model, laws = cases.model, tuple(band_law(cases.model, one.band) for one in cases.bands)
+        thresholds = spread(cases.threshold, shape)
         averaging = cases.rates.speckle.averaging().scaled(cases.rates.variance_factor)
         crossed, light = (part.averaging().law() for part in cases.residual_parts)
         at_place = model.strategy.search == "known_place"
         place = cases.separation_arcsec
-        return cls(thresholds, known, at_place, averaging, crossed, light, place, cases.motion)
+        return cls(thresholds, laws, at_place, averaging, crossed, light, place, cases.motion)
 
     def __call__(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
         """Return the level of a programme: of the length of its visits, and of noise over signal squared."""
@@ -309,8 +307,8 @@ class Wanted:
 
     def chances(self, programme: Programme, visit_s: FloatArray, noise: StackNoise) -> Chances:
         """Return the probabilities of a detection in a programme."""
-        if not self.laws or self.separation_arcsec is None or self.averaging is None:
-            return Chances(*np.full((2, *noise.significance.shape), np.nan))
+        assert self.separation_arcsec is not None  # of a detection
+        assert self.averaging is not None
         visits, paid = effective_of(programme, self.averaging), motion_factor(self.motion, programme, visit_s)
         shape = noise.significance.shape
         light, place, visits, paid = (

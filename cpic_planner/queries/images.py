@@ -248,10 +248,7 @@ class ImageQuestion(shared.InstrumentQuestion):
     ``simulator_overrides`` alter the images alone.
     """
 
-    strategy: shared.Strategy = shared.asked_strategy(
-        "How the observation is made and reduced; photon counting is predicted, not yet measured in images.",
-        group=shared.Reduction,
-    )
+    strategy: shared.Strategy = shared.asked_strategy()
     realisations: int = asked(
         REALISATIONS,
         "Simulated observations of every planet and band, each with its own drift and noise.",
@@ -284,10 +281,9 @@ class ImageQuestion(shared.InstrumentQuestion):
 
     @model_validator(mode="after")
     def _imaged(self) -> Self:
-        refuse_counting(self.strategy)
         self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
         self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
-        dial_of(self.fidelity, self.tolerance)
+        refuse_counting(self.strategy, self.dial)
         return self
 
     @property
@@ -340,16 +336,16 @@ def audited(dial: Dial, asked_for: bool | None = None) -> bool:
     return dial.fidelity == "standard" if asked_for is None else asked_for
 
 
-def refuse_counting(strategy: shared.Strategy) -> None:
-    """Refuse photon counting, which is predicted but not measured in images.
+def refuse_counting(strategy: shared.Strategy, dial: Dial) -> None:
+    """Refuse photon counting frame by frame.
 
     Raises
     ------
     InputError
         Naming the mode.
     """
-    if strategy.mode != "analogue":
-        hint = "photon counting is predicted, not yet measured in images"
+    if strategy.mode != "analogue" and dial.fidelity == "reference":
+        hint = "photons are counted in sums of frames, not yet frame by frame: quick, standard or a tolerance"
         raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
 
 

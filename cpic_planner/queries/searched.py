@@ -10,7 +10,6 @@ from cpic_planner.queries import shared
 from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.etc import Numbers
 from cpic_planner.queries.fields import asked, asked_visit_time
-from cpic_planner.queries.images import refuse_counting
 
 MOST_IMAGES = 10_000
 _MOST_PLACES = 200
@@ -52,11 +51,9 @@ class SearchedQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQues
             raise InputError("force", "given", allowed=f"together with {called('out')}")
         if self.is_given("seed") and not self.images:
             raise InputError("seed", self.seed, allowed=f"together with {called('images')}")
-        if self.images:
-            refuse_counting(self.strategy)
-            if len(self.strategy.rolls_deg) > 1:
-                hint = "two rolls show every planet twice: their images are not searched blind"
-                raise InputError("images", self.images, allowed=f"0 with {called('library')} roll", hint=hint)
+        if self.images and len(self.strategy.rolls_deg) > 1:
+            hint = "two rolls show every planet twice: their images are not searched blind"
+            raise InputError("images", self.images, allowed=f"0 with {called('library')} roll", hint=hint)
         return self
 
 

@@ -153,7 +153,7 @@ def completeness(
     A planet can be detected if its whole photometric aperture lies in the dark zone at roll 0 and the small-sample
     threshold of its separation is defined, which it is not below three resolution elements. Its significance over that
     threshold then gives the probability of a detection, by the law that images follow
-    (`cpic_planner.etc.visit_chances`); where no law was measured, a planet that reaches the threshold counts whole.
+    (`cpic_planner.etc.visit_chances`).
     Core throughput, halo and contrast are its own. The setting is not changed for it: one bright enough to saturate
     counts as detected.
     """
@@ -239,7 +239,7 @@ class _Counts:
     @functools.cached_property
     def _faintest(self) -> FloatArray:
         """Contrast below which no planet counts, by star and ring."""
-        law = etc.law_of(self.model, self.band)
+        law = etc.band_law(self.model, self.band)
         found, observed = np.full((len(self.targets), N_RINGS), np.inf), np.flatnonzero(self.setting.n_frames > 0.0)
         frames = {name: part[observed] for name, part in vars(self.setting).items()}
         chosen = self.targets.select(observed)
@@ -295,9 +295,9 @@ def _chances(
     programme = programme_of(model, setting.visits, visit_s)
     noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
     chance = np.zeros((1 + at_place, len(shown[0])))
-    separation, law = np.hypot(x, y), etc.law_of(model, band)
+    separation = np.hypot(x, y)
     # The law is what takes longest here.
-    least = strategy.sigma if law is None else law.least(separation, etc.LEAST_PROBABILITY, at_place=at_place)
+    least = etc.band_law(model, band).least(separation, etc.LEAST_PROBABILITY, at_place=at_place)
     hopeful = np.flatnonzero((noise.significance >= least)[shown])
     here = shown[0][hopeful], shown[1][hopeful]
     separation = separation[here]
@@ -307,12 +307,8 @@ def _chances(
     search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
     moving = search.threshold_factor(many, model.time_s(visit_s))
     found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
-    modes = (found.blind, moving), (found.known_place, np.ones_like(moving))
-    for row, (part, needed) in zip(chance, modes, strict=False):
+    for row, part in zip(chance, (found.blind, found.known_place), strict=False):
         row[hopeful] = part * (part >= etc.LEAST_PROBABILITY)
-        if law is None:
-            elements = model.metrics[band].resolution_elements(separation)
-            row[hopeful] = seen.significance >= needed * etc.near_threshold(elements, strategy.sigma)
     return chance
 
 

@@ -112,7 +112,7 @@ class OptimalSetting:
     leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance
     over the detection threshold at the chosen separation; at ``needed_margin`` half of such observations detect the
     planet there, by the search of the strategy, and ``chance_blind`` and ``chance_known_place`` are the probabilities
-    of a detection (NaN where no law was measured). ``floor_margin`` is what no programme can pass, at any separation:
+    of a detection. ``floor_margin`` is what no programme can pass, at any separation:
     of the given number of visits, or of the most. ``without_motion``, ``without_speckles`` and ``without_background``
     say whether the planet would be detected in the given time under the changes of `cpic_planner.etc.budget`
     (``without_motion``: if it did not move); False where no time was given. ``moves`` says that no programme detects

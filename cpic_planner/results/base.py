@@ -157,8 +157,7 @@ class Look:
 
 
 _PROBABILITY = (
-    "probability that a blind search finds the planet, by the law of simulated images; null where no law was measured "
-    "(near-infrared camera, photon counting) or there is no answer"
+    "probability that a blind search finds the planet, by the law of simulated images; null where there is no answer"
 )
 _KNOWN_PLACE = Look("at its place", "place %", "%", "the same for a look at the planet's known place")
 VOCABULARY: Mapping[str, Look] = {

@@ -17,7 +17,7 @@ from cpic_planner.results.base import (
     optional,
 )
 
-_CHANCE = "probability that a blind search finds such a planet; where no law of images was measured, 1 from the "
+_CHANCE = "probability that a blind search finds such a planet"
 _THRESHOLD = "threshold of small samples (Mawet et al. 2014) at a place that is tested alone"
 
 
@@ -94,7 +94,7 @@ class CompletenessMap(Result):
         description="by separation: share of the circle on which the whole aperture lies in the dark hole"
     )
     chance: list[list[float]] = Field(
-        description=f"by separation, then contrast: {_CHANCE}threshold; mean of the azimuths inside the dark hole. "
+        description=f"by separation, then contrast: {_CHANCE}; mean of the azimuths inside the dark hole. "
         "Times azimuth_share it is the probability for a planet whose position angle is not known"
     )
     chance_known_place: list[list[float]] = Field(description="the same for a search at the place of the planet")
@@ -165,7 +165,7 @@ class RocRow(Row):
         short="alarms",
         format=".2e",
     )
-    detection_probability: float = column(_CHANCE + "threshold", label="found blind", short="blind %", format="%")
+    detection_probability: float = column(_CHANCE, label="found blind", short="blind %", format="%")
     false_alarms_known_place: float = column(
         "expected where one place is tested alone", label="false alarms a place", short="at place", format=".2e"
     )

@@ -17,7 +17,6 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray, numeric_context, require
 from cpic_planner.validation.reduced import ReducedStack
-from simulator.detectors import excess_noise_factor2
 from simulator.imaging import AnyPsf
 from simulator.target import detector_to_sky, sky_to_detector
 
@@ -326,7 +325,7 @@ class PositionFitter:
 
     def _variance(self, fit: PositionFit) -> FloatArray:
         """Return white noise and the planet's photons in the fitted pixels; 0 where the stack has no white noise."""
-        factor2 = 0.0 if self.quiet else float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
+        factor2 = 0.0 if self.quiet else self.stack.factor2
         own = np.maximum(fit.flux * fit.planet[fit.window], 0.0)
         return np.asarray(self.stack.white_variance_e2[fit.window] + factor2 * own)
 

@@ -19,6 +19,7 @@ from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_f
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.templates import PlanetTemplate, planet_templates
 from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
+from simulator.imaging import ExternalPsf
 from simulator.target import detector_to_sky
 
 
@@ -72,7 +73,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             if not counted and positions[index] is None and item is not None and item.found:
                 positions[index] = positions_of(at, realisation, blind, planet)
     audits: list[AuditRecord | None] = [None] * len(planets)
-    if task.audit and sums and planets:
+    if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
     statistics = FrameStatistics.of(parts) if parts else None
     seen = Evidence(task, modelling, None if known else star, false, statistics)
@@ -166,7 +167,9 @@ def _false(blind: BlindSearch, visits: VisitPair) -> int:
 
 
 def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
-    """Return the star's rate from a series off the mask; the scene's if even its shortest exposure saturates."""
+    """Return the star's rate from a series off the mask; the scene's if that saturates, or of a table, has no place."""
+    if isinstance(visits.science.psf, ExternalPsf):
+        return _known_star(visits)
     scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
     series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
     if series.value is not None:

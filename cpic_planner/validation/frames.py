@@ -1,4 +1,4 @@
-"""Calibrated frames: raw numbers of the visible camera back to the electrons that light left in each pixel.
+"""Calibrated frames: raw numbers of a camera back to the electrons that light left in each pixel.
 
 The calibration products are those of the instrument (`simulator.camera.calibration_set`): bias, stripes, flat, dark
 current, clock-induced charge and bad pixels as master frames *without noise*, and the two curves of the non-linearity
@@ -6,7 +6,8 @@ and the losses of charge transfer as configured. What a real reduction adds by t
 
 Steps, the last effect of the camera first: bias and stripes; level and pick-up of each frame; output curve; gain;
 clock-induced charge; pixel curve; dark current; smear; flat. Charge left behind in transfers stays where it arrived:
-a template of a source is compared after `transferred`.
+a template of a source is compared after `transferred`. In the near infrared: bias, inter-pixel capacitance, pixel
+curve, dark current, flat; what earlier frames leave (persistence) stays, as light of the same places.
 """
 
 import math
@@ -19,13 +20,14 @@ from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, ND
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.reduced import frame_level
 from simulator import detectors
-from simulator.camera import FrameNoise, MaskBit, bias_level_adu, load_calibration_set, pixel_variance_e2
-from simulator.config import Detector
+from simulator.camera import FrameNoise, MaskBit, bias_level_adu, load_calibration_set
+from simulator.config import AnyDetector, Detector, InfraredDetector
 from simulator.observing import MAX_STACK_BYTES, Observation
 
 # A tail of this chance that is cut off lowers a mean by less than 1e-3 of the noise of a frame. The curves of the
 # non-linearity take up to 3 % and a flat its per cent on the way to a limit.
 _LIMIT_CHANCE, _LIMIT_SHARE = 1e-3, 0.9
+_UNCOUPLED = 6  # corrections, each less than a tenth of the one before at the usual per cent of coupling
 MOST_LOST = 0.05
 """Share of its frames that a pixel may lose to particles; where it loses more, its own light does it."""
 
@@ -72,17 +74,21 @@ class CalibratedFrames:
     n_frames: int
     exposure_s: float
     em_gain: float
-    detector: Detector
+    detector: AnyDetector
 
     @property
     def noise_e(self) -> float:
         """Gaussian noise of a pixel and frame referred to the register input: read noise and rounding."""
-        return _gaussian_e(self.detector, self.em_gain)
+        return math.sqrt(self._noise.gaussian_e2)
+
+    @property
+    def _noise(self) -> FrameNoise:
+        return FrameNoise.of(self.detector, self.em_gain, self.exposure_s)
 
     def variance_e2(self, light_e: ArrayLike) -> FloatArray:
         """Return the variance of ``electrons`` of one frame of mean ``light_e`` (y, x); see `pixel_variance_e2`."""
         counts = np.maximum(np.asarray(light_e, dtype=np.float64), 0.0) * self.response + self.pedestal_e
-        return pixel_variance_e2(counts, 0.0, self.em_gain, self.detector) / self.response**2
+        return self._noise.charge_variance_e2(counts) / self.response**2
 
 
 @numeric_context()
@@ -99,7 +105,7 @@ def calibrated_frames(
     Parameters
     ----------
     observation : Observation
-        Of the visible camera, whole frames or the window around the hole.
+        Whole frames or the window around the hole.
     level_pixels : array_like of bool, optional
         Pixels without light from which level and pick-up of each frame are measured; by default those behind the
         upright bar of the cross mask (`cpic_planner.validation.reduced`).
@@ -118,8 +124,7 @@ def calibrated_frames(
     Raises
     ------
     InputError
-        For a band of the near-infrared camera, more frames than 2 GB hold, too few pixels for the level, or a stamp
-        that leaves the detector.
+        For more frames than 2 GB hold, too few pixels for the level, or a stamp that leaves the detector.
 
     Notes
     -----
@@ -128,14 +133,17 @@ def calibrated_frames(
 
     Uniform light that reaches the pixels of the level (stray light) is taken off with it.
     """
-    if not observation.channel.multiplies:
-        raise InputError("band", observation.band, allowed="a band of the visible camera")
     place = _stamp(observation) if cropped else (slice(None), slice(None))
     rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
     chosen = range(observation.n_frames) if numbers is None else numbers
     if 8 * len(chosen) * rows * columns > MAX_STACK_BYTES:
         raise InputError("n_frames", observation.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")
-    steps = _Steps(observation, level_pixels)
+    detector = observation.channel.detector
+    steps: _AnySteps
+    if isinstance(detector, Detector):
+        steps = _Steps(observation, detector, level_pixels)
+    else:
+        steps = _InfraredSteps(observation, detector)
     good = (steps.flaws & np.uint8(MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT)) == 0
     hole = observation.psf.geometry.zone.covers(observation.area.rows, observation.area.columns)
     electrons = np.empty((len(chosen), rows, columns))
@@ -151,7 +159,8 @@ def calibrated_frames(
         struck[index] = (frame.mask[place] & MaskBit.COSMIC_RAY) != 0
     pedestal = (steps.dark_e + steps.cic_e + observation.smear_e)[place]
     if n_lost.any():
-        usable &= ~_at_limit(electrons, usable, pedestal, observation)
+        noise_e = math.sqrt(FrameNoise.of(detector, observation.em_gain, observation.exposure_s).gaussian_e2)
+        usable &= ~_at_limit(electrons, usable, pedestal, detector, observation.em_gain, noise_e)
     return CalibratedFrames(
         electrons=electrons,
         usable=usable,
@@ -164,19 +173,19 @@ def calibrated_frames(
         n_frames=len(chosen),
         exposure_s=observation.exposure_s,
         em_gain=observation.em_gain,
-        detector=observation.instrument.detector,
+        detector=detector,
     )
 
 
-def transferred(image_e: ArrayLike, detector: Detector, first_pixel: tuple[int, int] | None) -> FloatArray:
+def transferred(image_e: ArrayLike, detector: AnyDetector, first_pixel: tuple[int, int] | None) -> FloatArray:
     """Return the mean image after the transfers to the output, as calibrated frames show it.
 
     Parameters
     ----------
     image_e : array_like
         Light, (y, x).
-    detector : Detector
-        Gives the losses, as far as they are switched on, and the number of transfers.
+    detector : Detector or InfraredDetector
+        Gives the losses, as far as there are any and they are switched on, and the number of transfers.
     first_pixel : tuple of int or None
         Row and column of the frame that the image begins with (``Sequence.first_pixel``); None for a whole frame.
 
@@ -192,22 +201,68 @@ def transferred(image_e: ArrayLike, detector: Detector, first_pixel: tuple[int, 
     everything = slice(0, image.shape[0]), slice(0, image.shape[1])
     place = detectors.Place(*everything, row, column, first_pixel is None)
     exposure = detectors.Exposure(detector, place, 0.0, 1.0, image)
-    for effect in (detectors.ParallelTransfer(), detectors.SerialTransfer()):
-        if effect.on(detector):
+    for effect in detector.chain:
+        if isinstance(effect, detectors.ParallelTransfer | detectors.SerialTransfer) and effect.on(detector):
             effect.expect(image, exposure)
     return image
 
 
-class _Steps:
-    """Everything that turns the raw numbers of a sequence into light."""
+class _AnySteps:
+    """The base of both cameras: the calibration set of the pixels of a sequence."""
 
-    def __init__(self, observation: Observation, level_pixels: ArrayLike | None) -> None:
-        detector, gain, exposure_s = observation.instrument.detector, observation.em_gain, observation.exposure_s
-        switches = detector.switches
-        maps = load_calibration_set(detector)
+    def __init__(self, observation: Observation, detector: AnyDetector) -> None:
+        maps, switches = load_calibration_set(detector), detector.switches
         if observation.first_pixel is not None:
             (row, column), (rows, columns) = observation.first_pixel, observation.shape
             maps = maps.window(slice(row, row + rows), slice(column, column + columns))
+        self.maps, self.cic_e = maps, np.zeros(observation.shape)
+        self.dark_e = transferred(maps.dark_of(switches) * observation.exposure_s, detector, observation.first_pixel)
+        response, flaws = maps.response_of(switches), maps.mask_of(switches)
+        self.response = np.where(response > 0, response, 1.0)
+        self.flaws = np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD))
+
+    def light_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+        """Return the electrons of light in one frame, 0 in bad pixels; without a level no pixel stays usable."""
+        image = self.charge_e(adu, usable) / self.response
+        image[(self.flaws & np.uint8(MaskBit.BAD)) != 0] = 0.0
+        return image
+
+    def charge_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+        """Return the electrons of light that the pixels collected."""
+        raise NotImplementedError
+
+
+class _InfraredSteps(_AnySteps):
+    """Everything that does so in the near infrared."""
+
+    def __init__(self, observation: Observation, detector: InfraredDetector) -> None:
+        super().__init__(observation, detector)
+        self.detector, switches = detector, detector.switches
+        self.loss = detector.nonlinearity_at_full_well / detector.full_well_e if switches.nonlinearity else 0.0
+        coupled = detector.interpixel_coupling if switches.interpixel_capacitance else 0.0
+        self.coupling, self.passes = detectors.neighbour_kernel(coupled), _UNCOUPLED if coupled else 0
+
+    def charge_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+        """Return the electrons of light that the pixels collected.
+
+        The curve of a read, ``q - b q^2``, is also that of the straight line through reads at even steps: the slope of
+        a square over them is 1.
+        """
+        seen = np.asarray((adu - self.detector.bias_adu) * self.detector.gain_e_adu, dtype=np.float64)
+        image = seen
+        for _ in range(self.passes):
+            image = image + seen - self.coupling(image)
+        if self.loss:
+            image = (1.0 - np.sqrt(np.maximum(1.0 - 4.0 * self.loss * image, 0.0))) / (2.0 * self.loss)
+        return image - self.dark_e
+
+
+class _Steps(_AnySteps):
+    """Everything that does so in the visible."""
+
+    def __init__(self, observation: Observation, detector: Detector, level_pixels: ArrayLike | None) -> None:
+        super().__init__(observation, detector)
+        gain, exposure_s, maps, switches = observation.em_gain, observation.exposure_s, self.maps, detector.switches
         self.k_e_adu, self.em_gain = detector.gain_e_adu, gain
         bias = np.full(observation.shape, detector.bias_adu) if maps.bias_adu is None else maps.bias_adu
         self.bias_adu: FloatArray = bias + maps.stripe_adu if switches.stripes else bias
@@ -215,21 +270,19 @@ class _Steps:
         if switches.register_clock_charge:
             cic = cic + detectors.RegisterClockCharge.mean_output_e(detector, gain) / gain
         self.cic_e = cic + FrameNoise.of(detector, gain, exposure_s).rest_e
-        self.dark_e = transferred(maps.dark_of(switches) * exposure_s, detector, observation.first_pixel)
-        response, flaws = maps.response_of(switches), maps.mask_of(switches)
-        self.level = frame_level(observation, level_pixels, flaws=flaws, mean_e=self.dark_e + self.cic_e)
-        self.response = np.where(response > 0, response, 1.0)
-        self.flaws = np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD))
+        mean_e, flaws = self.dark_e + self.cic_e, maps.mask_of(switches)
+        self.level = frame_level(observation, level_pixels, flaws=flaws, mean_e=mean_e)
         self.output_b = self.pixel_b = 0.0
         if switches.nonlinearity:
             self.output_b, self.pixel_b = detectors.output_curve(detector), detectors.pixel_curve(detector)
-        self.square_e = (self.output_b * gain + self.pixel_b) * _gaussian_e(detector, gain) ** 2
+        noise_e2 = FrameNoise.of(detector, gain, 0.0).gaussian_e2
+        self.square_e = (self.output_b * gain + self.pixel_b) * noise_e2
         smeared, beyond_e_s = switches.smear and exposure_s > 0, observation.light.beyond_e_s
         self.smear = detector.transfer.line_shift_s / exposure_s if smeared else 0.0
         self.beyond_e = 0.0 if beyond_e_s is None or not smeared else detector.transfer.line_shift_s * beyond_e_s
 
-    def light_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
-        """Return the electrons of light in one frame, 0 in bad pixels; without a level no pixel stays usable."""
+    def charge_e(self, adu: NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+        """Return the electrons of light that the pixels collected."""
         image = adu - self.bias_adu
         if self.level is not None:
             level = self.level.of(image, usable)
@@ -251,22 +304,17 @@ class _Steps:
             share = self.smear / (1.0 + (len(image) - 1) * self.smear)
             image -= share * image.sum(axis=0)
             image /= 1.0 - self.smear
-        image /= self.response
-        image[(self.flaws & np.uint8(MaskBit.BAD)) != 0] = 0.0
-        return image
+        return np.asarray(image)
 
 
-def _gaussian_e(detector: Detector, em_gain: float) -> float:
-    return math.sqrt(FrameNoise.of(detector, em_gain, 0.0).gaussian_e2)
-
-
-def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:
+def _at_limit(
+    electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, detector: AnyDetector, gain: float, noise_e: float
+) -> BoolArray:
     """Return the pixels that reach a limit with their own light: their usable frames are those that came out low."""
-    detector, gain = observation.instrument.detector, observation.em_gain
     room = (detector.adc_max_adu - bias_level_adu(detector)) * detector.gain_e_adu
     limit = min(detector.full_well_e, detector.register_full_well_e / gain, room / gain)
     mean = np.einsum("nyx,nyx->yx", electrons, usable) / np.maximum(np.count_nonzero(usable, axis=0), 1)
-    law = PixelLaw(gain, detector.register_stages, _gaussian_e(detector, gain), _LIMIT_CHANCE)
+    law = PixelLaw(gain, detector.register_stages, noise_e, _LIMIT_CHANCE)
     return law.limit_of_mean(np.maximum(mean + pedestal, 0.0)) > limit * _LIMIT_SHARE
 
 

@@ -9,7 +9,6 @@ from cpic_core import ArrayLike, FloatArray, InputError
 from cpic_planner.ranking import inside_zone
 from cpic_planner.validation.detection import BlindSearch, Candidate
 from cpic_planner.validation.reduced import ReducedStack
-from simulator.detectors import excess_noise_factor2
 from simulator.imaging import BandGeometry
 
 _MATCH_LAMBDA_D = 1.0
@@ -46,7 +45,7 @@ def inject(
     light = mean
     if rng is not None:
         light = rng.poisson(np.maximum(mean, 0.0)).astype(float)
-        spread = max(float(excess_noise_factor2(stack.em_gain, stack.stages)) - 1.0, 0.0)
+        spread = max(stack.factor2 - 1.0, 0.0)
         light += np.sqrt(spread * light) * rng.standard_normal(light.shape)
     return dataclasses.replace(stack, image_e=stack.image_e + stack.rdi.project(np.where(stack.region, light, 0.0)))
 

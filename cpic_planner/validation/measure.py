@@ -15,7 +15,7 @@ from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, spec
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, radius_pixel
 from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
-from simulator.imaging import BandGeometry
+from simulator.imaging import BandGeometry, TablePsf
 from simulator.signal import REGION_LAMBDA_D
 
 
@@ -81,15 +81,16 @@ def searcher_of(
     maps : SpeckleMaps, optional
         `maps_of` the visits, where they are at hand.
     """
+    plan, still = visits.plan, visits.still
     return searcher(
         stack,
         visits.optics,
         maps or maps_of(visits),
         star_rate_e_s=star_rate_e_s,
         sigma=visits.strategy.sigma,
-        visits=visits.plan.visits,
-        reference_visits=visits.plan.reference_visits,
-        common_fraction=visits.instrument.drift.common_fraction,
+        visits=1 if still else plan.visits,
+        reference_visits=1 if still else plan.reference_visits,
+        common_fraction=0.0 if isinstance(visits.science.psf, TablePsf) else visits.instrument.drift.common_fraction,
         known_light_e_s=visits.known_light_e_s,
     )
 
@@ -226,7 +227,7 @@ def forced_photometry(
     around = planet.around(stack.region, geometry, filter_name)
     matched = planet.kernels(geometry, filter_name) if filter_name == "matched" else None
     kernel = matched[0] if matched else None
-    shared: dict[str, Any] = {"background_region": around, "em_gain": stack.em_gain, "stages": stack.stages}
+    shared: dict[str, Any] = {"background_region": around, "factor2": stack.factor2}
     if roll is not None:
         one, two = planet.templates
         return roll_photometry(roll, one, two, first, second[0], radius, kernels=matched, **shared)

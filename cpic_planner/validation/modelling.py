@@ -130,6 +130,8 @@ class Modelling(Choice):
         seen = self.drifting(instrument)
         if self.draw == "sums":
             return images_of(seen)
+        if seen.coronagraph.table is not None:  # no shadow of a mask tells the level of a frame: it counts as known
+            seen = seen.switched(dict.fromkeys(("bias_drift", "interference"), False))
         return seen.switched(self.switches) if self.switches else seen
 
     def scene(self, scene: Scene) -> Scene:
@@ -186,7 +188,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     if not measured:
         shown, measured = _with_planet(shown, instrument, task.band)
     whole = all(value == 0 for value in dial.tolerance.values())
-    limits = [name for name in LIMITS if getattr(instrument.detector.switches, name)]
+    limits = [name for name in LIMITS if getattr(instrument.detector_of(task.band).switches, name, False)]
     sizes = forecast(
         shown,
         instrument,
@@ -210,7 +212,8 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     for name in () if by_frames or whole else limits:
         rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0, reason=why)
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
-    draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
+    counted = strategy.mode != "analogue"  # of whose counts only sums are drawn
+    draw = choice.draw if by_frames or (choice.outcome.value is not None and not counted) else "sums"
     epochs = min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs
     visit_s = task.n_frames * (task.exposure_s + instrument.detector_of(task.band).readout_s)
     small, accepted = expands(instrument.drift, visit_s), dial.tolerance["snr"]

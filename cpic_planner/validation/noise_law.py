@@ -33,7 +33,7 @@ class PixelLaw:
     em_gain : float
         Gain of the register.
     stages : int
-        Its stages.
+        Its stages; 0 without one.
     sigma_e : float
         Gaussian noise referred to the register input.
     false_alarm : float
@@ -100,7 +100,7 @@ class PixelLaw:
 @functools.lru_cache(maxsize=16)
 def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the slopes ``s``, ``m(s)`` at them, and ``-m(-u)`` at the depths ``u``."""
-    p = float(stage_probability(em_gain, stages))
+    p = float(stage_probability(em_gain, max(stages, 1)))
 
     def m(s: FloatArray) -> FloatArray:
         with np.errstate(over="ignore", invalid="ignore"):

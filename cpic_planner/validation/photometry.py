@@ -181,6 +181,7 @@ def aperture_photometry(
     throughput: float = 1.0,
     em_gain: float = 1.0,
     stages: int = 604,
+    factor2: float | None = None,
     kernel: ArrayLike | None = None,
     left: ArrayLike | None = None,
 ) -> Photometry:
@@ -203,6 +204,8 @@ def aperture_photometry(
         Fraction of the aperture flux that the reduction leaves, above 0 (`RdiResult.throughput`).
     em_gain, stages : float, int, optional
         Gain (1 to 1e4) and stages of the register: they set the excess noise of the source's own electrons.
+    factor2 : float, optional
+        Variance over mean of these electrons, instead of that of a register.
     kernel : array_like, optional
         Weights of a sum instead of those of a circle, (k, k) with k odd, for the pixel in their middle, which is the
         one nearest to the source (`kernel_at`). The ``throughput`` has to be that of the same sum.
@@ -237,7 +240,7 @@ def aperture_photometry(
     data = apertures.checked_image(image)
     hole = apertures.check_mask("background_region", background_region, data.shape)
     check_positive("throughput", throughput)
-    factor2 = float(excess_noise_factor2(em_gain, stages))
+    excess = float(excess_noise_factor2(em_gain, stages)) if factor2 is None else factor2
     own_kernel = None if kernel is None else apertures.checked_image(kernel)
     weights = sum_weights(data.shape, x_pixel, y_pixel, radius_pixel, own_kernel)
     region = _without_sources(hole, [(x_pixel, y_pixel), *exclude], EXCLUSION_RADII * radius_pixel)
@@ -257,7 +260,7 @@ def aperture_photometry(
         empty = without_source(data, model, weights, region)
         pixels = empty[region]
     sigma, n_apertures = apertures.sample_scatter(empty, region, radius_pixel, phase_pixel=phase, kernel=own_kernel)
-    raw_error = math.sqrt(sigma**2 * (1.0 + area / area_background) + factor2 * own)
+    raw_error = math.sqrt(sigma**2 * (1.0 + area / area_background) + excess * own)
     paper = math.sqrt(max(raw, 0.0) + float(pixels.var(ddof=1)) * area * (1.0 + area / area_background))
     return Photometry(
         flux=raw / throughput,

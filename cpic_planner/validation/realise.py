@@ -9,17 +9,18 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, Outcome, Status
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Status, stream
+from cpic_planner.etc import MAX_MEAN_E, CountingLaw, FrameCamera, counting_probabilities
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, VisitSettings, library_plan
 from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
+from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack, smoothed
 from cpic_planner.validation.rejection import filled, rejected_in
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Drift, Instrument, Scene, validate
-from simulator.imaging import BandGeometry, Psf
+from simulator.imaging import BandGeometry, Psf, TablePsf
 from simulator.observing import HoleStacks, Observation, Role, hole_stackable, hole_stacks, observe
 
 ROLES: tuple[Role, Role] = ("science", "reference")
@@ -124,7 +125,14 @@ class VisitPair:
     @property
     def optics(self) -> Psf:
         """The optics themselves."""
-        return cast(Psf, self.science.psf)  # a task has no PSF from a file
+        return cast(Psf, self.science.psf)  # or one of a table, which has the same images
+
+    @property
+    def still(self) -> bool:
+        """Whether all science visits have the same residual, as a table may say: they are worth one."""
+        psf = self.science.psf
+        stable = psf.figures.stability(np.zeros(1)) if isinstance(psf, TablePsf) else None
+        return stable is not None and stable[1]
 
     @property
     def scene(self) -> Scene:
@@ -155,7 +163,7 @@ class VisitPair:
     def draw(self, realisation: int) -> Realisation:
         """Return one realisation from sums of frames; only where ``stackable`` is ok."""
         science, reference = (self.drawn(role, realisation) for role in ROLES)
-        return self.reduced(science[0], reference[0], science[1], reference[1], self._drawing("science")[0].region)
+        return self.reduced(science[0], reference[0], science[1], reference[1], self._region)
 
     def drawn(self, role: Role, realisation: int) -> tuple[FloatArray, NDArray[np.int64]]:
         """Return the images of one role, sums of frames in electrons, and how many frames each is the sum of.
@@ -167,14 +175,49 @@ class VisitPair:
             As of `draw`.
         """
         stacks, visits, summed = self._drawing(role)
-        fixed = self.plan.noise_free and role == "reference"
-        images = self.expected(role, realisation) if fixed else stacks.draw(realisation, visits=visits, summed=summed)
-        return images, stacks.counts(visits, summed=summed)
+        counts = stacks.counts(visits, summed=summed)
+        if self.plan.noise_free and role == "reference":
+            return self.expected(role, realisation), counts
+        if self.counting is not None:
+            return self._counted(role, realisation, counts, self.counting), counts
+        return stacks.draw(realisation, visits=visits, summed=summed), counts
+
+    def _counted(self, role: Role, realisation: int, counts: IntArray, law: CountingLaw) -> FloatArray:
+        """Return the electrons that counts of photons tell: frames above the threshold are a binomial number."""
+        each, smear_e = counts[:, None, None], self.smear_e(role)
+        mean_e = self._held(role, realisation)
+        path = "counted", self.task.name, self.task.band, role, realisation
+        share = stream(self.task.seed, *path).binomial(each, law.q(np.minimum(mean_e, MAX_MEAN_E))) / each
+        about = smoothed(np.average(share, axis=0, weights=counts), self._region)
+        return np.where(self.geometry.hole, (law.electrons(share, about) - smear_e) * each, 0.0)
+
+    def _held(self, role: Role, realisation: int) -> FloatArray:
+        """Return the mean electrons of a frame of each image, smear included."""
+        stacks, visits, summed = self._drawing(role)
+        counts = stacks.counts(visits, summed=summed)[:, None, None]
+        return np.asarray(self.expected(role, realisation) / counts + self.smear_e(role))
+
+    @functools.cached_property
+    def _region(self) -> BoolArray:
+        """Pixels that take part in sums of frames: the dark hole, as far as photons can be told apart there."""
+        hole = self._drawing("science")[0].region
+        if self.counting is None:
+            return hole
+        told = [self.counting.usable(self._held(role, 0)).all(axis=0) for role in ROLES]
+        return np.asarray(hole & told[0] & told[1])
+
+    @functools.cached_property
+    def counting(self) -> CountingLaw | None:
+        """Law of counts of photons; None where charge is measured."""
+        if self.strategy.mode == "analogue":
+            return None
+        camera = FrameCamera.of(self.instrument, self.task.band)
+        return counting_probabilities(camera, self.task.em_gain, self.strategy)
 
     def expected(self, role: Role, realisation: int) -> FloatArray:
         """Return the means of the same images for the same wavefronts."""
         stacks, visits, summed = self._drawing(role)
-        dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
+        dark_e = pedestal_e(self.science.channel.detector, self.task.exposure_s)
         electrons = stacks.mean_rates(realisation, visits=visits, summed=summed) * self.task.exposure_s + dark_e
         return np.where(stacks.region, electrons * stacks.counts(visits, summed=summed)[:, None, None], 0.0)
 
@@ -182,7 +225,7 @@ class VisitPair:
         """Return the sums of a role, its visits, and whether they are one draw."""
         assert self._stacks is not None  # as stackable says
         if role == "science":  # the search learns from how its visits scatter
-            return self._stacks[0], self.plan.visits, False
+            return self._stacks[0], self.plan.visits, self.still
         # Of references without modes only the mean counts. Rolls are each other's references.
         return self._stacks[1], self.plan.reference_visits, self.strategy.n_modes == 0 and not self.plan.shows_planet
 
@@ -208,12 +251,13 @@ class VisitPair:
             n_modes=n_modes,
             exposure_s=self.task.exposure_s,
             em_gain=self.task.em_gain,
-            detector=self.science.instrument.detector,
+            detector=self.science.channel.detector,
             science_frames=science_n,
             reference_frames=reference_n,
             reference_scale=self.scale,
             noise_free_reference=self.plan.noise_free,
             smear_e=(self.smear_e("science"), self.smear_e("reference")),
+            counting=self.counting,
         )
         return Realisation(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 
@@ -262,10 +306,15 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     reference = seen(plan.reference_scene, plan.reference)
 
     stacks = None
-    answer = hole_stackable(science)
+    answer: Outcome[float] = Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "frames are drawn one by one")
+    if sums:
+        answer = hole_stackable(science)
+        if answer.status is Status.OK:
+            answer = hole_stackable(reference)
+    if strategy.mode != "analogue" and answer.status is not Status.OK:
+        hint = f"photons are counted in sums of frames alone: {answer.message}"
+        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
     if answer.status is Status.OK:
-        answer = hole_stackable(reference)
-    if sums and answer.status is Status.OK:
         epochs = _epochs(task, how, chosen.drift)
         drawn = functools.partial(hole_stacks, epochs=epochs, exact=how.exact)
         stacks = drawn(science), drawn(reference)
@@ -334,7 +383,7 @@ def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
             parts.append(story)
             lost.append(len(usable) / np.maximum(usable.sum(axis=0), 1))
             # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
-            whole = whole + pedestal_e(observation.instrument.detector, observation.exposure_s)
+            whole = whole + pedestal_e(observation.channel.detector, observation.exposure_s)
             images.append(whole if number == 1 else whole.sum(axis=0, keepdims=True))
         thinning.append(np.mean(lost, axis=0))
         kept.append(np.concatenate(images))
@@ -385,5 +434,5 @@ def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
 
 def cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
     """Return frames in electrons, the pixel-frames that no particle voids either, and how many were hit."""
-    found = rejected_in(frames, frames.detector.read_noise_e * frames.detector.switches.read_noise)
+    found = rejected_in(frames)
     return frames.electrons, frames.usable & ~found.rejected, found.n_hit

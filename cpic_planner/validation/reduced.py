@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, numeric_context
+from cpic_planner.etc import CountingLaw, counting_variance
 from cpic_planner.validation.apertures import check_mask, frame_counts
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
 from simulator.camera import FrameNoise, MaskBit
-from simulator.config import Detector
+from simulator.config import AnyDetector
 from simulator.detectors import wave_angles
 from simulator.observing import Observation
 
@@ -189,10 +190,8 @@ class ReducedStack:
         The projection, and with it the forward model of a planet.
     integration_s : float
         Sum of the science exposures.
-    em_gain : float
-        Gain of the register.
-    stages : int
-        Stages of the register.
+    factor2 : float
+        Variance over mean of the electrons that are counted.
     inputs : Inputs or None
         What it was reduced from; None where that is not kept, and it cannot be reduced otherwise.
     """
@@ -203,8 +202,7 @@ class ReducedStack:
     halo_e: FloatArray
     rdi: RdiResult
     integration_s: float
-    em_gain: float
-    stages: int
+    factor2: float
     inputs: Inputs | None = field(default=None, repr=False)
 
     def within(self, region: BoolArray, n_modes: int) -> "ReducedStack":
@@ -250,12 +248,13 @@ def reduce_stack(
     n_modes: int,
     exposure_s: float,
     em_gain: float,
-    detector: Detector,
+    detector: AnyDetector,
     science_frames: ArrayLike = 1,
     reference_frames: ArrayLike = 1,
     reference_scale: float = 1.0,
     noise_free_reference: bool = False,
     smear_e: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
+    counting: CountingLaw | None = None,
 ) -> ReducedStack:
     """Subtract the mean reference and its leading modes, and sum.
 
@@ -269,7 +268,7 @@ def reduce_stack(
         Modes that are projected out after the mean (temporal centring).
     exposure_s, em_gain : float
         Of one frame.
-    detector : Detector
+    detector : Detector or InfraredDetector
         Noise of its frames.
     science_frames, reference_frames : array_like
         Number of frames in each image, one number for all or one each.
@@ -280,6 +279,8 @@ def reduce_stack(
     smear_e : tuple of array_like
         Mean electrons that smeared into every pixel of a science and of a reference frame. They were taken off; their
         noise stays.
+    counting : CountingLaw, optional
+        Of counts of photons from which the electrons were worked out.
 
     Raises
     ------
@@ -303,17 +304,25 @@ def reduce_stack(
         raise InputError("reference_scale", reference_scale, allowed="above 0")
     noise = FrameNoise.of(detector, em_gain, exposure_s)
     dark_e = noise.pedestal_e
+
+    def frame_variance_e2(charge_e: FloatArray) -> FloatArray:
+        return noise.charge_variance_e2(charge_e) if counting is None else counting_variance(charge_e, counting)
+
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
     cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
     total, library_total = float(science_n.sum()), float(reference_n.sum())
     light = smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
     seen = np.maximum(light, 0.0)
-    variance = total * noise.charge_variance_e2(seen + dark_e + smear_e[0])
+    inside = seen + dark_e + smear_e[0]
+    variance = total * frame_variance_e2(inside)
     if not noise_free_reference:
         # Held in a frame of the reference: its light before it was scaled, and the rest as it is.
         held = seen / reference_scale + dark_e + smear_e[1]
-        variance += total**2 / library_total * reference_scale**2 * noise.charge_variance_e2(held)
-    other_star = reference_scale != 1.0
+        variance += total**2 / library_total * reference_scale**2 * frame_variance_e2(held)
+    other_star, factor2 = reference_scale != 1.0, noise.factor2
+    if counting is not None:
+        about = np.median(inside[region]) * np.array([1.0, 1.01])
+        factor2 = float(np.diff(counting_variance(about, counting))[0] / np.diff(about)[0])
     return ReducedStack(
         image_e=_summed(cut, science_n, other_star),
         region=cut.region,
@@ -321,18 +330,17 @@ def reduce_stack(
         halo_e=np.where(region, total * light, 0.0),
         rdi=cut,
         integration_s=total * exposure_s,
-        em_gain=float(em_gain),
-        stages=detector.register_stages,
+        factor2=factor2,
         inputs=Inputs(science.sum(axis=0) / total, library, total, other_star),
     )
 
 
-def pedestal_e(detector: Detector, exposure_s: float) -> float:
+def pedestal_e(detector: AnyDetector, exposure_s: float) -> float:
     """Return the mean electrons of dark current and clock-induced charge in a pixel of one frame.
 
     Parameters
     ----------
-    detector : Detector
+    detector : Detector or InfraredDetector
     exposure_s : float
         Of the frame.
     """

@@ -108,7 +108,7 @@ def reject_cosmic_rays(
     pedestal_e : array_like, optional
         Mean electrons per frame that calibration has taken off (``CalibratedFrames.pedestal_e``), (y, x) or a number.
     stages : int, optional
-        Stages of the register.
+        Stages of the register; 0 without one.
     gain_e_adu : float, optional
         Electrons per ADU at the output: rounding of the converter.
     false_alarm : float, optional
@@ -188,23 +188,15 @@ def reject_cosmic_rays(
     return Rejection(grown(hit) if grow and n_hit else hit, n_hit, True, "")
 
 
-def rejected_in(frames: CalibratedFrames, read_noise_e: float) -> Rejection:
-    """Find the hits of a calibrated sequence.
-
-    Parameters
-    ----------
-    frames : CalibratedFrames
-    read_noise_e : float
-        Read noise at the output of the register, at least 0.
-    """
+def rejected_in(frames: CalibratedFrames) -> Rejection:
+    """Find the hits of a calibrated sequence."""
     return reject_cosmic_rays(
         frames.electrons,
         frames.usable,
         em_gain=frames.em_gain,
-        read_noise_e=read_noise_e,
+        read_noise_e=frames.noise_e * frames.em_gain,
         pedestal_e=frames.pedestal_e,
         stages=frames.detector.register_stages,
-        gain_e_adu=frames.detector.gain_e_adu,
     )
 
 

@@ -241,6 +241,7 @@ def roll_photometry(
     background_region: ArrayLike,
     em_gain: float = 1.0,
     stages: int = 604,
+    factor2: float | None = None,
     kernels: tuple[FloatArray, ...] | None = None,
 ) -> Photometry:
     """Return the flux of a planet from both of its places.
@@ -256,8 +257,8 @@ def roll_photometry(
         Radius of the apertures, above 0.
     background_region : array_like of bool
         As in `aperture_photometry`; discs around both places are taken out of it.
-    em_gain, stages : float, int, optional
-        Gain and stages of the register.
+    em_gain, stages, factor2 : float, int, optional
+        As in `aperture_photometry`.
     kernels : tuple of ndarray, optional
         Weights of the sum at each place instead of a circle's, as in `aperture_photometry`.
 
@@ -300,6 +301,7 @@ def roll_photometry(
             background_region=away,
             em_gain=em_gain,
             stages=stages,
+            factor2=factor2,
             kernel=kernel,
             left=left,
         )

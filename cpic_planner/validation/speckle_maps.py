@@ -4,17 +4,30 @@ import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
+from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once, stream
 from simulator.config import Drift, content_hash
-from simulator.imaging import AnyPsf, ExternalPsf, Psf, centred_axis, matched_kernel, metrics_key, visit_responses
+from simulator.imaging import (
+    AnyPsf,
+    ExternalPsf,
+    Psf,
+    TablePsf,
+    centred_axis,
+    matched_kernel,
+    metrics_key,
+    visit_responses,
+)
+from simulator.signal import programme_law
+
+_P = TypeVar("_P", Psf, TablePsf)
 
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
+_HOUR_S, _ANNULUS_LAMBDA_D = 3600.0, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +96,8 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     Parameters
     ----------
     psf : Psf
-        Optics of one band; maps of an external PSF, which has no wavefront, are 0.
+        Optics of one band; maps of an external PSF, which has no wavefront, are 0, and those of a table are of the
+        residual of its visits.
     drift : Drift
         Its ``visit_nm`` is the unit of offset, its slope that of the screens.
     n_visits : int
@@ -98,11 +112,15 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
         raise InputError("n_visits", n_visits, allowed="at least 32")
     visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
     weights = filter_kernel(psf)
-    if isinstance(psf, ExternalPsf) or not visit_nm > 0:
+    if isinstance(psf, TablePsf):
+        key = content_hash({"table": metrics_key(psf.instrument, psf.band), "drift": drift.model_dump(mode="json")})
+        visit_nm, unit = 1.0, _maps_of_table(_Keyed(psf, key), drift, n_visits)
+    elif isinstance(psf, ExternalPsf) or not visit_nm > 0:
         nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
-    unit = _unit_maps(_KeyedPsf(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
+    else:
+        unit = _unit_maps(_Keyed(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
     return SpeckleMaps(
         linear=visit_nm**2 * unit["linear"],
         square=visit_nm**4 * unit["square"],
@@ -136,15 +154,15 @@ def _key(psf: Psf, slope: float, n_visits: int) -> str:
 
 
 @dataclass(frozen=True)
-class _KeyedPsf:
+class _Keyed(Generic[_P]):
     """A PSF that counts as equal to any other of its key."""
 
-    psf: Psf = field(compare=False)
+    psf: _P = field(compare=False)
     key: str
 
 
 @functools.lru_cache(maxsize=16)
-def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int) -> dict[str, FloatArray]:
+def _unit_maps(keyed: "_Keyed[Psf]", slope: float, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of an offset of 1 nm, from the cache or measured."""
 
     def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -155,12 +173,31 @@ def _unit_maps(keyed: _KeyedPsf, slope: float, n_visits: int) -> dict[str, Float
 
 def _measured(psf: Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
-    kernel = filter_kernel(psf)
     hole, imager = psf.geometry.hole, psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
     axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
     responses = visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
+    return _filtered_maps(hole, filter_kernel(psf), responses)
+
+
+@functools.lru_cache(maxsize=16)
+def _maps_of_table(keyed: "_Keyed[TablePsf]", drift: Drift, n_visits: int) -> dict[str, FloatArray]:
+    """Return the maps of a table: of visits of an hour, each with half of what is left of a pair."""
+    psf = keyed.psf
+    place, hole = psf.figures.floor_separation_arcsec, psf.geometry.hole
+    left = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D).law(1.0, 1.0).variance(_HOUR_S)
+    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
+    box, rng = np.ix_(rows, columns), stream(_SEED, "table")
+    half = np.broadcast_to(0.5 * left, place.shape)
+    moved = np.array([psf.moved(place, half, rng)[box] for _ in range(n_visits)])
+    linear = 2.0 * psf.field[box] * moved.real
+    return _filtered_maps(hole, filter_kernel(psf), (psf.on_axis[box], linear, np.abs(moved) ** 2))
+
+
+def _filtered_maps(hole: BoolArray, kernel: FloatArray, responses: tuple[FloatArray, ...]) -> dict[str, FloatArray]:
+    """Return the maps from the star behind the mask and both changes of its light, on rows and columns of the hole."""
+    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     # Kernels at an edge reach over the cross: filtered on the whole box of the hole.
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     inside = hole[box]

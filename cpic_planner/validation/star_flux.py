@@ -17,15 +17,15 @@ from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
 from cpic_planner.validation.photometry import Photometry
 from cpic_planner.validation.rejection import combine, rejected_in
-from simulator.config import Detector, Instrument, Scene, load_instrument, load_scene
+from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
 from simulator.observing import Observation, observe
 from simulator.signal import pixel_saturated
 from simulator.target import scene_sources
 
-# Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any band; along an axis the star
-# stays behind an arm of the cross.
-OFF_MASK_ARCSEC = (0.353553, 0.353553)
+# Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any visible band, which is so many
+# lambda/D from its arms in the reddest; along an axis the star stays behind an arm of the cross.
+_OFF_MASK_ARCSEC, _OFF_MASK_LAMBDA_D = 0.353553, 2.26
 N_FRAMES = 50
 _FILL = 0.7
 _LONGEST_S = 10.0
@@ -71,8 +71,22 @@ class StarFlux:
         return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
 
 
+def off_mask_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
+    """Return the place of a star off the mask, x and y on the detector.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    half = instrument.channel_of(band).optics.mask_half_width_arcsec
+    offset = max(_OFF_MASK_ARCSEC, half + _OFF_MASK_LAMBDA_D * instrument.lambda_d_arcsec(band))
+    return offset, offset
+
+
 def off_mask_exposure_s(
-    rate_e_s: float, peak: float, detector: Detector, *, em_gain: float = 1.0, fill: float = _FILL
+    rate_e_s: float, peak: float, detector: AnyDetector, *, em_gain: float = 1.0, fill: float = _FILL
 ) -> Outcome[float]:
     """Return the longest exposure at which a star off the mask fills its brightest pixel to a fraction of every limit.
 
@@ -82,7 +96,7 @@ def off_mask_exposure_s(
         Expected rate of the star on the clear pupil, above 0.
     peak : float
         Fraction of it in the brightest pixel, above 0.
-    detector : Detector
+    detector : Detector or InfraredDetector
         Gives full wells, converter, and the range of exposures.
     em_gain : float, optional
         Gain of the register, 1 to 1e4.
@@ -130,7 +144,7 @@ def observe_off_mask(
     exposure_s: float | None = None,
     n_frames: int = N_FRAMES,
     em_gain: float = 1.0,
-    offset_arcsec: tuple[float, float] = OFF_MASK_ARCSEC,
+    offset_arcsec: tuple[float, float] | None = None,
     **settings: Any,
 ) -> Outcome[Observation]:
     """Set up the calibration series: the star of a scene beside the mask.
@@ -140,13 +154,13 @@ def observe_off_mask(
     scene, instrument
         As `simulator.observe`; planets are left out.
     band : str
-        A band of the visible camera.
+        A band of the instrument.
     exposure_s : float, optional
         Exposure of a frame; by default what `off_mask_exposure_s` finds for the rate that the scene predicts.
     n_frames, em_gain : optional
         Frames of the series, and gain.
     offset_arcsec : tuple of float, optional
-        Place of the star relative to the centre of the mask, x and y on the detector.
+        Place of the star relative to the centre of the mask, x and y on the detector; `off_mask_arcsec` by default.
     **settings
         Others of `simulator.observe`: ``seed``, ``realisation``, ``fidelity``, ``window`` ...
 
@@ -157,13 +171,12 @@ def observe_off_mask(
     """
     scene = load_scene(scene).without_planets()
     config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    if config.band(band).camera != "VIS":
-        raise InputError("band", band, allowed="a band of the visible camera")
+    offset = offset_arcsec or off_mask_arcsec(config, band)
     if exposure_s is None:
         optics = single_band_psf(band, fidelity=settings.get("fidelity", "standard"), instrument=config)
         rate = scene_sources(scene, config, band)[0].rate_e_s
-        peak = float(optics.at(*offset_arcsec).max())
-        answer = off_mask_exposure_s(rate, peak, config.detector, em_gain=em_gain)
+        peak = float(optics.at(*offset).max())
+        answer = off_mask_exposure_s(rate, peak, config.detector_of(band), em_gain=em_gain)
         if answer.value is None:
             return Outcome.refuse(answer.status, answer.reason, answer.message)
         exposure_s = answer.value
@@ -176,7 +189,7 @@ def observe_off_mask(
         exposure_s=exposure_s,
         n_frames=n_frames,
         em_gain=em_gain,
-        star_offset_arcsec=offset_arcsec,
+        star_offset_arcsec=offset,
         **(usual | settings),
     )
     return Outcome.ok(seen)
@@ -188,7 +201,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     Parameters
     ----------
     observation : Observation
-        Of the visible camera, with the star off the mask (`observe_off_mask`).
+        With the star off the mask (`observe_off_mask`).
 
     Returns
     -------
@@ -210,14 +223,13 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     wavefront's drift, and the curve of the pixels before the transfers, each 1e-5 of the rate.
     """
     frames = calibrated_frames(observation)
-    detector = observation.instrument.detector
-    summed = combine(frames.electrons, frames.usable & ~rejected_in(frames, detector.read_noise_e).rejected)
+    summed = combine(frames.electrons, frames.usable & ~rejected_in(frames).rejected)
     template = observation.psf.at(*observation.star_offset_arcsec)
     rows, columns, part = observation.area.stamp(len(template))
     first_row, first_column = observation.first_pixel or (0, 0)
     response, alive = frames.response[rows, columns], np.any(frames.electrons[:, rows, columns], axis=0)
     corner = (first_row + rows.start, first_column + columns.start)
-    template = transferred(template[part] * response * alive, detector, corner) / response
+    template = transferred(template[part] * response * alive, frames.detector, corner) / response
     seen = summed.covered[rows, columns]
     aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
     lost = frames.n_lost[rows, columns][aperture > 0]
@@ -342,5 +354,5 @@ def _open_core(psf: AnyPsf) -> float:
 def _limit(observation: Observation, template: FloatArray) -> Reason:
     """Return the limit that the brightest pixel exceeds furthest."""
     peak = observation.truth.sources[0].rate_e_s * float(template.max()) * observation.exposure_s
-    answer = pixel_saturated(peak, observation.em_gain, observation.instrument.detector, _MARGIN_SIGMA)
+    answer = pixel_saturated(peak, observation.em_gain, observation.channel.detector, _MARGIN_SIGMA)
     return Reason.PIXEL_FULL_WELL if answer.status is Status.OK else answer.reason

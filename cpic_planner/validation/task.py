@@ -243,9 +243,8 @@ def expected_of(
     dict
         ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
-        with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``; None where
-        no law was measured) that follow, and ``snr_full`` and ``significance_full`` with the frames that particles
-        void.
+        with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``) that
+        follow, and ``snr_full`` and ``significance_full`` with the frames that particles void.
     """
     x = np.asarray(place_arcsec[0], float).reshape(1, 1)
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
@@ -255,12 +254,15 @@ def expected_of(
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
     expected = etc.prospect_of(sums, target, band, x, y, faint, setting, visits, moving=False)
-    noise, margin, chances = expected.noise, expected.margin, expected.chances
-    others = etc.aperture_rates(model, target, band, x, y, faint)
+    chances = expected.chances
+    # Of a table the calculator counts whole pixels, and images what of them lies in the aperture.
+    seen = expected
+    if model.of_table:
+        seen = etc.prospect_of(sums.measured(), target, band, x, y, faint, setting, visits, moving=False)
+    noise, others = seen.noise, etc.aperture_rates(model.measured(), target, band, x, y, faint)
     full = etc.stack_noise(others, *setting, model.camera(band), model.strategy, expected.programme)
     at_place = model.strategy.search == "known_place"
     chance = float((chances.known_place if at_place else chances.blind)[0, 0])
-    detected = float(margin[0, 0]) >= 1.0 if math.isnan(chance) else chance >= 0.5
     return {
         "contrast": float(contrast),
         "separation_arcsec": float(separation[0, 0]),
@@ -271,7 +273,7 @@ def expected_of(
         "significance": float(noise.significance[0, 0]),
         "chance_blind": _known(chances.blind[0, 0]),
         "chance_known_place": _known(chances.known_place[0, 0]),
-        "verdict": etc.verdict_of(Status.OK, detected),
+        "verdict": etc.verdict_of(Status.OK, chance >= 0.5),
         "snr_full": float(full.snr[0, 0]),
         "significance_full": float(full.significance[0, 0]),
     }

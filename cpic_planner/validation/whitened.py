@@ -12,7 +12,6 @@ from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aper
 from cpic_planner.validation.realise import VisitPair
 from cpic_planner.validation.reduced import ReducedStack
 from simulator.config import Instrument
-from simulator.detectors import excess_noise_factor2
 from simulator.imaging import BandGeometry
 from simulator.signal import REGION_LAMBDA_D, Whitening, placed, speckle_covariance, unit_parts, with_noise
 
@@ -173,15 +172,14 @@ class WhitenedFilter:
             *self._place,
             self._radius,
             background_region=self._background,
-            em_gain=stack.em_gain,
-            stages=stack.stages,
+            factor2=stack.factor2,
             left=self._left,
         )
         image = self._whitening.of(stack.image_e[self._region])
         strength = float(self._source @ image) / self._power
         scatter = float(np.sqrt(np.mean((self._others @ image) ** 2)))
         raw, sigma = self._core * strength, scatter * self.sigma_e
-        own = float(excess_noise_factor2(stack.em_gain, stack.stages)) * self._own * max(strength, 0.0)
+        own = stack.factor2 * self._own * max(strength, 0.0)
         error = math.sqrt(sigma**2 + self._core**2 * own)
         return replace(
             plain,

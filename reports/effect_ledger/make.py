@@ -98,7 +98,8 @@ def sum_row(case: RandomCase) -> Row | None:
     if forecast(case.scene, case.instrument, **case.settings, reduced=True, full=True).sums.status is not Status.OK:
         return None
     began = time.process_time()
-    hole_stacks(observe(case.scene, **settings, window="hole", switches=dict.fromkeys(NOT_IN_SUMS, False))).draw()
+    still = case.instrument.switched(dict.fromkeys(NOT_IN_SUMS, False))
+    hole_stacks(observe(case.scene, **settings | {"instrument": still}, window="hole")).draw()
     sums = time.process_time() - began
     began = time.process_time()
     whole = observe(case.scene, **settings)

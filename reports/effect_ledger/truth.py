@@ -130,7 +130,7 @@ def _adu(seen: Observation, rates: FloatArray) -> FloatArray:
 
 def _register_input(seen: Observation, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean electrons at the input of the register, and the slope of ADU against them."""
-    camera = seen.visible_camera
+    camera = seen.camera_chain
     exposure = camera.prepare(
         rates, seen.exposure_s, seen.em_gain, first_pixel=seen.first_pixel, beyond_e_s=seen.light.beyond_e_s
     )

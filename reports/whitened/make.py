@@ -132,7 +132,7 @@ def image_row(band: str, place_arcsec: float, noise: float, planets: int) -> Row
     plain0 = [aperture_photometry(first.image_e, *p, radius, background_region=around & first.region) for p in places]
     strength = SNR * float(np.mean([one.sigma_background for one in plain0])) / float(np.mean(cores))  # electrons
     lit = visits.with_light(sum(templates) * strength / first.integration_s)
-    settings = {"background_region": around & first.region, "em_gain": first.em_gain, "stages": first.stages}
+    settings = {"background_region": around & first.region, "factor2": first.factor2}
     found: dict[str, list[list[tuple[float, float, float]]]] = {"aperture": [], "whitened": []}
     for number in range(1, REALISATIONS + 1):
         stack = lit.draw(number).reduced

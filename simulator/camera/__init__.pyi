@@ -4,7 +4,11 @@ from simulator.camera.calibration_set import (
     load_calibration_set as load_calibration_set,
     write_calibration_set as write_calibration_set,
 )
-from simulator.camera.camera import earlier_frames as earlier_frames
+from simulator.camera.camera import (
+    earlier_frames as earlier_frames,
+    stack_electrons as stack_electrons,
+    stackable as stackable,
+)
 from simulator.camera.emccd import (
     VisibleCamera as VisibleCamera,
     camera_keywords as camera_keywords,
@@ -12,8 +16,6 @@ from simulator.camera.emccd import (
     em_voltage_of as em_voltage_of,
     expected_adu_map as expected_adu_map,
     expose_frame as expose_frame,
-    stack_electrons as stack_electrons,
-    stackable as stackable,
     to_electrons as to_electrons,
 )
 from simulator.camera.frame import Frame as Frame, MaskBit as MaskBit

@@ -1,9 +1,10 @@
 """The base of both cameras: a chain of effects on one detector, prepared once and exposed many times.
 
-What both cameras are: a chain of effects on one detector, prepared once and exposed many times.
+Poisson counts, transfer losses and the multiplication register act on every electron for itself, and the reads of a
+ramp are reduced by sums and differences, so the sum of ``n`` frames has the law of one frame of ``n`` times the mean.
+Limits and curves do not add up: where they matter, frames are drawn one by one.
 """
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, PathPart, stream
+from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, stream
 from simulator.camera.calibration_set import CalibrationSet, load_calibration_set
 from simulator.config import AnyDetector, CosmicRayConfig
 from simulator.detectors import Chain, Effect, Exposure, PastExposure, Work
@@ -68,6 +69,9 @@ def earlier_frames(
         yield PastExposure(np.minimum(mean_e(begin), full_well_e) * weight, age)
 
 
+# Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
+MARGIN_SIGMA = 8.0
+MAX_FRAMES = 1_000_000
 # Keeps sums over a column or a frame inside the whole numbers of float64 and int64; any full well is far below.
 MAX_MEAN_E = 1e12
 MAX_EXPOSURE_S = 1e6
@@ -102,6 +106,7 @@ class Camera:
     ) -> None:
         self._rays, self._rate = cosmic_rays, cosmic_ray_rate_per_s_cm2
         self.particles = cosmic_rays is not None and cosmic_ray_rate_per_s_cm2 > 0
+        self.detector: Any = detector
         every = detector.chain if chain is None else chain
         running = [effect for effect in every if effect.runs(detector) and self._there(effect)]
         self.light = tuple(effect for effect in running if effect.stage == "light")
@@ -111,6 +116,37 @@ class Camera:
     def _there(self, effect: Effect) -> bool:
         return self.particles or effect.switch != "cosmic_rays"
 
+    def response(self, shape: tuple[int, int], first_pixel: tuple[int, int] | None) -> FloatArray | float:
+        """Return the sensitivity of the pixels of a window, 1 on average.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Rows and columns of the window.
+        first_pixel : tuple of int or None
+            Row and column of the frame at which it begins; around the star if None.
+        """
+        flaws = flaws_of(self.detector, shape, corner_of(self.detector, shape, first_pixel))
+        return 1.0 if flaws is None else flaws.response_of(self.detector.switches)
+
+    def fills(self, exposure: Exposure) -> dict[Reason, float]:
+        """Return how far frames fill every limit, eight sigma of noise included; 1 is full."""
+        raise NotImplementedError
+
+    def summed(self, exposure: Exposure, n_frames: int, work: Work) -> FloatArray:
+        """Return the sum of frames, electrons at the register input without the fixed bias, as one draw.
+
+        Parameters
+        ----------
+        exposure : Exposure
+            Of one frame.
+        n_frames : int
+            Number of frames, none of which reaches a limit.
+        work : Work
+            An empty frame.
+        """
+        raise NotImplementedError
+
     def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
         """Return what draws the particles of one frame."""
         if self._rays is None or not self.particles:
@@ -119,6 +155,62 @@ class Camera:
         return functools.partial(
             draw_cosmic_rays, self._rays, pixel_um=detector.pixel_um, exposure_s=exposure_s, rate_per_s_cm2=rate
         )
+
+
+def stackable(camera: Camera, exposure: Exposure) -> Outcome[float]:
+    """Return whether frames of an exposure add up to one draw.
+
+    Returns
+    -------
+    Outcome of float
+        ``ok`` with the filled fraction of the nearest limit (eight sigma of noise included); else ``saturated`` with
+        the limit that frames can reach, or ``invalid`` where an effect that is no sum is switched on.
+    """
+    running = (effect for effect in (*camera.charge, *camera.voltage) if effect.on(exposure.detector))
+    alone = next((effect.switch for effect in running if effect.in_sums == "not_additive"), None)
+    if alone:
+        message = f"{alone} does not add up over frames: switch it off"
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
+    fills = camera.fills(exposure)
+    reason = max(fills, key=lambda name: fills[name])
+    if fills[reason] > 1.0:
+        return Outcome.refuse(Status.SATURATED, reason, f"frames can reach {fills[reason]:.3g} times a limit")
+    return Outcome.ok(fills[reason])
+
+
+def stack_electrons(
+    camera: Camera, exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
+) -> FloatArray:
+    """Return the sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
+
+    Parameters
+    ----------
+    camera : VisibleCamera or InfraredCamera
+    exposure : Exposure
+        What ``camera.prepare`` made for one frame.
+    n_frames : int
+        Number of frames, 1 to 1e6.
+    seed, path
+        As `VisibleCamera.expose`; the draws are those of no single frame.
+
+    Returns
+    -------
+    ndarray
+        Mean, variance and law of the sum over frames of ``(adu - bias) K / g``; level, map and stripes of the bias are
+        off. The converter's rounding enters as its variance, ``n / 12`` ADU^2.
+
+    Raises
+    ------
+    InputError
+        If frames can saturate or an effect is switched on that does not add up (see `stackable`), or the number of
+        frames is out of range.
+    """
+    if isinstance(n_frames, bool) or not isinstance(n_frames, int | np.integer) or not 1 <= n_frames <= MAX_FRAMES:
+        raise InputError("n_frames", n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
+    time, answer = exposure.exposure_s, stackable(camera, exposure)
+    if answer.status is not Status.OK:
+        raise InputError("exposure_s", time, unit="s", allowed="frames that add up to one draw", hint=answer.message)
+    return camera.summed(exposure, int(n_frames), begun(exposure, seed, path))
 
 
 def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> CalibrationSet | None:
@@ -207,22 +299,6 @@ def run(effects: Sequence[Effect], work: Work, exposure: Exposure) -> None:
     """Draw effects on a frame in their order, each from the stream of its switch."""
     for effect in effects:
         effect.draw(work, exposure, work.stream(effect.switch))
-
-
-def scaled(exposure: Exposure, n_frames: int) -> Exposure:
-    """Return an exposure whose means are those of the sum of frames.
-
-    Parameters
-    ----------
-    exposure : Exposure
-    n_frames : int
-        Number of frames.
-    """
-    detector = exposure.detector
-    brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
-    cic_e = None if exposure.cic_e is None else n_frames * exposure.cic_e
-    detector = detector.model_copy(update=brighter)
-    return dataclasses.replace(exposure, detector=detector, mean_e=n_frames * exposure.mean_e, cic_e=cic_e)
 
 
 def means(effects: Sequence[Effect], image: FloatArray, exposure: Exposure) -> FloatArray:

@@ -1,9 +1,5 @@
 """The visible camera: the effects of an EMCCD in their order, on a whole frame, a window, or a sum of frames.
 
-Poisson counts, transfer losses and the multiplication register act on every electron for itself, so the sum of ``n``
-frames has the law of one frame of ``n`` times the mean. Limits and curves do not add up: where they matter, frames are
-drawn one by one.
-
 Light goes through the response of the pixels, smear and dark current are added (`prepare`, noise-free, once for a
 sequence). Each frame then runs through photon noise, cosmic rays, non-linearity, full well and blooming, parallel
 transfer, clock-induced charge, serial transfer, the multiplication register and its full well, the output amplifier,
@@ -11,6 +7,7 @@ read noise, bias and converter. Every step is an `Effect` with its own switch an
 functions make a noiseless map, a noisy frame, or electrons.
 """
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,112 +24,32 @@ from cpic_core import (
     Outcome,
     PathPart,
     Reason,
-    Status,
     checked_array,
     checked_scalar,
     load_kernels,
 )
 from simulator.camera.calibration_set import CalibrationSet, bias_level_adu
-from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run, scaled
+from simulator.camera.camera import (
+    MARGIN_SIGMA,
+    MAX_EXPOSURE_S,
+    MAX_MEAN_E,
+    Camera,
+    begun,
+    corner_of,
+    flaws_of,
+    means,
+    run,
+)
 from simulator.camera.frame import MOST_E_S, Frame, MaskBit, checked_rates
 from simulator.camera.noise import FrameNoise
 from simulator.config import AnyDetector, Detector
 from simulator.detectors import GAIN_LIMIT, LIMIT_KERNELS, Exposure, Place, Smear, Work, excess_noise_factor2
 
-# Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
-_MARGIN_SIGMA = 8.0
-MAX_FRAMES = 1_000_000
-
-
-def stackable(camera: "VisibleCamera", exposure: Exposure) -> Outcome[float]:
-    """Return whether frames of an exposure add up to one draw.
-
-    Returns
-    -------
-    Outcome of float
-        ``ok`` with the filled fraction of the nearest limit (eight sigma of noise included); else ``saturated`` with
-        the limit that frames can reach, or ``invalid`` where an effect that is no sum is switched on.
-    """
-    detector, structure = exposure.detector, exposure.detector.bias_structure
-    alone = next((effect.switch for effect in camera.charge if effect.in_sums == "not_additive"), None)
-    if alone:
-        message = f"{alone} does not add up over frames: switch it off"
-        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
-    cic = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e
-    rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
-    peak = float((exposure.mean_e + cic).max()) + rest.rest_e
-    if detector.switches.register_clock_charge:
-        peak += detector.register_cic_e * detector.register_stages
-    pixel = peak + _MARGIN_SIGMA * math.sqrt(peak)
-    factor2 = float(excess_noise_factor2(exposure.em_gain, detector.register_stages))
-    output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
-    level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
-    stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
-    amplifier_e = math.hypot(detector.read_noise_e, math.sqrt(rest.rest_e2))
-    swing = _MARGIN_SIGMA * math.hypot(amplifier_e / detector.gain_e_adu, structure.drift_adu)
-    swing += structure.interference_adu
-    room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
-    low = float(level.min() + stripes.min()) - swing
-    fills = {
-        Reason.PIXEL_FULL_WELL: pixel / detector.full_well_e,
-        Reason.REGISTER_FULL_WELL: output / detector.register_full_well_e,
-        Reason.ADC_RANGE: math.inf if low < 0 or room <= 0 else output / detector.gain_e_adu / room,
-    }
-    reason = max(fills, key=lambda name: fills[name])
-    if fills[reason] > 1.0:
-        return Outcome.refuse(Status.SATURATED, reason, f"frames can reach {fills[reason]:.3g} times a limit")
-    return Outcome.ok(fills[reason])
-
-
-def stack_electrons(
-    camera: "VisibleCamera", exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
-) -> FloatArray:
-    """Return the sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
-
-    Parameters
-    ----------
-    camera : VisibleCamera
-    exposure : Exposure
-        What ``camera.prepare`` made for one frame.
-    n_frames : int
-        Number of frames, 1 to 1e6.
-    seed, path
-        As `VisibleCamera.expose`; the draws are those of no single frame.
-
-    Returns
-    -------
-    ndarray
-        Mean, variance and law of the sum over frames of ``(adu - bias) K / g``; level, map and stripes of the bias are
-        off. The converter's rounding enters as its variance, ``n / 12`` ADU^2.
-
-    Raises
-    ------
-    InputError
-        If frames can saturate or an effect is switched on that does not add up (see `stackable`), or the number of
-        frames is out of range.
-    """
-    if isinstance(n_frames, bool) or not isinstance(n_frames, int | np.integer) or not 1 <= n_frames <= MAX_FRAMES:
-        raise InputError("n_frames", n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
-    n, detector, time, answer = int(n_frames), exposure.detector, exposure.exposure_s, stackable(camera, exposure)
-    if answer.status is not Status.OK:
-        raise InputError("exposure_s", time, unit="s", allowed="frames that add up to one draw", hint=answer.message)
-    whole = scaled(exposure, n)
-    work = begun(whole, seed, path)
-    for effects in (camera.charge, camera.voltage):
-        for effect in effects:
-            effect.draw_sum(work, whole, n, work.stream(effect.switch))
-        if effects is camera.charge:
-            work.image /= detector.gain_e_adu
-    work.image *= detector.gain_e_adu / exposure.em_gain
-    return work.image
-
 
 class VisibleCamera(Camera):
     """The EMCCD camera; parameters as `simulator.camera.camera.Camera`."""
 
-    def __init__(self, detector: Detector, **more: Any) -> None:
-        super().__init__(detector, **more)
-        self.detector = detector
+    detector: Detector
 
     def prepare(
         self,
@@ -198,11 +115,6 @@ class VisibleCamera(Camera):
             tracks=self._tracks(detector, time),
         )
 
-    def response(self, shape: tuple[int, int], first_pixel: tuple[int, int] | None) -> FloatArray | float:
-        """Return the sensitivity of the pixels of a window, 1 on average; see `prepare` for the arguments."""
-        flaws = flaws_of(self.detector, shape, corner_of(self.detector, shape, first_pixel))
-        return 1.0 if flaws is None else flaws.response_of(self.detector.switches)
-
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
         """Return the rates as the pixels respond to them; borders see no light."""
         if flaws is not None:
@@ -226,6 +138,48 @@ class VisibleCamera(Camera):
         image += self.detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
         means(self.voltage, image, exposure)
         return np.clip(image, 0.0, float(self.detector.adc_max_adu), out=image)
+
+    def fills(self, exposure: Exposure) -> dict[Reason, float]:
+        """Return how far frames fill every limit; see `Camera`."""
+        detector, structure = exposure.detector, exposure.detector.bias_structure
+        cic = detector.cic_e if exposure.cic_e is None else exposure.cic_e
+        rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
+        peak = float((exposure.mean_e + cic).max()) + rest.rest_e
+        if detector.switches.register_clock_charge:
+            peak += detector.register_cic_e * detector.register_stages
+        pixel = peak + MARGIN_SIGMA * math.sqrt(peak)
+        factor2 = float(excess_noise_factor2(exposure.em_gain, detector.register_stages))
+        output = exposure.em_gain * (peak + MARGIN_SIGMA * math.sqrt(factor2 * peak + MARGIN_SIGMA))
+        level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
+        stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
+        amplifier_e = math.hypot(detector.read_noise_e, math.sqrt(rest.rest_e2))
+        swing = MARGIN_SIGMA * math.hypot(amplifier_e / detector.gain_e_adu, structure.drift_adu)
+        swing += structure.interference_adu
+        room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
+        low = float(level.min() + stripes.min()) - swing
+        return {
+            Reason.PIXEL_FULL_WELL: pixel / detector.full_well_e,
+            Reason.REGISTER_FULL_WELL: output / detector.register_full_well_e,
+            Reason.ADC_RANGE: math.inf if low < 0 or room <= 0 else output / detector.gain_e_adu / room,
+        }
+
+    def summed(self, exposure: Exposure, n_frames: int, work: Work) -> FloatArray:
+        """Return the sum of frames; see `Camera`."""
+        detector = exposure.detector
+        brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
+        whole = dataclasses.replace(
+            exposure,
+            detector=detector.model_copy(update=brighter),
+            mean_e=n_frames * exposure.mean_e,
+            cic_e=None if exposure.cic_e is None else n_frames * exposure.cic_e,
+        )
+        for effects in (self.charge, self.voltage):
+            for effect in effects:
+                effect.draw_sum(work, whole, n_frames, work.stream(effect.switch))
+            if effects is self.charge:
+                work.image /= detector.gain_e_adu
+        work.image *= detector.gain_e_adu / exposure.em_gain
+        return work.image
 
     def expose(self, exposure: Exposure, *, seed: int, path: Sequence[PathPart]) -> Frame:
         """Return one noisy frame.

@@ -7,15 +7,26 @@ converter. Reads are reduced before they are rounded to whole ADU.
 """
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, PathPart, checked_scalar
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, PathPart, Reason, checked_scalar
 from simulator import detectors
-from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
+from simulator.camera.camera import (
+    MARGIN_SIGMA,
+    MAX_EXPOSURE_S,
+    MAX_MEAN_E,
+    Camera,
+    begun,
+    corner_of,
+    flaws_of,
+    means,
+    run,
+)
 from simulator.camera.frame import Frame, MaskBit, checked_rates
 from simulator.config import CosmicRayConfig, InfraredDetector, ReadoutMode
 
@@ -156,6 +167,8 @@ class InfraredCamera(Camera):
         For a plug-in whose switch is off, or a rate out of range.
     """
 
+    detector: InfraredDetector
+
     def __init__(
         self,
         detector: InfraredDetector,
@@ -172,7 +185,6 @@ class InfraredCamera(Camera):
         instead = detectors.Persistence(persistence), detectors.InterpixelCapacitance(coupling)
         chain = tuple(next((own for own in instead if own.switch == one.switch), one) for one in detector.chain)
         super().__init__(detector, cosmic_rays=cosmic_rays, cosmic_ray_rate_per_s_cm2=rate, chain=chain)
-        self.detector = detector
 
     def _there(self, effect: Any) -> bool:
         return True  # particles can be given frame by frame
@@ -301,6 +313,34 @@ class InfraredCamera(Camera):
         work.counts["n_saturated_pixels"] = int(np.count_nonzero(work.saturated))
         whole, n_clipped = np.rint(adu).astype(np.uint16), int(np.count_nonzero(clipped))
         return Frame(whole, mask, work.charge, n_clipped, **work.counts)
+
+    def fills(self, exposure: detectors.Exposure) -> dict[Reason, float]:
+        """Return how far frames fill every limit; see `Camera`."""
+        detector, peak_e = exposure.detector, float(exposure.mean_e.max())
+        charge_e = peak_e + MARGIN_SIGMA * math.sqrt(peak_e)
+        swing_e = MARGIN_SIGMA * math.hypot(detector.read_noise_e, detector.reset_noise_e)
+        below_e, room_e = detector.bias_adu * detector.gain_e_adu, detector.converter_e - swing_e
+        return {
+            Reason.PIXEL_FULL_WELL: charge_e / detector.full_well_e,
+            Reason.ADC_RANGE: math.inf if swing_e > below_e or room_e <= 0 else charge_e / room_e,
+        }
+
+    def summed(self, exposure: Any, n_frames: int, work: detectors.Work) -> FloatArray:
+        """Return the sum of frames; see `Camera`: numbers of equal reads add up, and so do slopes through them."""
+        detector = exposure.detector
+        whole = dataclasses.replace(exposure, mean_e=n_frames * exposure.mean_e)
+        streams = {effect.switch: work.stream(effect.switch) for effect in (*self.charge, *self.voltage)}
+        for effect in self.charge:
+            effect.draw_sum(work, whole, n_frames, streams[effect.switch])
+        bias_adu = n_frames * detector.bias_adu
+        stack = ReadStack(detector.readout_mode, work.image.shape, bias_adu, n_frames * detector.adc_max_adu)
+        for fraction, charge in self._collect(work.image, whole, work.stream("arrivals")):
+            work.image = charge
+            for effect in self.voltage:
+                effect.draw_sum(work, whole, n_frames, streams[effect.switch])
+            stack.add(fraction, work.image / detector.gain_e_adu + bias_adu, work.saturated)
+        rounded = math.sqrt(n_frames / 12.0) * work.stream("quantisation").standard_normal(work.image.shape)
+        return np.asarray((stack.result()[0] - bias_adu + rounded) * detector.gain_e_adu)
 
     def to_electrons(self, adu: ArrayLike) -> FloatArray:
         """Return the electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""

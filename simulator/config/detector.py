@@ -108,6 +108,17 @@ class _AnyDetector(FrozenModel):
         return bool(getattr(self.switches, "em_register", False))
 
     @property
+    def blooming_e(self) -> float:
+        """Charge beyond which a pixel spills along its column; infinite where none does."""
+        return self.full_well_e if getattr(self.switches, "blooming", False) else math.inf
+
+    @property
+    def trailing_e(self) -> float:
+        """Charge at the output beyond which the register leaves some in its row; infinite where it does not."""
+        switched = getattr(self.switches, "register_full_well", False)
+        return float(getattr(self, "register_full_well_e", math.inf)) if switched else math.inf
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the frame."""
         return self.n_rows, self.n_columns
@@ -277,6 +288,7 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
     register_stages: ClassVar[int] = 0
     register_full_well_e: ClassVar[float] = math.inf
     line_shift_s: ClassVar[float] = 0.0
+    exposure_max_s: ClassVar[float] = math.inf
 
     nonlinearity_at_full_well: detectors.LossAtFullWell
     reset_noise_e: detectors.ResetElectrons

@@ -53,6 +53,7 @@ from simulator.detectors.infrared import (
     Persistence as Persistence,
     ResetElectrons as ResetElectrons,
     checked_hits as checked_hits,
+    neighbour_kernel as neighbour_kernel,
     tracks_of as tracks_of,
 )
 from simulator.detectors.readout import (

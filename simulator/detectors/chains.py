@@ -135,6 +135,9 @@ class InfraredDark(Dark):
         work.image += dark
         work.book("dark", dark.sum())
 
+    def draw_sum(self, work: Work, exposure: Any, n_frames: int, rng: np.random.Generator) -> None:
+        """Leave sums of frames as they are: the counts of light hold it."""
+
 
 class DarkStructure(_Flaw):
     """Scatter of the dark current from pixel to pixel."""

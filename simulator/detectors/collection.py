@@ -61,6 +61,10 @@ class InfraredPhotonNoise(PhotonNoise):
         work.image[...] = counted(exposure.light_e, exposure.detector, rng)
         work.book("photons", work.image.sum())
 
+    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
+        """Draw the counts of light and dark current together."""
+        super().draw(work, exposure, rng)
+
 
 class CosmicRayHits(Effect):
     """Charge that particles leave in the pixels."""

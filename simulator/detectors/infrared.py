@@ -4,10 +4,12 @@ The charge is read without destroying it, once, twice or up the ramp: effects of
 every read, in electrons. How to write other laws of persistence and coupling: `LateCharge`, `Coupling`.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -15,9 +17,12 @@ from pydantic import Field
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, checked_array, checked_scalar, element_name
 from simulator.config import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
-from simulator.detectors.effect import Effect, Exposure, Work, counted
+from simulator.detectors.effect import Effect, Exposure, Sizes, Work, counted, sizes
 from simulator.detectors.readout import ReadNoise
 from simulator.detectors.variance import FrameTerm
+
+if TYPE_CHECKING:
+    from simulator.ledger import CameraCase, PlanetPlace
 
 # Keeps sums over a frame inside 64-bit integers, and charges exact in float64; any full well is far below.
 MAX_MEAN_E = 1e12
@@ -171,7 +176,7 @@ class Persistence(Effect):
     late: LateCharge | None = None
 
     switch, label, law = "persistence", "persistence", "mean charge of the earlier frames of the sequence"
-    stage = "charge"
+    stage, in_sums = "charge", "not_additive"
     needs, number = "exposure", "persistence.fraction"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
@@ -187,12 +192,17 @@ class Persistence(Effect):
         work.image += charge
         work.book("persistence", charge.sum())
 
+    def size(self, case: CameraCase) -> Sizes:
+        """Return the size of all that frames of the same light leave each other."""
+        share = case.detector.persistence.fraction
+        return sizes(case.mean_change(share * case.light_e), share)
+
 
 class PixelCurve(Effect):
     """Signal of a pixel against its charge, and its full well; without the switch a straight line to the full well."""
 
     switch, label, law = "nonlinearity", "non-linearity", "one curve for all pixels"
-    stage, always = "voltage", True
+    stage, in_sums, always = "voltage", "not_additive", True
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Bend the mean of a read."""
@@ -203,6 +213,24 @@ class PixelCurve(Effect):
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Bend a read."""
         self.expect(work.image, exposure)
+
+    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
+        """Leave sums of frames as they are: no frame among them is full, and the line below is straight."""
+
+    def size(self, case: CameraCase) -> Sizes:
+        """Return the size of what is missing of the signal."""
+        if case.reduced:
+            return sizes(0.0)
+        loss = case.detector.nonlinearity_at_full_well / case.detector.full_well_e
+        charge = np.minimum(case.light_e + case.noise.dark_e, case.detector.full_well_e)
+        spread = 2.0 * loss * case.noise.factor2 * charge**2 / case.sigma_e**2
+
+        def slope(planet: PlanetPlace) -> float:
+            behind = max(case.behind_e_s(planet), float(case.light.star_e_s[planet.place].max(initial=0.0)))
+            return float(loss * case.exposure_s * (2.0 * behind + planet.peak_e_s))
+
+        pixel = float(np.max(loss * charge**2 / case.sigma_e + spread, initial=0.0))
+        return sizes(pixel + 2.0 * case.struck() * loss * case.hits.typical_e, case.over_planets(slope))
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +246,7 @@ class InterpixelCapacitance(Effect):
     coupling: Coupling | None = None
 
     switch, label, law = "interpixel_capacitance", "inter-pixel capacitance", "coupling to four neighbours"
-    stage = "voltage"
+    stage, in_sums = "voltage", "moves_charge"
     number = "interpixel_coupling"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -234,6 +262,11 @@ class InterpixelCapacitance(Effect):
         """Couple the pixels of a read."""
         self.expect(work.image, exposure)
 
+    def size(self, case: CameraCase) -> Sizes:
+        """Return the size of what leaves a pixel, undone by a reduction."""
+        share = 0.0 if case.reduced else 4.0 * case.detector.interpixel_coupling
+        return sizes(case.mean_change(share * case.light_e), share)
+
 
 class ResetNoise(Effect):
     """Noise of the reset: one level per pixel that all reads of a frame share."""
@@ -245,9 +278,14 @@ class ResetNoise(Effect):
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the level, drawn with the first read."""
-        if exposure.detector.reset_noise_e > 0:
+        self.draw_sum(work, exposure, 1, rng)
+
+    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
+        """Add the sum of the levels of frames, drawn with the first read."""
+        rms_e = math.sqrt(n_frames) * exposure.detector.reset_noise_e
+        if rms_e > 0:
             if self.switch not in work.held:
-                work.held[self.switch] = exposure.detector.reset_noise_e * rng.standard_normal(work.image.shape)
+                work.held[self.switch] = rms_e * rng.standard_normal(work.image.shape)
             work.image += work.held[self.switch]
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
@@ -263,8 +301,13 @@ class InfraredReadNoise(ReadNoise):
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the noise of one read."""
-        if exposure.detector.read_noise_e > 0:
-            work.image += exposure.detector.read_noise_e * rng.standard_normal(work.image.shape)
+        self.draw_sum(work, exposure, 1, rng)
+
+    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
+        """Add the noise of the same read of all frames."""
+        rms_e = math.sqrt(n_frames) * exposure.detector.read_noise_e
+        if rms_e > 0:
+            work.image += rms_e * rng.standard_normal(work.image.shape)
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance of what the reads of a frame are reduced to."""

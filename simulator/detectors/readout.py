@@ -180,8 +180,8 @@ class Quantisation(Effect):
     term, term_label, colour = "rounding", "rounding to whole ADU", "#BBBBBB"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
-        """Return the variance of rounding at the output, uniform over one ADU."""
-        return FrameTerm(output_e2=detector.gain_e_adu**2 / 12.0 * detector.ramp(exposure_s)[0])
+        """Return the variance of rounding at the output, uniform over one ADU: of what several reads are reduced to."""
+        return FrameTerm(output_e2=detector.gain_e_adu**2 / 12.0)
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the share of the variance."""

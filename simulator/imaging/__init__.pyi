@@ -17,10 +17,10 @@ from simulator.imaging.annuli import (
     quadrant_of as quadrant_of,
 )
 from simulator.imaging.aperture import aperture_sums as aperture_sums
-from simulator.imaging.build import build_imager as build_imager, refuse_table as refuse_table
+from simulator.imaging.build import build_imager as build_imager
 from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames, wavefronts as wavefronts
-from simulator.imaging.external import ExternalPsf as ExternalPsf, psf_of_table as psf_of_table
+from simulator.imaging.external import ExternalPsf as ExternalPsf
 from simulator.imaging.frame import (
     AnyPsf as AnyPsf,
     SceneModel as SceneModel,
@@ -59,6 +59,7 @@ from simulator.imaging.store import (
     shipped_file as shipped_file,
 )
 from simulator.imaging.table_metrics import TableMetrics as TableMetrics
+from simulator.imaging.table_psf import TablePsf as TablePsf, psf_of_table as psf_of_table
 from simulator.imaging.zones import (
     HoleMode as HoleMode,
     HoleSide as HoleSide,

@@ -19,19 +19,6 @@ from simulator.passbands import Passbands
 MAX_SAMPLES = 2048
 
 
-def refuse_table(instrument: Instrument) -> None:
-    """Refuse images of an instrument whose coronagraph is a table.
-
-    Raises
-    ------
-    InputError
-    """
-    if instrument.coronagraph.table is not None:
-        hint = "calculator, rankings and surveys work with it; cpic simulate with the images of a file, coronagraph.psf"
-        allowed = "an instrument with modelled optics: a table says nothing of images"
-        raise InputError("coronagraph.table", instrument.name, allowed=allowed, hint=hint)
-
-
 def configured_mirror(instrument: Instrument) -> DeformableMirror:
     """Return the mirror of an instrument."""
     return DeformableMirror(**dict(instrument.mirror))
@@ -68,10 +55,12 @@ def bare_imager(
     Raises
     ------
     InputError
-        For an unknown band or fidelity, a spectrum that does not cover the band, or an apodizer whose steps and the
-        grid of the static wavefront have no common grid of at most 2048 samples.
+        For a table, an unknown band or fidelity, a spectrum that does not cover the band, or an apodizer whose steps
+        and the grid of the static wavefront have no common grid of at most 2048 samples.
     """
-    refuse_table(instrument)
+    if instrument.coronagraph.table is not None:
+        allowed = "an instrument with modelled optics: a table has no wavefront"
+        raise InputError("coronagraph.table", instrument.name, allowed=allowed)
     knobs = resolve_knobs(fidelity)
     instrument.band(band)
     passbands = Passbands.from_instrument(instrument)

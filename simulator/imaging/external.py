@@ -140,7 +140,11 @@ class ExternalPsf:
         most = table.maps.get("core_throughput", table.columns["core_throughput"]).max()
         return table.at_place("core_throughput", x_arcsec, y_arcsec) / float(most)
 
-    def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
+    def extended(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Return the same of extended light."""
+        return self.passed(x_arcsec, y_arcsec)
+
+    def at(self, x_arcsec: float, y_arcsec: float, *, margin_pixels: int | None = None) -> FloatArray:
         """Return the image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 
         Whole pixels are moved as they are, the rest is a Fourier shift of the kernel, exact but for its cut edge. Light
@@ -152,6 +156,8 @@ class ExternalPsf:
         ----------
         x_arcsec, y_arcsec : float
             Position on the detector relative to the star; x grows with the column.
+        margin_pixels : int, optional
+            Has no meaning for stamps, beyond which nothing is known.
 
         Returns
         -------
@@ -167,24 +173,6 @@ class ExternalPsf:
             raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed="finite numbers")
         offset = (float(part) / self.pixel_scale_arcsec for part in (y_arcsec, x_arcsec))
         return displaced(self.off_axis, *offset) * self._open * float(self.passed(x_arcsec, y_arcsec))
-
-
-def psf_of_table(instrument: Instrument, band: str) -> ExternalPsf | None:
-    """Return the point-spread functions that an instrument names beside its coronagraph's table; None without.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    band : str
-        Name of a band of the instrument.
-
-    Raises
-    ------
-    InputError
-        As `load_psf`.
-    """
-    path = instrument.psf_file(band)
-    return None if path is None else load_psf(path, instrument=instrument, band=band)
 
 
 @numeric_context()

@@ -325,4 +325,4 @@ def _grid(
     )
     x, y = grid.x_arcsec + star_arcsec[0], grid.y_arcsec + star_arcsec[1]
     flux = item.rate_e_s * grid.flux
-    return SourceGrid(x, y, flux * psf.passed(x[None, :], y[:, None]) if isinstance(psf, ExternalPsf) else flux)
+    return SourceGrid(x, y, flux * psf.extended(x[None, :], y[:, None]) if isinstance(psf, ExternalPsf) else flux)

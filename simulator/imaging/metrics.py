@@ -174,6 +174,10 @@ class PsfMetrics(StampMetrics):
         far = pixel * self.pixel_scale_arcsec > NEARBY_ARCSEC
         return self.apodizer_energy - 2.0 * np.pi * float(pixel[far] @ self.wing_profile[far])
 
+    def measured(self) -> Self:
+        """Return the figures of apertures as they are summed in images: these."""
+        return self
+
     def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
         """Return the variance of aperture sums that subtraction leaves whatever the drift, and if all visits share it.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray
 from simulator.config import CoronagraphTable, Instrument
+from simulator.detectors import aperture_noise_pixels
 from simulator.imaging.clear_pupil import FIELD_ARCSEC, airy, disc_light, scattered_light
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.metrics import PsfMetrics
@@ -40,12 +41,15 @@ class TableMetrics(PsfMetrics):
         Whether the residual is the same in all visits.
     contrast_factor : float
         Raw contrast over that of the table.
+    pixel_share : float
+        ``noise_fraction`` where the table does not say.
     """
 
     table: CoronagraphTable
     stability_fraction: float | None = None
     stability_is_common: bool = True
     contrast_factor: float = 1.0
+    pixel_share: float = 1.0
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Return the light of a unit source at (x, y) in its core; beyond the table that of its first or last row."""
@@ -100,7 +104,12 @@ class TableMetrics(PsfMetrics):
     def noise_fraction(self) -> float:
         """Sum of squared weights of the pixels of a core over its area: 1 of whole pixels, if it does not say."""
         said = self.table.constant("noise_fraction")
-        return 1.0 if said is None else said
+        return self.pixel_share if said is None else said
+
+    def measured(self) -> Self:
+        """Return the figures of cores that are summed in images, where pixels at the edge count in part."""
+        radius = self.aperture_radius_arcsec / self.pixel_scale_arcsec
+        return replace(self, pixel_share=float(aperture_noise_pixels(max(radius, 1.0))) / self.aperture_pixels)
 
     def stability(self, separation_arcsec: FloatArray) -> tuple[FloatArray, bool] | None:
         """Return the variance of core sums that subtracting one visit leaves, and whether all visits share it."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, Outcome, Reason, Status, compute_once, stream
 from simulator.camera import FrameNoise, load_calibration_set
-from simulator.config import CosmicRayConfig, Detector, content_hash
-from simulator.detectors import VISIBLE, in_sums
+from simulator.config import AnyDetector, CosmicRayConfig, content_hash
+from simulator.detectors import INFRARED, VISIBLE, in_sums
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import PsfMetrics
 from simulator.ledger.light import PlanetPlace, SceneLight, Spill
@@ -39,12 +39,12 @@ class Flaw(NamedTuple):
 
 
 @functools.lru_cache(maxsize=8)
-def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple[dict[str, Flaw], FloatArray]:
+def stamp_flaws(detector: AnyDetector, corner: tuple[int, int], side: int) -> tuple[dict[str, Flaw], FloatArray]:
     """Return the flaws of the calibration set, by switch, and the stripes of the stamp and of the frame.
 
     Parameters
     ----------
-    detector : Detector
+    detector : Detector or InfraredDetector
     corner : tuple of int
         First row and column of the stamp on the frame.
     side : int
@@ -81,7 +81,7 @@ class CameraCase:
 
     Attributes
     ----------
-    detector : Detector
+    detector : Detector or InfraredDetector
     light : SceneLight
     noise : FrameNoise
     exposure_s : float
@@ -112,7 +112,7 @@ class CameraCase:
         ``variances`` times their number (``common``), so that the rest counts the less the more of them there are.
     """
 
-    detector: Detector
+    detector: Any
     light: SceneLight
     noise: FrameNoise
     exposure_s: float
@@ -162,7 +162,7 @@ class CameraCase:
     def _charged(self, light_e_s: FloatArray) -> FloatArray:
         charge, switches = light_e_s * self.exposure_s, self.detector.switches
         for key in ("bad_pixels", "bad_columns"):
-            if getattr(switches, key):
+            if getattr(switches, key, False):
                 flaw = self.flaws[key]
                 charge = np.where(flaw.response > 0, 0.0, charge) + flaw.dark_e_s * (self.exposure_s * switches.dark)
         return charge
@@ -220,11 +220,10 @@ class CameraCase:
     @functools.cached_property
     def spills(self) -> tuple[bool, bool]:
         """Whether pixels overflow into their column, and the register into its row."""
-        switches, peak = self.detector.switches, float(self.most_e.max(initial=0.0)) + self.noise.dark_e
-        register = self.detector.register_full_well_e / self.em_gain
-        bloom = bool(overflow(peak, self.detector.full_well_e, 1.0) > _SPILLED)
-        trail = bool(overflow(peak, register, self.noise.factor2) > _SPILLED)
-        return switches.blooming and bloom, switches.register_full_well and trail
+        peak = float(self.most_e.max(initial=0.0)) + self.noise.dark_e
+        register = self.detector.trailing_e / self.em_gain
+        bloom = bool(overflow(peak, self.detector.blooming_e, 1.0) > _SPILLED)
+        return bloom, bool(overflow(peak, register, self.noise.factor2) > _SPILLED)
 
     def mean_change(self, change_e: FloatArray | float) -> float:
         """Return the largest change of mean and standard deviation in a pixel whose mean changes so.
@@ -371,20 +370,16 @@ def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
 
 
 # What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
-NOT_IN_SUMS = in_sums(VISIBLE, "left_out", "moves_charge", "not_additive")
+NOT_IN_SUMS = tuple(dict.fromkeys(in_sums((*VISIBLE, *INFRARED), "left_out", "moves_charge", "not_additive")))
 _SIGMA = 8.0
 
 
-def sums_possible(
-    case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, visible: bool, moved: bool, band: str
-) -> Outcome[float]:
+def sums_possible(case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, moved: bool) -> Outcome[float]:
     """Return whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
     The image that is made decides it pixel by pixel (`simulator.observing.hole_stack.hole_stackable`); this is the same
     from tables of the light.
     """
-    if not visible:
-        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{band} is read by the infrared camera")
     if moved:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")
     detector, t, gain = case.detector, case.exposure_s, case.em_gain

@@ -228,9 +228,10 @@ def effect_ledger(
         say("pointing jitter", "rms is zero")
     if hole_state == "not_reached":
         say(_STATIC, "the dark hole is brighter than asked of the instrument", "kept")
-    if hole_state == "external":
+    if hole_state in ("external", "table"):
+        reason = "a table says what is left of it" if hole_state == "table" else "images come from a file"
         for effect in (_OPTICS, _STATIC, "wavefront drift", _COMMON, _ORBITAL, "pointing jitter"):
-            say(effect, "the point-spread functions come from a file")
+            say(effect, reason)
     if scene_model == "paper":
         reason = "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources"
         rows["source positions"] = EffectRow("source positions", "skipped", reason, "source_positions")

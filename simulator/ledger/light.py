@@ -39,10 +39,7 @@ class Spill:
     def __init__(self, case: CameraCase) -> None:
         self.case = case
         detector, factor2 = case.detector, case.noise.factor2
-        self._pixel = detector.full_well_e if detector.switches.blooming else np.inf
-        self._register = detector.register_full_well_e / case.em_gain
-        if not detector.switches.register_full_well:
-            self._register = np.inf
+        self._pixel, self._register = detector.blooming_e, detector.trailing_e / case.em_gain
         self._factor2 = factor2
         self._known: dict[tuple[str, int], tuple[FloatArray, float]] = {}
         # Where even the brightest pixel stays below its limit nothing flows.
@@ -85,7 +82,7 @@ class Spill:
             return True
         charge = self._charge_e[rows]
         # No pixel hands on more than it holds; what blooms across these rows fills its pixels there.
-        most = self.case.detector.full_well_e if self.case.detector.switches.blooming else np.inf
+        most = self.case.detector.blooming_e
         charge = np.minimum(charge, most)
         if np.isfinite(self._pixel):
             charge = np.where(self._blooming_columns(rows), most, charge)

@@ -1,4 +1,4 @@
-"""Sizes of the effects of the visible camera: what each of them says of itself.
+"""Sizes of the effects of a camera: what each of them says of itself.
 
 Predicted sizes of everything that an observation may leave out, from closed forms and known tables alone.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 from cpic_core import Outcome
 from simulator.config import Instrument, Scene, Timing
-from simulator.detectors import VISIBLE, Sizes, rows_of, sizes as sizes_of
+from simulator.detectors import Sizes, rows_of, sizes as sizes_of
 from simulator.imaging import PsfMetrics, aperture_sums, centred_axis, overlap_weights
 from simulator.knobs import Knobs
 from simulator.ledger.case import CameraCase, sums_possible
@@ -31,7 +31,7 @@ def camera_sizes(case: CameraCase) -> dict[str, Sizes]:
     a part of the variance half its share; of a change of the aperture sum of a planet its relative size; for the SNR
     the sum of this and half the share of the variance of the aperture sum.
     """
-    found = {effect.switch: effect.size(case) for effect in rows_of(VISIBLE)}
+    found = {effect.switch: effect.size(case) for effect in rows_of(case.detector.chain)}
     return {key: size for key, size in found.items() if size is not None}
 
 
@@ -155,13 +155,14 @@ def forecast(
         timing=timing,
     )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
-    visible = instrument.channel_of(band).multiplies
-    sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
+    sizes = camera_sizes(case)
     sizes |= _light_sizes(optics, case.light, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):
         pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
     knobs = _knob_sizes(optics, optics.n_epochs)
+    if instrument.coronagraph.table is not None:  # there is no field to sample
+        knobs = {name: dict.fromkeys(values, sizes_of(0.0)) for name, values in knobs.items()}
     sizes |= {
         "off_mask_psf": _off_mask(case.light),
         "drift": optics.no_drift(),
@@ -190,7 +191,7 @@ def forecast(
         _forbid(sizes, knobs)
     kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
     kinds |= {source.name: "extended" for source in scene.extended}
-    sums = sums_possible(case, figures, optics.star_e_s, visible=visible, moved=optics.moved, band=band)
+    sums = sums_possible(case, figures, optics.star_e_s, moved=optics.moved)
     return Forecast(
         rows=rows,
         sizes=sizes,
@@ -276,9 +277,8 @@ def _hole_region(case: CameraCase) -> Sizes:
     """Return the size of reading a window alone: overflow that would have come in; what smears into it is known."""
     detector, light, noise = case.detector, case.light, case.noise
     in_columns, in_rows = (peak * case.exposure_s for peak in light.beyond_peaks_e_s)
-    enters = float(overflow(in_columns, detector.full_well_e, 1.0)) * detector.switches.blooming
-    register = detector.register_full_well_e / case.em_gain
-    enters += float(overflow(in_rows, register, noise.factor2)) * detector.switches.register_full_well
+    enters = float(overflow(in_columns, detector.blooming_e, 1.0))
+    enters += float(overflow(in_rows, detector.trailing_e / case.em_gain, noise.factor2))
     if enters <= 1e-6:
         return sizes_of(0.0)
     spill = Spill(dataclasses.replace(case, full=True))

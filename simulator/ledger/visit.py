@@ -23,7 +23,7 @@ import numpy as np
 from catalogs import luminosity_from_v, radius_from_luminosity, stellar_parameters
 from cpic_core import FloatArray, InputError, NDArray
 from simulator.camera import FrameNoise, aperture_loss_per_s
-from simulator.config import Detector, Drift, Instrument, Scene, SceneStar, Timing
+from simulator.config import Drift, Instrument, Scene, SceneStar, Timing
 from simulator.detectors import FrameTerm, Sizes, sizes
 from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import PsfMetrics, psf_metrics
@@ -599,7 +599,7 @@ def visit_of(
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
     pixel, radius = figures.pixel_scale_arcsec, figures.aperture_radius_arcsec
     case = CameraCase(
-        detector=detector if isinstance(detector, Detector) else instrument.detector,
+        detector=detector,
         light=light,
         noise=noise,
         exposure_s=exposure_s,
@@ -714,13 +714,13 @@ def _lasting(
 
 def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:
     """Return the dark current of hot pixels and bad columns in an aperture, by squared weights, e-/s."""
-    if not isinstance(detector, Detector) or not detector.switches.dark:
+    if not detector.switches.dark:
         return 0.0
     flaws, _ = stamp_flaws(detector, corner, side)
     return sum(
         float((planet.weights**2 * flaws[key].dark_e_s[planet.place]).sum())
         for key in ("bad_pixels", "bad_columns")
-        if getattr(detector.switches, key)
+        if getattr(detector.switches, key, False)
     )
 
 

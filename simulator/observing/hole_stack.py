@@ -21,10 +21,10 @@ import numpy as np
 from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Status, check_whole
 from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
-from simulator.imaging import ExternalPsf, FocalGrid, VisitLight, centred_axis, expands, visit_light
+from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, visit_stamps, visit_waves
+from simulator.observing.scene_light import MAX_VISIT, Visit, table_stamps, visit_stamps, visit_waves
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
@@ -45,16 +45,16 @@ class HoleStacks:
         Pixels that are drawn: the dark hole.
     epochs : int
         Wavefronts of a visit.
-    star : VisitLight, FocalGrid or ndarray
-        What gives the star's light on rows and columns of the hole: an expansion, a transform of each wavefront, or
-        an image that does not change.
+    star : VisitLight, FocalGrid, TablePsf or ndarray
+        What gives the star's light on rows and columns of the hole: an expansion, a transform of each wavefront, the
+        speckles of a table, or an image that does not change.
     """
 
     observation: Observation
     static_e_s: FloatArray
     region: NDArray[np.bool_]
     epochs: int
-    star: VisitLight | FocalGrid | FloatArray
+    star: VisitLight | FocalGrid | TablePsf | FloatArray
     _place: tuple[NDArray[np.intp], NDArray[np.intp]]
 
     @property
@@ -106,7 +106,7 @@ class HoleStacks:
             these = counts == count
             path = (*every[0].path, "stack", "sum" if summed else "visits", visits, int(count))
             exposure = self._lit(stars[these])
-            sums = stack_electrons(sequence.visible_camera, exposure, int(count), seed=sequence.seed, path=path)
+            sums = stack_electrons(sequence.camera_chain, exposure, int(count), seed=sequence.seed, path=path)
             drawn[these] = sums.reshape(-1, *drawn.shape[1:])
         drawn -= counts[:, None, None] * sequence.smear_e[self._place]
         return self._whole(drawn)
@@ -122,9 +122,15 @@ class HoleStacks:
         """Return the mean of the unit star on rows and columns of the hole in every draw."""
         sequence, star = self.observation, self.star
         shares = self.frames / sequence.n_frames
+        visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
+        if isinstance(star, TablePsf):
+            whole = table_stamps(star, sequence.instrument.drift, visit_s, sequence.seed, visits)
+            seen = np.asarray(whole[(slice(None), *self._place)])
+            if summed:
+                return np.asarray(seen.mean(axis=0, keepdims=True))
+            return seen if len(visits) > 1 else np.repeat(seen, self.epochs, axis=0)
         if isinstance(star, np.ndarray):
             return np.broadcast_to(star, (self.counts(len(visits), summed=summed).size, *star.shape))
-        visit_s = (sequence.exposure_s + sequence.readout_s) * sequence.n_frames
         given = sequence.instrument.drift, self.epochs, visit_s, sequence.seed
         if isinstance(star, FocalGrid):
             images = (visit_stamps(star, *given, one) for one in visits)
@@ -176,7 +182,7 @@ class HoleStacks:
     @functools.cached_property
     def _response(self) -> FloatArray | float:
         """Sensitivity of the pixels of the hole."""
-        camera, shape = self.observation.visible_camera, self.observation.shape
+        camera, shape = self.observation.camera_chain, self.observation.shape
         response = camera.response(shape, self.observation.first_pixel)
         return response[self._place] if isinstance(response, np.ndarray) else response
 
@@ -187,7 +193,7 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bo
     Parameters
     ----------
     observation : Observation
-        Of the visible camera with ``window="hole"`` and the star behind the mask.
+        With ``window="hole"`` and the star behind the mask.
     epochs : int
         Wavefronts of a visit, at least 1; a visit of fewer frames has one a frame.
     exact : bool, optional
@@ -225,10 +231,12 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS, exact: bo
 
 def _star_of(
     observation: Observation, rows: NDArray[np.intp], columns: NDArray[np.intp], exact: bool | None
-) -> VisitLight | FocalGrid | FloatArray:
+) -> VisitLight | FocalGrid | TablePsf | FloatArray:
     """Return what gives the light of the star on rows and columns of the stamp."""
     psf, drift = observation.psf, observation.instrument.drift
     visit_s = (observation.exposure_s + observation.readout_s) * observation.n_frames
+    if isinstance(psf, TablePsf):
+        return psf
     if isinstance(psf, ExternalPsf):
         return np.asarray(psf.on_axis[np.ix_(rows, columns)])
     offset = centred_axis(len(psf.on_axis), psf.imager.pixel_scale_arcsec)
@@ -250,11 +258,10 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
         reach there, or whose overflow enters it; ``invalid`` where an effect is on that does not add up or moves
         charge.
     """
-    if not observation.channel.multiplies:
-        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{observation.band} is read by the infrared camera")
-    camera = observation.visible_camera
+    camera = observation.camera_chain
     # An image of the hole alone cannot hold what other pixels leave behind.
-    moving = next((effect.switch for effect in camera.charge if effect.in_sums == "moves_charge"), None)
+    effects = (*camera.charge, *camera.voltage)
+    moving = next((effect.switch for effect in effects if effect.in_sums == "moves_charge"), None)
     if moving:
         message = f"{moving} moves charge between pixels: switch it off"
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
@@ -262,7 +269,7 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
     region = observation.psf.geometry.hole
     inside = dataclasses.replace(exposure, mean_e=np.where(region, exposure.mean_e, 0.0))
     answer = stackable(camera, inside)
-    if answer.status is not Status.OK:
+    if answer.status is not Status.OK or not observation.channel.multiplies:
         return answer
     # Overflow elsewhere is allowed as long as none of it arrives in the hole.
     charge = exposure.mean_e + _MARGIN_SIGMA * np.sqrt(exposure.mean_e)

@@ -31,7 +31,7 @@ from simulator.ledger import (
     effect_ledger,
     observation_choice,
 )
-from simulator.observing.scene_light import MAX_VISIT, Visit, static_light, visit_stamps
+from simulator.observing.scene_light import MAX_VISIT, Visit, star_stamps, static_light
 from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
 from simulator.products import Truth
 from simulator.signal import INTERLEAVED
@@ -98,15 +98,15 @@ class Observation(Sequence):
         """
         one = dataclasses.replace(self.visit, number=check_whole("visit", number, 0, MAX_VISIT))
         light, star = self.light, self.light.star
-        if star is not None and not isinstance(self.psf, ExternalPsf):
-            stamps = visit_stamps(
-                self.psf.imager,
+        if star is not None:
+            stamps = star_stamps(
+                self.psf,
                 self.instrument.drift,
                 len(star.rate_e_s),
                 (self.exposure_s + self.readout_s) * self.n_frames,
                 self.seed,
                 one,
-                star_arcsec=self.star_offset_arcsec,
+                self.star_offset_arcsec,
             )
             rate_e_s = self.truth.sources[0].rate_e_s * stamps
             light = dataclasses.replace(light, star=dataclasses.replace(star, rate_e_s=rate_e_s))
@@ -291,12 +291,8 @@ def observe(
     one = Visit(scene.name, kind, role, band, number, turn, timing)
     detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    if isinstance(optics, ExternalPsf):
-        stamps = (optics.at(*star) if any(star) else optics.on_axis)[None]
-    else:
-        epochs = min(frames, epochs)
-        visit_s = (exposure + detector.readout_s) * frames
-        stamps = visit_stamps(optics.imager, instrument.drift, epochs, visit_s, seed, one, star_arcsec=star)
+    epochs, visit_s = min(frames, epochs), (exposure + detector.readout_s) * frames
+    stamps = star_stamps(optics, instrument.drift, epochs, visit_s, seed, one, star)
     cstar = scene.cstar
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=cstar.ra_deg, dec_deg=cstar.dec_deg, start_utc=start)
     shown = [sources[0], *(source for source in sources[1:] if source.name not in left_out)]

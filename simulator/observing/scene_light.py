@@ -14,10 +14,12 @@ from simulator.config import Drift, Instrument, Timing
 from simulator.effects import stray_light_parts
 from simulator.imaging import (
     AnyPsf,
+    ExternalPsf,
     FocalGrid,
     Imager,
     SceneModel,
     SharedTerms,
+    TablePsf,
     VisitLight,
     Window,
     apodizer_energy,
@@ -29,9 +31,11 @@ from simulator.imaging import (
     visit_frames,
     wavefronts,
 )
+from simulator.signal import programme_law
 from simulator.target import ExtendedRate, Source
 
 MAX_VISIT = 999_999
+_ANNULUS_LAMBDA_D = 1.5  # half width of the ring whose mean a table's estimate of drift refers to
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,62 @@ def visit_stamps(
     """
     offset, walk, shared = visit.streams(drift, visit_s, seed)
     return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared)
+
+
+def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits: Sequence[Visit]) -> FloatArray:
+    """Return the images of the unit star in visits behind a coronagraph of which a table is known.
+
+    Parameters
+    ----------
+    psf : TablePsf
+    drift, visit_s, seed
+        As of `visit_stamps`; the drift counts where the table does not say how stable its contrast is.
+    visits : sequence of Visit
+
+    Returns
+    -------
+    ndarray, shape (visits, n, n)
+        Of the mean wavefront of each.
+    """
+    place, images = psf.figures.floor_separation_arcsec, []
+    law = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D, timing=visits[0].timing)
+    for one in visits:
+        first = dataclasses.replace(one, number=0)
+        parts = {"visit": (law.science, one), "common": (law.common, first)}
+        parts = parts if one.role == "science" else {"visit": (law.reference, one)}
+        wave = psf.field.astype(np.complex128)
+        for name, (part, streams) in parts.items():
+            variance = np.broadcast_to(part.variance(visit_s), place.shape)
+            if variance.any():
+                wave += psf.moved(place, variance, stream(seed, *streams.path, name))
+        images.append(np.abs(wave) ** 2)
+    return np.array(images)
+
+
+def star_stamps(
+    optics: AnyPsf,
+    drift: Drift,
+    epochs: int,
+    visit_s: float,
+    seed: int,
+    visit: Visit,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """Return the images of the unit star at the epochs of a visit, or the one of optics known by images alone.
+
+    Parameters
+    ----------
+    optics : Psf or ExternalPsf
+    drift, epochs, visit_s, seed, visit, star_arcsec
+        As of `visit_stamps`.
+    """
+    if not isinstance(optics, ExternalPsf):
+        return visit_stamps(optics.imager, drift, epochs, visit_s, seed, visit, star_arcsec=star_arcsec)
+    if any(star_arcsec):
+        return optics.at(*star_arcsec)[None]
+    if isinstance(optics, TablePsf):
+        return table_stamps(optics, drift, visit_s, seed, [visit])
+    return optics.on_axis[None]
 
 
 def visit_waves(

@@ -170,26 +170,14 @@ class Sequence:
         return self.channel.pixel_scale_arcsec
 
     @functools.cached_property
-    def _camera(self) -> Camera:
+    def camera_chain(self) -> Camera:
+        """Camera with the effects that are switched on, and particles at the rate of the date."""
         detector, rays = self.channel.detector, self.instrument.cosmic_rays
         struck = detector.switches.cosmic_rays and self.exposure_s > 0
         rate = cosmic_ray_rate(rays, self.start_utc) if struck else 0.0
         if isinstance(detector, Detector):
             return VisibleCamera(detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
         return InfraredCamera(detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
-
-    @property
-    def visible_camera(self) -> VisibleCamera:
-        """Camera of a sequence in a visible band.
-
-        Raises
-        ------
-        InputError
-            If the camera is the near-infrared one.
-        """
-        if not isinstance(self._camera, VisibleCamera):
-            raise InputError("band", self.band, allowed="a band of the visible camera")
-        return self._camera
 
     def prepared(self, rates: FloatArray) -> Exposure:
         """Return the noise-free part of a frame of this sequence under other light.
@@ -199,11 +187,11 @@ class Sequence:
         rates : ndarray
             Mean electrons per second and pixel, of the shape of a frame.
         """
-        if isinstance(self._camera, VisibleCamera):
-            return self._camera.prepare(
-                rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel, beyond_e_s=self.light.beyond_e_s
-            )
-        return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
+        camera, first = self.camera_chain, self.first_pixel
+        if isinstance(camera, InfraredCamera):
+            return camera.prepare(rates, self.exposure_s, first_pixel=first)
+        beyond_e_s = self.light.beyond_e_s
+        return camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=first, beyond_e_s=beyond_e_s)
 
     @numeric_context()
     def rate_map(self, index: int) -> FloatArray:
@@ -237,7 +225,7 @@ class Sequence:
     @numeric_context()
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         exposure = self.prepared(self.mean_rate_map)
-        camera: Any = self._camera
+        camera: Any = self.camera_chain
         return exposure.mean_e, camera.expected_adu(exposure)
 
     @property
@@ -269,7 +257,7 @@ class Sequence:
         if epoch not in self._prepared:
             self._prepared.clear()
             self._prepared[epoch] = self.prepared(self.light.map(epoch))
-        camera: Any = self._camera
+        camera: Any = self.camera_chain
         past = self._past(index)
         more: dict[str, Any] = {"past": past} if past else {}
         frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, int(index)), **more)
@@ -342,13 +330,11 @@ class Sequence:
         Raises
         ------
         InputError
-            If frames can saturate, an effect is on that does not add up (cosmic rays, non-linearity), or the camera is
-            the near-infrared one.
+            If frames can saturate, or an effect is on that does not add up (cosmic rays, non-linearity).
         """
-        camera = self.visible_camera
-        total = np.zeros(self.shape)
+        total, path = np.zeros(self.shape), (*self.path, "stack")
         for epoch in range(self.light.epochs):
             count = self._first_frame(epoch + 1) - self._first_frame(epoch)
             exposure = self.prepared(self.light.map(epoch))
-            total += stack_electrons(camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
+            total += stack_electrons(self.camera_chain, exposure, count, seed=self.seed, path=(*path, epoch))
         return total

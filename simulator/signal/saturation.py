@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
-from simulator.config import Detector
+from simulator.config import AnyDetector
 
 _NAMES = {Reason.PIXEL_FULL_WELL.value: "pixel full well", Reason.REGISTER_FULL_WELL.value: "register full well"}
 _NAMES |= {Reason.ADC_RANGE.value: "range of the converter"}
@@ -48,14 +48,14 @@ class GainCap:
         return Outcome.refuse(Status.SATURATED, reason, message)
 
 
-def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float = 5.0) -> GainCap:
+def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: AnyDetector, n_sigma: float = 5.0) -> GainCap:
     """Return the largest EM gain at which the hottest pixel stays ``n_sigma`` below every limit.
 
     Parameters
     ----------
     peak_e_per_frame : array_like
         Mean electrons of the hottest usable pixel per frame, everything included, at least 0.
-    detector : Detector
+    detector : Detector or InfraredDetector
         Gives full wells, converter and largest gain.
     n_sigma : float, optional
         Margin in standard deviations, 0 to 100.
@@ -85,7 +85,7 @@ def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float
 
 
 def binding_limit(
-    peak_e_per_frame: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float = 5.0
+    peak_e_per_frame: npt.ArrayLike, em_gain: npt.ArrayLike, detector: AnyDetector, n_sigma: float = 5.0
 ) -> npt.NDArray[np.str_]:
     """Return the reason code of the limit that a pixel exceeds furthest at a given gain, ``""`` where it exceeds none.
 
@@ -96,7 +96,7 @@ def binding_limit(
 
 
 def pixel_saturated(
-    peak_e_per_frame: float, em_gain: float, detector: Detector, n_sigma: float = 5.0
+    peak_e_per_frame: float, em_gain: float, detector: AnyDetector, n_sigma: float = 5.0
 ) -> Outcome[float]:
     """Return whether one pixel saturates at a given gain.
 
@@ -118,7 +118,7 @@ def pixel_saturated(
     return Outcome.refuse(Status.SATURATED, reason, f"{light} {filled}")
 
 
-def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float) -> FloatArray:
+def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: AnyDetector, n_sigma: float) -> FloatArray:
     """Return the filled fractions of pixel, register and converter (first axis), noise margin included."""
     # What is beyond every limit stays so, and finite.
     peak = np.minimum(checked_array("peak_e_per_frame", peak_e, low=0.0, unit="e-"), 1e300)

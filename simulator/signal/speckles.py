@@ -4,6 +4,7 @@ Visits have each a wavefront of their own, which means over visits average; what
 """
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ class ProgrammeLaw(NamedTuple):
     common : SpeckleLaw
         What science and reference differ by in every visit: no number of visits averages it.
     correlation_time_h : float
-        Time in which the wavefronts of two visits forget each other; 0: all are independent.
+        Time in which the wavefronts of two visits forget each other; 0: all are independent, infinite: all are one.
     turned : SpeckleLaw or None
         What science and reference differ by in one visit, and in the next by as much the other way.
     """
@@ -83,8 +84,8 @@ class ProgrammeLaw(NamedTuple):
         ``[rho - (1 - rho^V) rho / (V (1 - rho))] / (1 - rho)``.
         """
         count = np.asarray(visits, float)
-        if self.correlation_time_h == 0.0:
-            return count
+        if self.correlation_time_h in (0.0, math.inf):
+            return count if self.correlation_time_h == 0.0 else np.minimum(count, 1.0)
         # Closer than 1e-7 they are one and the same: the sum would be lost in rounding.
         decay = np.maximum(np.asarray(gap_s, float) / (3600.0 * self.correlation_time_h), 1e-7)
         rho, rest = np.exp(-decay), -np.expm1(-decay)
@@ -233,10 +234,10 @@ def programme_parts(
 
 
 def _stable_law(variance: FloatArray, *, common: bool) -> ProgrammeLaw:
-    """Return the law of a residual that no drift changes: the same in all visits, or new in each science visit."""
+    """Return the law of a residual that no drift changes: the same in all visits, or of the two visits of a pair."""
     nothing = np.zeros((1,) * variance.ndim)
-    none, still = SpeckleLaw(nothing, nothing, nothing), SpeckleLaw(variance, nothing, nothing)
-    return ProgrammeLaw(*((none, none, still) if common else (still, none, none)))
+    none, still = (SpeckleLaw(part, nothing, nothing) for part in (nothing, variance if common else 0.5 * variance))
+    return ProgrammeLaw(none, none, still, math.inf) if common else ProgrammeLaw(still, still, none)
 
 
 def unit_parts(

@@ -25,8 +25,6 @@ COMMAND = "confirm"
         (["paper_example", "--exposure-s", "1", "--frames", "5000"], ["--frames", "4000"]),
         (["paper_example", "--em-gain", "0.5"], ["--em-gain", "1 to"]),
         (["paper_example", "--band", "F999"], ["F999", "F520"]),
-        (["paper_example", "--band", "F1265"], ["F1265", "near-infrared", "F520"]),
-        (["paper_example", "--photon-counting"], ["--photon-counting", "cpic etc", "not yet measured"]),
         (["paper_example", "--roll-deg", "20"], ["--roll-deg", "--library roll"]),
         (["paper_example", "--library", "reference_star"], ["--reference-v-mag"]),
         (["paper_example", "--realisations", "0"], ["--realisations"]),

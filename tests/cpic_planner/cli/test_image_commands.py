@@ -13,13 +13,11 @@ COMMAND = "plan"
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--photon-counting"], ["--photon-counting", "cpic etc", "not yet measured"]),
         (["--realisations", "0"], ["--realisations"]),
         (["--library", "reference_star"], ["--reference-v-mag"]),
         (["--reference-teff-k", "5000"], ["--reference-teff-k", "--library reference_star"]),
         (["--simulator-overrides", "read_noise=x-1"], ["read_noise", "finite, at least 0"]),
         (["--simulator-overrides", "nothing.yaml"], ["nothing.yaml", "throughput=x0.7"]),
-        (["--band", "F1265"], ["F1265", "near-infrared"]),
         (["--date", "tomorrow"], ["--date = tomorrow UTC"]),
         (["--known-planets", "snapshot", "--population", "giants"], ["--population", "--known-planets"]),
         (["--known-planets", "nowhere.csv"], ["--known-planets = nowhere.csv"]),

@@ -88,7 +88,6 @@ def test_the_cost_is_told_before_the_work(done):
         (("curve", "no such star"), ("no such star",)),
         ((*CURVE, "--injections", "5"), ("--injections", "--images")),
         ((*CURVE, "--images", "5", "--library", "roll"), ("--images", "--library roll")),
-        (("curve", "tau Cet", "--band", "F1265", "--images", "5"), ("F1265", "near-infrared")),
         ((*CURVE, "--time", "2"), ("--time",)),
         ((*CURVE, "--plot", "figure.txt"), ("--plot", "png")),
         ((*ROC, "--planet-radius-rjup", "1"), ("--planet-radius-rjup", "--contrast")),

@@ -49,6 +49,8 @@ def answer(tau_ceti):
         pytest.param("alpha Cen B", "F520", 0.65, {}, ReferencePlanet(radius_rjup=0.4), marks=pytest.mark.long),
         pytest.param("eps Eri", "F520", 0.65, {"library": "roll"}, ReferencePlanet(), marks=pytest.mark.long),
         pytest.param("eps Eri", "F850", 0.7, {"library": "idealised"}, None, marks=pytest.mark.long),
+        ("eps Eri", "F1265", 1.0, {}, None),
+        ("eps Eri", "F520", 0.65, {"mode": "photon_counting"}, None),
     ],
 )
 def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
@@ -67,9 +69,11 @@ def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
     share, error = images.snr / images.predicted_snr, images.snr_error / images.predicted_snr
     assert images.etc_ratio == pytest.approx(images.predicted_snr / images.snr)
     assert images.etc_ratio_error / images.etc_ratio == pytest.approx(images.snr_error / images.snr)
-    assert abs(share - 1.0) <= record.closed_form_error["snr"] + 3.0 * error
+    stated = 0.05 if record.closed_form_error is None else record.closed_form_error["snr"]
+    assert abs(share - 1.0) <= stated + 3.0 * error
     assert error < 0.15
-    assert images.agrees == (abs(share - 1.0) <= record.closed_form_error["snr"] + 2.0 * error)
+    if record.closed_form_error is not None:
+        assert images.agrees == (abs(share - 1.0) <= stated + 2.0 * error)
     # Sums hold no particles: what they are compared with is the answer but for those.
     assert images.predicted_snr == pytest.approx(found.snr, rel=0.02)
     assert found.value == answers[0].value
@@ -151,6 +155,20 @@ def test_frame_by_frame_with_every_effect(tau_ceti):
     assert abs(images.flux_ratio - 1.0) <= 4.0 * images.flux_ratio_error
 
 
+@pytest.mark.parametrize("averages", ["never", "visits"])
+def test_a_table_agrees_with_its_images(averages, tau_ceti):
+    """A residual that is the same in all visits, and one that is new in each; at a gain that bright speckles allow."""
+    table = load_instrument("roman_hlc_like").changed({"coronagraph": {"stability_averages": averages}})
+    model = build_model(table, None, Strategy(visits=3))
+    place = {"time_s": 20 * HOUR_S, "separation_arcsec": 0.33, "em_gain": 100.0}
+    answers = signal_to_noise(model, tau_ceti, contrast=6e-9, **place)
+    (found,) = check(model, tau_ceti, answers, seed=2, realisations=16)
+    images = found.fidelity.images
+    assert images.light_ratio == pytest.approx(1.0, abs=0.03)
+    assert abs(images.snr / images.predicted_snr - 1.0) < 4.0 * images.snr_error / images.predicted_snr
+    assert images.n_found >= 8
+
+
 def test_more_frames_than_can_be_drawn_one_by_one(answer, tau_ceti):
     many = answer.model_copy(update={"n_frames": 4001, "frames_per_visit": 4001})
     record = check(model_of("F520"), tau_ceti, [many], dial="reference")[0].fidelity
@@ -158,18 +176,13 @@ def test_more_frames_than_can_be_drawn_one_by_one(answer, tau_ceti):
 
 
 def test_what_images_refuse_is_typed(tau_ceti, answer, monkeypatch):
-    infrared = model_of("F940")
-    there = signal_to_noise(infrared, tau_ceti, time_s=HOUR_S, separation_arcsec=0.8, contrast=1e-6)
-    record = check(infrared, tau_ceti, there)[0].fidelity
-    assert (record.status, record.reason) == ("invalid", "not_measured_in_images")
-    assert "near-infrared" in record.message
-    assert record.images is None
-    assert record.fidelity == "quick"
     counted = model_of("F520", mode="photon_counting")
     there = signal_to_noise(counted, tau_ceti, time_s=HOUR_S, separation_arcsec=0.6)
-    record = check(counted, tau_ceti, there)[0].fidelity
+    record = check(counted, tau_ceti, there, dial="reference")[0].fidelity
     assert (record.status, record.reason) == ("invalid", "not_measured_in_images")
-    assert "photon counting" in record.message
+    assert "counted in sums" in record.message
+    assert record.images is None
+    assert record.fidelity == "quick"
     # A frame that overfills the hole: only a contradictory answer asks for one.
     full = answer.model_copy(update={"exposure_s": 1e6, "n_frames": 1, "frames_per_visit": 1})
     record = check(model_of("F520"), tau_ceti, [full])[0].fidelity

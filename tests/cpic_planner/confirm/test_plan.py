@@ -298,7 +298,7 @@ def test_visits_of_a_schedule_are_programmes_of_their_own_frames(stars, tmp_path
     path.write_text(SCHEDULE.splitlines()[0] + "\nVulcan,F520,10,20,300,,,,,\n")
     refused("row 1: no star of the catalogue", planned, stars, schedule=str(path))
     path.write_text(SCHEDULE.splitlines()[0] + "\nfirst,Y,10,20,300,,,,,\n")
-    refused("whose images are measured", planned, stars, schedule=str(path))
+    refused("visits in F520", planned, stars, schedule=str(path))
 
 
 STRATEGIES = """kind: strategies

@@ -138,8 +138,7 @@ def test_frames_may_be_left_to_the_calculator():
         ({"time_s": 100.0}, "n_frames"),
         ({"exposure_s": None}, "exposure_s"),
         ({"n_frames": None}, "n_frames"),
-        ({"strategy": Strategy(mode="photon_counting")}, "photon"),
-        ({"bands": ("F1265",)}, "near-infrared"),
+        ({"strategy": Strategy(mode="photon_counting"), "fidelity": "reference"}, "photon"),
         ({"bands": ("F999",)}, "F999"),
     ],
 )

@@ -74,7 +74,7 @@ def test_a_line_through_reads(n):
     camera, detector = hybrid(readout_mode="up_the_ramp", n_reads=n)
     reads, light = ramp(n)
     assert camera.read_noise_e**2 == pytest.approx(reads * detector.read_noise_e**2, rel=1e-12)
-    assert camera.rounding_e**2 == pytest.approx(reads * detector.gain_e_adu**2 / 12, rel=1e-12)
+    assert camera.rounding_e**2 == pytest.approx(detector.gain_e_adu**2 / 12, rel=1e-12)  # of the slope alone
     assert camera.light_factor == pytest.approx(light, rel=1e-12)
     assert camera.exposure_min_s == pytest.approx(n * detector.frame_time_s)
 

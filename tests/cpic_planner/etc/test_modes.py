@@ -149,13 +149,6 @@ def test_without_drift_modes_take_nothing(monkeypatch):
     assert modes.snr == mean.snr
 
 
-def test_near_infrared_predictions_are_for_the_mean():
-    given = {"time_s": 1e5, "contrast": 1e-8, "separation_arcsec": 1.0, "bands": ["F1265"]}
-    mean, modes = (signal_to_noise(model(bands=["F1265"], visits=8, n_modes=k), TAU_CET, **given)[0] for k in (0, 4))
-    assert (modes.n_modes, modes.snr) == (0, mean.snr)
-    assert "modes_not_modelled" in modes.flags
-
-
 def test_the_number_of_modes_is_chosen_where_it_is_left_open():
     """Never worse than the mean or the most, and 0 where the mean is best."""
     settings = {"time_s": 1e5, "contrast": 2e-9, **PLACE}
@@ -201,3 +194,12 @@ def test_bands_stars_and_planets_are_answered_as_one_by_one(field):
             bands=[answer.band],
         )[0]
         assert answer.snr == pytest.approx(alone.snr, rel=1e-9)
+
+
+def test_modes_of_near_infrared_references_are_followed():
+    """Images of four such programmes have 0.994 +- 0.023 of the SNR that is predicted with modes."""
+    given = {"time_s": 1e5, "contrast": 1e-8, "separation_arcsec": 1.0, "bands": ["F1265"]}
+    mean, modes = (signal_to_noise(model(bands=["F1265"], visits=8, n_modes=k), TAU_CET, **given)[0] for k in (0, 4))
+    assert (mean.n_modes, modes.n_modes) == (0, 4)
+    assert modes.snr < mean.snr  # reading makes the noise: modes add theirs
+    assert "modes_not_modelled" not in modes.flags

@@ -205,3 +205,16 @@ def test_selected_spread_and_stacked():
         LIGHT.spread((4, 2)).frame_variance(np.broadcast_to(t, (4, 2))), np.tile(both, (4, 1))
     )
     np.testing.assert_array_equal(CountingLight.stacked([LIGHT] * 3).frame_variance(np.tile(t, (3, 1)))[2], both)
+
+
+@pytest.mark.parametrize("n_frames", [5, 400])
+def test_electrons_of_counts_are_unbiased_and_scatter_as_predicted(n_frames):
+    """Along a line even a share of 1 in five frames is finite, and the mean of many pixels is their light."""
+    law, rng, mean = counting_law(1000.0, 604, 100.0, 500.0), np.random.default_rng(4), 0.4
+    share = rng.binomial(n_frames, law.q(mean), 40_000) / n_frames
+    found = law.electrons(share, share.mean())
+    error = np.sqrt(counting_variance(mean, law) / n_frames)
+    assert found.mean() == pytest.approx(mean, abs=5.0 * error / 200.0)
+    assert found.std() == pytest.approx(float(error), rel=0.02)
+    brighter = law.electrons(law.q(mean + 0.02), law.q(mean))
+    assert brighter == pytest.approx(mean + 0.02, abs=1e-3)

@@ -350,15 +350,6 @@ def test_programmes_out_of_range_are_refused(given):
         Strategy(**given)
 
 
-def test_bands_without_a_measured_law_say_so():
-    instrument = load_instrument()
-    model = build_model(instrument, ["F520"], Strategy(mode="photon_counting"))
-    (answer,) = questions.exposure_time(model, STARS["tau Cet"], detect=True, **FOR_VISITS)
-    assert "blind_law_not_measured" in answer.flags
-    assert answer.verdict_mode == "known_place"
-    assert answer.detection_probability is None
-
-
 def test_bands_solved_together_are_those_solved_alone():
     model = model_of()
     star, asked = STARS["eps Ind"], FOR_VISITS | {"bands": None}

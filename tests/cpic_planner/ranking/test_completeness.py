@@ -13,9 +13,9 @@ from cpic_planner.etc import (
     LEAST_PROBABILITY,
     Programme,
     aperture_rates,
+    band_law,
     build_model,
     effective_visits,
-    law_of,
     light_share,
     lit_share,
     own_share,
@@ -78,7 +78,7 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain, visit
     radius = instrument.aperture_radius_arcsec(band)
     right = {"right": (1,), "left": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
     top = {"top": (1,), "bottom": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
-    camera, found, law = model.camera(band), np.zeros((4, len(targets))), law_of(model, band)
+    camera, found, law = model.camera(band), np.zeros((4, len(targets))), band_law(model, band)
     for i in range(len(targets)):
         target = targets.select([i])
         luminosity = float(target.luminosity_lsun[0])

@@ -57,7 +57,7 @@ class Field:
 
     def stack(self, light: np.ndarray, variance: np.ndarray | None = None) -> ReducedStack:
         white = np.zeros(self.hole.shape) if variance is None else variance * self.hole
-        return ReducedStack(self.rdi.project(light), self.hole, white, self.halo, self.rdi, 1.0, GAIN, STAGES)
+        return ReducedStack(self.rdi.project(light), self.hole, white, self.halo, self.rdi, 1.0, FACTOR2)
 
     def fit(self, stack: ReducedStack, x_pixel: float, y_pixel: float, **settings: object) -> Astrometry:
         return fit_position(stack, self.psf, x_pixel * self.scale, y_pixel * self.scale, **settings)  # type: ignore[arg-type]

@@ -64,7 +64,7 @@ def test_a_twin_has_the_noise_of_its_frame():
     hole = full_of().geometry.hole
     twin = calibrated_frames(audit.without_frame_effects(observation), numbers=numbers).electrons
     plain = audit.without_frame_effects(observation)
-    assert not plain.visible_camera.particles
+    assert not plain.camera_chain.particles
     assert np.array_equal(calibrated_frames(plain, numbers=numbers).electrons, twin)
     switches = plain.instrument.detector.switches
     assert all((switches.flat, switches.dark_structure, switches.bad_pixels))  # pixels are those of the frames

@@ -46,9 +46,7 @@ def residual(psf, image, sigma_e=10.0, region=None, integration_s=100.0):
     image = np.where(hole, image, 0.0)
     none = np.zeros((0, int(hole.sum())))
     rdi = RdiResult(image[None], 0, 0, False, "temporal", hole, none, np.zeros(0))
-    return ReducedStack(
-        image, hole, np.where(hole, sigma_e**2, 0.0), np.zeros(hole.shape), rdi, integration_s, 300.0, 604
-    )
+    return ReducedStack(image, hole, np.where(hole, sigma_e**2, 0.0), np.zeros(hole.shape), rdi, integration_s, 2.0)
 
 
 def white(psf, seed, sigma_e=10.0, **settings):

@@ -181,8 +181,37 @@ def test_whole_frames() -> None:
     assert stamp[stamp < 1000].mean() > 0
 
 
+@pytest.mark.parametrize("mode", ["cds", "up_the_ramp"])
+def test_near_infrared_frames_are_the_light_again(mode: str) -> None:
+    """Flat, curve and coupling undone: means are those of the light, variances those of the reads."""
+    strong = {"interpixel_coupling": 0.02, "readout_mode": mode, "nonlinearity_at_full_well": 0.1}
+    instrument = load_instrument({"near_infrared": {"detector": strong}})
+    on = {"interpixel_capacitance": True, "cosmic_rays": False}
+    given = {
+        "band": "F1265",
+        "exposure_s": 20.0,
+        "n_frames": 30,
+        "window": "hole",
+        "max_epochs": 1,
+        "fidelity": "quick",
+    }
+    seen = observe("paper_bright_source", **given, instrument=instrument, switches=on)
+    frames = calibrated_frames(seen)
+    usable = frames.usable.all(axis=0)
+    usable[[0, -1]] = usable[:, [0, -1]] = False  # coupled with pixels beyond the window
+    light = seen.mean_rate_map * 20.0
+    assert light[usable].max() > 2e4
+    pull = (frames.electrons.mean(axis=0) - light)[usable] / np.sqrt(frames.variance_e2(light)[usable] / 30.0)
+    assert abs(np.median(pull)) < 4.0 * 1.25 / np.sqrt(pull.size)
+    bright = usable & (light > 2000.0)
+    assert abs((frames.electrons.mean(axis=0)[bright] / light[bright]).mean() - 1.0) < 1e-3
+    # Undoing the coupling raises white noise a little: 1 + 40 a^2 of its variance.
+    dark = usable & (light < 100.0)
+    spread = frames.electrons.var(axis=0, ddof=1)[dark].mean() / frames.variance_e2(light)[dark].mean()
+    assert 1.0 < spread < 1.3
+
+
 def test_refusals(refused) -> None:
-    refused("visible camera", calibrated_frames, observe("paper_science", band="F940", exposure_s=1.0))
     refused("n_frames", calibrated_frames, observed(n_frames=1_000_000))
     seen = observed(n_frames=1)
     refused("at least 100 pixels", calibrated_frames, seen, level_pixels=np.zeros(seen.shape, dtype=bool))

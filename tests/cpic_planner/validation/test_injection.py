@@ -40,7 +40,9 @@ def white(psf, seed):
     modes = np.linalg.qr(np.random.default_rng(99).standard_normal((int(hole.sum()), 1)))[0].T
     rdi = RdiResult(image[None], 1, 1, False, "temporal", hole, modes, np.ones(1))
     variance = np.where(hole, SIGMA_E**2, 0.0)
-    return ReducedStack(image, hole, variance, np.zeros(hole.shape), rdi, TIME_S, 300.0, 604)
+    return ReducedStack(
+        image, hole, variance, np.zeros(hole.shape), rdi, TIME_S, float(excess_noise_factor2(300.0, 604))
+    )
 
 
 def test_injected_light_has_the_mean_and_the_noise_of_its_photons(psf, refused):

@@ -135,7 +135,6 @@ def test_sums_are_not_offered_to_what_does_not_add_up(make):
     star = {"exposure_s": 60.0, "em_gain": 300.0}
     for scene, more, word in (
         (make(v_mag=0.0), star, "limit"),
-        (make(), {"band": "F940", "em_gain": 1.0}, "infrared"),
         (make(), {"star_offset_arcsec": (0.5, 0.5)}, "off the mask"),
     ):
         found = forecast(scene, load_instrument(), **(SETTINGS | more), reduced=True)
@@ -144,6 +143,11 @@ def test_sums_are_not_offered_to_what_does_not_add_up(make):
         row = next(row for row in choice.rows if row.key == "summed_frames")
         assert row.decision == "kept"
         assert word in row.reason or "full well" in row.reason or "enter" in row.reason
+    infrared = forecast(make(), load_instrument(), **(SETTINGS | {"band": "F940", "em_gain": 1.0}), reduced=True)
+    assert choose(infrared, dial_of("standard").of("planet_flux", "snr")).draw == "sums"
+    # Two reads of 25 electrons make nearly all the noise of a frame of a second.
+    assert infrared.sizes["read_noise"]["snr"] == pytest.approx(0.5, abs=0.05)
+    assert infrared.sizes["flat"] == infrared.sizes["nonlinearity"] == dict.fromkeys(infrared.sizes["flat"], 0.0)
 
 
 def test_dark_current_goes_with_its_flaws(said):

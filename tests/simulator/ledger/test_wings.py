@@ -7,17 +7,18 @@ import pytest
 
 from simulator import observe
 from simulator.detectors import Blooming
+from simulator.detectors.chains import VISIBLE, switched
 from simulator.imaging import psf_metrics
 from simulator.ledger import NOT_IN_SUMS, forecast
 from simulator.ledger.light import _arrives
 
-STILL = dict.fromkeys(NOT_IN_SUMS, False)
+STILL = {name: False for name in NOT_IN_SUMS if name in switched(VISIBLE)}
 
 
 def flows(scene, instrument, settings):
     """Whether charge arrives in the aperture of the planet, in the mean image of the whole frame: bloomed, trailed."""
     seen = observe(scene, instrument=instrument, **settings, switches=STILL)
-    exposure = seen.visible_camera.prepare(seen.mean_rate_map, seen.exposure_s, seen.em_gain)
+    exposure = seen.camera_chain.prepare(seen.mean_rate_map, seen.exposure_s, seen.em_gain)
     before = exposure.mean_e
     after = before.copy()
     Blooming().expect(after, exposure)

@@ -1,5 +1,8 @@
 """Sums of frames over the hole against the frames themselves."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 
@@ -258,4 +261,48 @@ def test_effects_that_are_no_sum_are_refused(switch):
 def test_only_the_hole_behind_the_mask(refused):
     for changes in ({"window": "full"}, {"star_offset_arcsec": (0.3, 0.3)}):
         refused("window", hole_stacks, sequence(**changes))
-    assert hole_stackable(sequence(band="F1265", em_gain=1.0)).status is Status.INVALID
+
+
+def test_near_infrared_sums_are_those_of_frames_read_up_a_ramp():
+    """Mean and variance over the hole; frames that pixels couple in do not add up pixel by pixel."""
+    ramp = {"readout_mode": "up_the_ramp", "n_reads": 4, "read_noise_e": 6.0}
+    instrument = load_instrument({"near_infrared": {"detector": ramp}}).switched(dict.fromkeys(MOVING, False))
+    settings = {"band": "F1265", "exposure_s": 50.0, "n_frames": 40, "window": "hole", "fidelity": "quick"}
+    seen = observe(scene(), **settings, max_epochs=1, instrument=instrument)
+    stacks = hole_stacks(seen, epochs=1, exact=True)
+    once, region = stacks.draw(0)[0][stacks.region], stacks.region
+    light_e = 50.0 * seen.mean_rate_map[region]
+    detector = seen.channel.detector
+    reads, factor2 = detector.ramp(50.0)
+    mean = 40 * (light_e + 50.0 * detector.dark_e_s)
+    variance = factor2 * mean + 40 * (reads * detector.read_noise_e**2 + detector.gain_e_adu**2 / 12.0)
+    frames = sum(seen.camera_chain.to_electrons(adu)[region] for adu in seen.iter_frames())
+    for found in (once, frames):
+        pull = (found - mean) / np.sqrt(variance)
+        assert abs(pull.mean()) < 4.0 / math.sqrt(pull.size)
+        assert pull.std() == pytest.approx(1.0, abs=4.0 / math.sqrt(2.0 * pull.size))
+    coupled = dataclasses.replace(seen, instrument=instrument.switched({"interpixel_capacitance": True}))
+    assert "interpixel_capacitance" in hole_stackable(coupled).message
+
+
+@pytest.mark.parametrize("averages", ["never", "visits"])
+def test_visits_of_a_table_have_its_residual(averages):
+    """The same in all visits, or a new one in each; sums of frames and frames see one wavefront a visit."""
+    table = load_instrument("roman_hlc_like").changed({"coronagraph": {"stability_averages": averages}})
+    instrument = table.switched(dict.fromkeys(MOVING, False))
+    settings = {"band": "CGI1", "exposure_s": 10.0, "n_frames": 20, "em_gain": 10.0, "window": "hole"}
+    seen = observe(scene(5.0), **settings, instrument=instrument)
+    stacks = hole_stacks(seen, epochs=3)
+    visits = stacks.mean_rates(0, visits=4)
+    apart, even = np.ptp(visits, axis=0)[stacks.region], visits.mean(axis=0)[stacks.region]
+    assert (apart.max() == 0.0) == (averages == "never")
+    assert apart.max() < even.max()
+    np.testing.assert_allclose(stacks.mean_rates(0, visits=4, summed=True)[0], visits.mean(axis=0), rtol=1e-12)
+    assert len(stacks.mean_rates(0)) == 3
+    for visit in (0, 3):
+        frames = seen.at_visit(visit).mean_rate_map
+        np.testing.assert_allclose(visits[visit][stacks.region], frames[stacks.region], rtol=1e-9)
+    reference = observe(scene(5.0), **settings, instrument=instrument, role="reference")
+    same = np.array_equal(reference.mean_rate_map, reference.at_visit(1).mean_rate_map)
+    assert same == (averages == "never")
+    assert not np.array_equal(stacks.mean_rates(1, visits=4), visits)

@@ -346,7 +346,9 @@ def test_a_tolerance_for_the_infrared_camera_but_no_psf_from_a_file(tmp_path):
     from simulator import load_psf, save_psf, single_band_psf
 
     near = observe(scene(planet(45)), band="F940", exposure_s=1.0, window="hole", tolerance=0.1, quantity="snr")
-    assert near.choice.switches == {}
+    assert near.choice.switches
+    assert not {"photon_noise", "read_noise"} & set(near.choice.switches)  # which make all of its noise
+    assert near.choice.predicted_error["snr"] <= 0.1
     assert near.psf.knobs.tier == "custom"
     save_psf(single_band_psf("F662"), tmp_path / "psf.fits")
     kernel = load_psf(tmp_path / "psf.fits")
