@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-# The same cases in every run, so that red can be repeated, and no verdict by the clock of a busy machine. New cases:
-# pytest --hypothesis-profile explore
+# The same cases in every run, so that red can be repeated, and no verdict by the clock of a busy machine. New cases,
+# twice as many: pytest --hypothesis-profile explore
 settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("suite", parent=settings.get_profile("explore"), derandomize=True)
+settings.register_profile("suite", parent=settings.get_profile("explore"), derandomize=True, max_examples=50)
 settings.load_profile("suite")
 
 # The matrices here are small: BLAS threads only get in each other's way, and sums should have one order.
@@ -33,7 +33,7 @@ def pytest_collection():
     finally:
         gc.enable()
         gc.freeze()
-        gc.set_threshold(10_000, 10, 10)
+        gc.set_threshold(50_000, 100, 10)
 
 
 def pytest_ignore_collect(collection_path, config):
@@ -101,6 +101,26 @@ def refused():
         return str(caught.value)
 
     return check
+
+
+@pytest.fixture(scope="session")
+def _rankings():
+    return {}
+
+
+@pytest.fixture
+def kept_rankings(_rankings, monkeypatch):
+    """What decides a ranking is hashed: one that another test asked for, of commands or pages, is not made again."""
+    from cpic_planner.ranking import ensemble, order
+
+    def kept(setting, targets, *, real=order.ranked, brief=False, counts=None):
+        key = setting.digest(targets), targets.name.tobytes(), brief
+        if key not in _rankings:
+            _rankings[key] = real(setting, targets, brief=brief, counts=counts)
+        return _rankings[key]
+
+    for module in (order, ensemble):
+        monkeypatch.setattr(module, "ranked", kept)
 
 
 @pytest.fixture

@@ -30,13 +30,10 @@ def test_the_steps_are_those_of_the_writer(whole):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_run_that_breaks_at_any_step_of_writing_continues(harness, server, whole, tmp_path, kind):
-    """Every step of a run for kills; for disks, every one that stands for its like."""
+    """Every step that stands for its like; a step of each file that is made has a name of its own."""
     files, steps = whole("tiny")
-    chosen = range(len(steps))
-    if kind != "kill":
-        chosen = [at for at in chosen if steps[at] not in steps[:at]]
     ends = set()
-    for at in chosen:
+    for at in (at for at, step in enumerate(steps) if step not in steps[:at]):
         fault = {"kind": kind, "at": at}
         ends.add(harness.check_broken(server, "tiny", tmp_path / str(at), fault, files, steps).status)
     assert ends == ({-1} if kind == "kill" else {0, 1})  # 0: the last step, which tidies up, may fail

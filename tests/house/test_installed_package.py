@@ -52,6 +52,7 @@ def installed(wheel, tmp_path_factory):
             str(python),
             "install",
             "--quiet",
+            "--no-compile",
             "--no-deps",
             "--no-index",
             str(wheel),

@@ -5,6 +5,11 @@ import pytest
 from cpic_planner.cli.main import main
 
 
+@pytest.fixture(autouse=True)
+def _each_ranking_once(kept_rankings):
+    """Tests of commands ask the same questions again and again."""
+
+
 @pytest.fixture
 def call(capsys, request):
     """Run ``cpic``, with the ``COMMAND`` of the file if it has one; returns status, output and errors."""

@@ -50,7 +50,7 @@ def test_changes_of_the_instrument_are_those_of_a_file(done, tmp_path):
     "command",
     [
         "rank --band F520 --planets 50 --v-mag-max 4 --limit 1 --brief",
-        "known 'eps Eri' --band F520 --brief",
+        "known 'eps Eri' --band F520 --planets 50 --brief",
         "visibility 'tau Cet' --days 2",
         "plan --top 1 --band F520 --dry-run",
         "confirm paper_example --band F520 --dry-run",

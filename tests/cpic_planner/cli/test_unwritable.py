@@ -76,7 +76,7 @@ def test_what_is_no_file_is_not_replaced(refuses, monkeypatch, tmp_path, argumen
         ("rank", "--v-mag-max", "2", "--band", "F520", "--planets", "2", "--out", "ranking.csv"),
         ("rank", "--v-mag-max", "2", "--band", "F520", "--planets", "2", "--plot", "ranking.svg"),
         ("visibility", "tau Cet", "--days", "2", "--out", "days.csv"),
-        ("known", "eps Eri", "--scene", "scene.yaml"),
+        ("known", "eps Eri", "--planets", "50", "--scene", "scene.yaml"),
         ("instrument", "table", "--band", "F662", "--out", "f662.csv"),
     ],
     ids=" ".join,

@@ -50,7 +50,7 @@ def test_numbers_are_those_of_the_ranking(rank, place):
 
 def test_budgets_and_reasons_of_each_band(rank):
     for row in rank.targets[:4]:
-        told = explain_star(MODEL, STARS, row.name, **ASKED)
+        told = explain_star(MODEL, STARS, row.name, rank=rank, **ASKED)
         for band in told.bands:
             total = sum(band.budget.values())
             quiet = total - band.budget["planet"] - band.budget["background_mean"]
@@ -63,7 +63,7 @@ def test_budgets_and_reasons_of_each_band(rank):
 
 def test_sentences_are_true(rank):
     row = rank.targets[1]
-    told = explain_star(MODEL, STARS, row.name, **ASKED)
+    told = explain_star(MODEL, STARS, row.name, rank=rank, **ASKED)
     band = next(item for item in told.bands if item.band == row.band)
     words = told.sentences
     assert words[0] == f"Rank 2 of {len(rank.targets)} by completeness per hour: {100 * row.score:.3g} %/h."
@@ -79,7 +79,7 @@ def test_sentences_are_true(rank):
     assert band.dominant.replace("_", " ") in words[3]
     assert f"{band.budget[band.dominant] / sum(band.budget.values()):.0%} of the variance" in words[3]
     assert f"by {max(band.remedies.values()):.2f}" in words[4]
-    last = explain_star(MODEL, STARS, rank.targets[-1].name, **ASKED)
+    last = explain_star(MODEL, STARS, rank.targets[-1].name, rank=rank, **ASKED)
     assert "is not detected" in last.sentences[2]
     assert f"Observed in {row.visits} visits of {row.visit_time_s / 3600:.2g} h" in told.sentences[-1]
 

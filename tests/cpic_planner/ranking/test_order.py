@@ -26,6 +26,7 @@ from simulator.config import load_instrument
 
 MODEL = build_model(load_instrument())
 ONE = build_model(load_instrument(), None, Strategy(visits=1))
+TWO_BANDS = build_model(load_instrument(), ["F520", "F662"])
 FEW = rank_sample(v_mag_max=3.0)
 SMALL = PopulationChoice(PopulationChoice.default().config, n_planets=200)
 AU_KM, RJ_KM = 149597870.7, 71492.0
@@ -146,7 +147,7 @@ def test_ranked_numbers_are_those_of_the_etc(ranking):
 
 def test_every_detected_planet_is_found_again_by_its_time(ranking):
     found = [row for row in ranking.targets if row.status == "ok"]
-    for row in found:
+    for row in found[::3]:
         star, _ = find_target(row.name)
         answer = exposure_time(MODEL, star, detect=True, separation_arcsec=row.separation_arcsec, bands=[row.band])[0]
         assert answer.value <= row.time_s * (1 + 1e-9)
@@ -186,7 +187,7 @@ def test_companion_light_counts_only_when_on():
     "score", ["completeness", "detection_margin", "detection_time", "photometric_snr", "contrast_limit"]
 )
 def test_other_scores(score):
-    found = rank_targets(MODEL, FEW, time_s=7200.0, population=SMALL, score=score)
+    found = rank_targets(TWO_BANDS, FEW, time_s=7200.0, population=SMALL, score=score)
     for row in found.targets:
         expected = {
             "completeness": row.completeness,
@@ -231,7 +232,7 @@ def test_what_cannot_be_ranked_is_refused(refused):
 
 
 def test_numpy_times_give_the_same_ranking():
-    plain, other = (rank_targets(MODEL, FEW, time_s=t, population=SMALL) for t in (3600.0, np.int64(3600)))
+    plain, other = (rank_targets(TWO_BANDS, FEW, time_s=t, population=SMALL) for t in (3600.0, np.int64(3600)))
     assert plain == other
 
 
@@ -348,7 +349,7 @@ def test_what_is_known_of_the_stars_decides_completeness_and_order(ranking):
 
 
 def test_without_exclusions_all_planets_count(ranking):
-    stars = rank_sample(v_mag_max=3.6)
+    stars = rank_sample(v_mag_max=2.5)
     choice = PopulationChoice(PopulationChoice.default().config, exclusions=())
     found = rank_targets(MODEL, stars, time_s=36000.0, population=choice)
     before = {row.name: row for row in ranking.targets}

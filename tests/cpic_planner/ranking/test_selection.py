@@ -9,7 +9,6 @@ from cpic_planner.queries import RankQuestion
 ASKED = {"bands": ["F520"], "n_planets": 50}
 FILTERS = [
     pytest.param({"sp_type": ["K"]}, marks=pytest.mark.long),
-    {"distance_max_pc": 10.0},
     {"dec_min_deg": -20.0, "dec_max_deg": 40.0},
     {"known_hosts": True, "sp_type": ["G"]},
     pytest.param({"dec_min_deg": -90.0}, marks=pytest.mark.long),  # leaves all

@@ -82,7 +82,7 @@ def test_tau_is_pairs_in_order_less_pairs_turned_round():
         assert row.kept_first == len({*STARS.name[nominal <= 10]} & {*STARS.name[place <= 10]})
 
 
-@pytest.mark.parametrize("first", [1, 3, 10, 500])
+@pytest.mark.parametrize("first", [1, 500])
 def test_every_star_says_between_which_ranks_it_moves(first):
     """By ranking under each assumption, the nominal one included, for as many first stars as are asked."""
     some = [item for item in ASSUMPTIONS if item.key in ("drift_x2", "drift_x0.1", "albedo_2au")]

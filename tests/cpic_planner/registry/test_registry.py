@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -189,19 +190,16 @@ def test_entries_are_chosen_on_the_command_line(tmp_path):
         "SCORES.register(replace(SCORES['detection_margin'], name='toy_score'))\n"
         "LIBRARIES.register(type('Toy', (Library,), {'name': 'toy_library'})())\n"
         "from cpic_planner.cli.main import main\n"
-        "sys.exit(main(sys.argv[1:]))\n"
+        "asked = sys.argv[1:], ['--help'], ['--score', 'best']\n"
+        "for words in asked:\n"
+        "    print('\\nended with', main(['rank', *words]))\n"
     )
     options = ["--catalog", str(path), "--score", "toy_score", "--library", "toy_library", "--planets", "100", "--json"]
-
-    def run(*arguments):
-        return subprocess.run([sys.executable, "-c", code, "rank", *arguments], capture_output=True, text=True)
-
-    done = run(*options)
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
+    done = subprocess.run([sys.executable, "-c", code, *options], capture_output=True, text=True)
+    assert re.findall(r"\nended with (.*)\n", done.stdout) == ["0", "0", "2"], done.stderr
+    answer, shown, _, _ = re.split(r"\nended with .*\n", done.stdout)
+    result = json.loads(answer)
     assert (result["score_name"], result["reference_library"]) == ("toy_score", "toy_library")
     assert [row["score"] for row in result["targets"]] == [row["detection_margin"] for row in result["targets"]]
-    shown = run("--help").stdout
     assert "toy_score" in shown
     assert "toy_library" in shown
-    assert run("--score", "best").returncode == 2

@@ -90,6 +90,11 @@ class Browser:
         return self.get(address, method="POST", body=body, **kind | headers)
 
 
+@pytest.fixture(autouse=True)
+def _each_ranking_once(kept_rankings):
+    """Tests of pages ask the same questions again and again."""
+
+
 @pytest.fixture(scope="session")
 def browser():
     return Browser(application())
