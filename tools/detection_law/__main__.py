@@ -20,7 +20,7 @@ from tools.detection_law.cells import measured
 from tools.detection_law.report import predicted, text, write_map
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "detection_law"
-CELLS, STACKS, PLANETS = 250, 50, 8
+CELLS, STACKS, PLANETS = 120, 50, 8
 
 
 def _measure(known: dict[str, Any], count: int) -> dict[str, Any]:
