@@ -117,7 +117,7 @@ def test_its_surveys(laplace, done):
     )
     found = json.loads((laplace / "survey/whatif.json").read_text())
     images = found["strategies"][0]["images"]
-    assert images["images"] == min(2, images["detections"]) or images["note"]
+    assert images["images"] > 0  # of the detections that were sampled
     assert "table" not in images["note"]
     assert (laplace / "survey/report.html").is_file()
 
