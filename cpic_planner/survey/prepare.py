@@ -93,11 +93,9 @@ def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcMod
         Name of a band of the instrument, such as ``F520``.
     """
     contrast = strategy.assumptions.contrast
-    if model.of_table:
-        return None
     if contrast is None:
         return model
-    noise = mirror_noise_nm(model.instrument, band, contrast)
+    noise = None if model.of_table else mirror_noise_nm(model.instrument, band, contrast)
     return None if noise is None else replace(model, instrument=_noisier(model.instrument, noise))
 
 

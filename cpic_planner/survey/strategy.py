@@ -370,7 +370,4 @@ class SurveyStrategy(FrozenModel, Sourced):
             raise InputError("alarms.check", True, allowed="false, where a detection takes several visits", hint=hint)
         if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
             raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
-        if self.reduction.mode != "analogue":
-            hint = "photon counting has no image-level calibration"
-            raise InputError("reduction.mode", self.reduction.mode, allowed="analogue", hint=hint)
         return self

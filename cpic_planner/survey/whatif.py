@@ -72,8 +72,6 @@ def sampled_detections(
     optics that would be darker are not known.
     """
     strategy = survey.strategy
-    if survey.model.of_table:
-        return [], "images of a coronagraph that is a table are not known"
     if len(strategy.reduction.rolls_deg) > 1:
         return [], "images of two rolls are not sampled"
     if strategy.detection.rule == "expected":

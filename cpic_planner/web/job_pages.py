@@ -224,7 +224,7 @@ def _drawing(image: str) -> str:
 def _bands() -> Sequence[str]:
     from simulator.config import load_instrument
 
-    return load_instrument().visible_bands()
+    return tuple(load_instrument().bands)
 
 
 def _star(standing: Standing) -> str:

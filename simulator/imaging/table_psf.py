@@ -23,6 +23,7 @@ from simulator.imaging.store import psf_metrics
 from simulator.imaging.table_metrics import TableMetrics
 
 _CORE_SIGMA = 0.4374  # of a Gaussian as wide at half its maximum as the image of a clear pupil, in lambda/D
+_MOST = 4.0  # rms of a Gaussian field that hardly any speckle passes
 _RINGS = 30  # of a stamp, over each of which the pattern of static speckles has the mean 1
 
 
@@ -83,12 +84,19 @@ class TablePsf(ExternalPsf):
         -------
         ndarray of complex, shape (n, n)
         """
+        side, unit = len(self.on_axis), self.geometry.lambda_d_arcsec / self.pixel_scale_arcsec
+        return np.asarray(self._rms(separation_arcsec, variance) * coherent_field(side, unit, rng))
+
+    def brightest(self, separation_arcsec: FloatArray, variance: FloatArray) -> FloatArray:
+        """Return the brightest that a pixel of such visits is: in more by less than once in 1e7 speckles."""
+        return np.asarray((self.field + _MOST * np.abs(self._rms(separation_arcsec, variance))) ** 2)
+
+    def _rms(self, separation_arcsec: FloatArray, variance: FloatArray) -> ComplexArray:
         crossed, lit = self.coherence
         half = crossed / lit * self.figures.starlight(separation_arcsec)
         light = np.sqrt(half**2 + variance / lit) - half
         on_pixel = np.interp(self._separation, separation_arcsec, light / self.figures.aperture_pixels)
-        side, unit = len(self.on_axis), self.geometry.lambda_d_arcsec / self.pixel_scale_arcsec
-        return np.asarray(self.pattern * np.sqrt(on_pixel) * coherent_field(side, unit, rng))
+        return np.asarray(self.pattern * np.sqrt(on_pixel))
 
 
 def coherent_field(side: int, lambda_d_pixels: float, rng: np.random.Generator) -> ComplexArray:

@@ -24,7 +24,7 @@ from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, table_stamps, visit_stamps, visit_waves
+from simulator.observing.scene_light import MAX_VISIT, Visit, brightest_stamp, table_stamps, visit_stamps, visit_waves
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
@@ -265,8 +265,16 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
     if moving:
         message = f"{moving} moves charge between pixels: switch it off"
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, message)
-    exposure = observation.prepared(observation.mean_rate_map)
-    region = observation.psf.geometry.hole
+    psf, rates = observation.psf, observation.mean_rate_map
+    star = observation.light.star
+    if isinstance(psf, TablePsf) and star is not None:
+        # A residual that is large beside the light of the star makes other visits brighter than this one.
+        visit_s = (observation.exposure_s + observation.readout_s) * observation.n_frames
+        stamp = brightest_stamp(psf, observation.instrument.drift, visit_s, observation.visit)
+        bright = dataclasses.replace(star, rate_e_s=observation.truth.sources[0].rate_e_s * stamp[None])
+        rates = dataclasses.replace(observation.light, star=bright).mean()
+    exposure = observation.prepared(rates)
+    region = psf.geometry.hole
     inside = dataclasses.replace(exposure, mean_e=np.where(region, exposure.mean_e, 0.0))
     answer = stackable(camera, inside)
     if answer.status is not Status.OK or not observation.channel.multiplies:

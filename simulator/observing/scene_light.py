@@ -143,18 +143,30 @@ def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits:
         Of the mean wavefront of each.
     """
     place, images = psf.figures.floor_separation_arcsec, []
-    law = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D, timing=visits[0].timing)
     for one in visits:
         first = dataclasses.replace(one, number=0)
-        parts = {"visit": (law.science, one), "common": (law.common, first)}
-        parts = parts if one.role == "science" else {"visit": (law.reference, one)}
+        own, common = _variances(psf, drift, visit_s, one)
         wave = psf.field.astype(np.complex128)
-        for name, (part, streams) in parts.items():
-            variance = np.broadcast_to(part.variance(visit_s), place.shape)
+        for name, variance, streams in (("visit", own, one), ("common", common, first)):
             if variance.any():
                 wave += psf.moved(place, variance, stream(seed, *streams.path, name))
         images.append(np.abs(wave) ** 2)
     return np.array(images)
+
+
+def brightest_stamp(psf: TablePsf, drift: Drift, visit_s: float, visit: Visit) -> FloatArray:
+    """Return the brightest that the unit star is in any visit of a role; arguments as of `table_stamps`."""
+    own, common = _variances(psf, drift, visit_s, visit)
+    return psf.brightest(psf.figures.floor_separation_arcsec, own + common)
+
+
+def _variances(psf: TablePsf, drift: Drift, visit_s: float, visit: Visit) -> tuple[FloatArray, FloatArray]:
+    """Return the variance of sums over a core, by separation, of a visit's own and of what science visits share."""
+    place = psf.figures.floor_separation_arcsec
+    law = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D, timing=visit.timing)
+    own, shared = (law.science, law.common) if visit.role == "science" else (law.reference, None)
+    common = np.zeros(place.shape) if shared is None else np.broadcast_to(shared.variance(visit_s), place.shape)
+    return np.broadcast_to(own.variance(visit_s), place.shape), common
 
 
 def star_stamps(

@@ -368,14 +368,14 @@ def test_a_tolerance_makes_images_only_where_it_has_to(call, done):
     assert record["message"].split(":")[0] in " ".join(text.split())
 
 
-def test_the_infrared_is_answered_but_not_checked(call):
+def test_the_infrared_is_checked_by_images(call):
     asked = ["tau Cet", "--band", "F940", "--separation-arcsec", "0.8", "--contrast", "1e-6", "--time-s", "1200"]
-    for dial in (["--fidelity", "standard"], ["--tolerance", "0.3"]):
-        result = json.loads(call(*asked, *dial, "--json")[1])
-        assert result["answers"][0]["status"] == "ok"
-        (record,) = result["fidelity"]["answers"]
-        assert (record["status"], record["reason"]) == ("invalid", "not_measured_in_images")
-        assert record["predicted_error"] is None
+    result = json.loads(call(*asked, "--fidelity", "standard", "--json")[1])
+    assert result["answers"][0]["status"] == "ok"
+    (record,) = result["fidelity"]["answers"]
+    assert record["status"] == "ok"
+    assert abs(record["images"]["etc_ratio"] - 1.0) < 4.0 * record["images"]["etc_ratio_error"]
+    assert record["closed_form_error"] is None  # none is stated of these bands
 
 
 def test_nothing_to_check(done):

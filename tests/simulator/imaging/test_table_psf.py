@@ -108,3 +108,13 @@ def test_metrics_of_images_count_edges_in_part():
     share = np.mean([np.sum(one**2) for one in weights]) / (np.pi * 1.249**2)
     assert figures.noise_fraction == 1.0
     assert figures.measured().noise_fraction == pytest.approx(share, rel=0.03)
+
+
+def test_no_visit_is_brighter_than_the_brightest():
+    psf, _ = psf_of()
+    place, rng = psf.figures.floor_separation_arcsec, np.random.default_rng(9)
+    variance, _ = psf.figures.stability(place)
+    most = psf.brightest(place, variance)
+    seen = np.max([np.abs(psf.field + psf.moved(place, variance, rng)) ** 2 for _ in range(100)], axis=0)
+    assert (seen < most).all()
+    assert np.max(seen / most) > 0.4  # and not far above what is seen
