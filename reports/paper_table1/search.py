@@ -47,6 +47,7 @@ class Light:
 
     star_e_s: FloatArray
     halo: FloatArray
+    errors: FloatArray
     sky_e_s: FloatArray
     smear_s: FloatArray
     loss_per_s: FloatArray
@@ -102,7 +103,9 @@ def _light_of(band: str, contrast: float) -> dict[str, Any]:
     rates = aperture_rates(model(), target("off"), band, *place)
     area, core = rates.aperture_pixels, float(np.ravel(rates.core)[0])
     star = float(np.ravel(rates.planet_e_s)[0]) / core / contrast
-    per_pixel = {"halo": rates.halo_e_s / star, "sky_e_s": rates.sky_e_s, "smear_s": rates.smear_e / star}
+    still = rates.halo_e_s - rates.errors_e_s
+    per_pixel = {"halo": still / star, "errors": rates.errors_e_s / star}
+    per_pixel |= {"sky_e_s": rates.sky_e_s, "smear_s": rates.smear_e / star}
     visit_s, left = case.n_frames * (case.exposure_s + model().camera(band).readout_s), []
     for drift in DRIFTS_NM:
         drifting = build_model(instrument().changed({"drift": {"visit_nm": float(drift)}}))
@@ -173,7 +176,8 @@ def snr(chosen: Choices) -> FloatArray:
     else:
         area, core = np.square(chosen.square_px), _between(SIDES_PX, one.in_square, chosen.square_px)
     sky = one.sky_e_s * passed * 10.0 ** (-0.4 * (chosen.sky_mag - base.sky_mag))
-    charge = (star * one.halo * chosen.halo + sky + chosen.dark_e_s) * chosen.exposure_s
+    scattered = one.errors * np.square(np.asarray(chosen.drift_nm) / base.drift_nm)
+    charge = (star * (one.halo * chosen.halo + scattered) + sky + chosen.dark_e_s) * chosen.exposure_s
     charge = charge + star * one.smear_s + chosen.cic_e
     read = (np.square(chosen.read_noise_e) + camera.rounding_e**2) / np.square(chosen.em_gain)
     excess2 = noise_factor2(np.asarray(chosen.em_gain, float), camera.register_stages)

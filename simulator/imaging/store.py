@@ -196,7 +196,7 @@ SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys th
 WING_NODES = 12  # wavelengths that far wings need
 TABLE_SCHEMA = 1  # raise when the meaning of a table changes
 SCHEMA = 8  # raise when the meaning of a stored number or the optical model changes
-EXACT_DIGITS = {"wing_map": 24, "aperture_map": 7, "filter_gain": 13, "filter_linear": 13}
+EXACT_DIGITS = {"wing_map": 22, "aperture_map": 7, "filter_gain": 13, "filter_linear": 13}
 DIGITS = EXACT_DIGITS | {
     "column_light": 18,
     "core_table": 18,

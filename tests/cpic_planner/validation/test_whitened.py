@@ -76,7 +76,7 @@ def stack_of(image, white_e2=WHITE_E2, region=None):
         image_e=np.where(hole, image, 0.0),
         region=hole,
         white_variance_e2=np.where(hole, white_e2, 0.0),
-        em_gain=1.0,
+        factor2=1.0,
     )
 
 
