@@ -61,7 +61,7 @@ def test_the_ranking_says_what_score_zero_is_ordered_by(capsys):
     assert text.count("✓ detected") == 14
     assert "stars have a score above zero; the others follow by the margin of the reference planet" in text
     assert "Reference planets in 10.0 h, by a search that does not know the place, the best number of visits" in text
-    assert ": 14 detected, " in text
+    assert ": 14 detected, 75 limited by photons" in text
     assert "○ insufficient time" in text
     assert "○ too faint" in text
     assert "✓ ok" not in text
