@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, write_bytes
+from cpic_planner.etc import speckled_share
 from cpic_planner.validation import Frames
 from tools.detection_law.cells import LEVELS, VISITS, Cell, Programme, unpacked
 from tools.report_parts import machine, png, table
@@ -43,7 +44,7 @@ def predicted(cells: Iterable[Mapping[str, Any] | None]) -> list[dict[str, Any]]
         )
         own = {"cell": cell, "separation": np.hypot(x, y), "promised": promised, "alarms": item["alarms"]}
         own |= {"slope": {mode: float((more[mode] - promised[mode]).mean()) / _BRIGHTER for mode in MODES}}
-        own |= {"speckled": 1.0 - np.broadcast_to(prospect.noise.white / prospect.noise.quiet, (1, x.size))[0]}
+        own |= {"speckled": np.broadcast_to(speckled_share(prospect.noise), (1, x.size))[0]}
         seen = {mode: (shown >> bit & 1).astype(float) for bit, mode in enumerate(MODES)}
         rows.append(own | {"elements": item["elements"]} | seen)
     return rows
