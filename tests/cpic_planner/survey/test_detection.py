@@ -29,6 +29,7 @@ from cpic_planner.ranking.known_completeness import completeness
 from cpic_planner.survey import detection
 from cpic_planner.survey.detection import (
     ExpectedSignals,
+    Pairs,
     Setting,
     detection_chance,
     expected_signals,
@@ -114,6 +115,23 @@ def test_what_is_too_faint_is_not_looked_at_and_nothing_else(model, name, rule):
         np.testing.assert_array_equal(getattr(some, part)[left], getattr(whole, part)[left])
     for part in ("contrast", "separation_arcsec", "pa_deg", "distance_au", "phase_deg"):
         np.testing.assert_array_equal(getattr(some, part), getattr(whole, part))
+
+
+def test_a_visit_whose_number_is_left_open_is_one(model):
+    open_number = build_model(load_instrument(), ("F520",), Strategy())
+    assert open_number.strategy.visits is None
+    one, rule = star("eps Eri"), DetectionRule(rule="blind")
+    faintest = faintest_of(open_number, one, [SETTING], rule)
+    np.testing.assert_array_equal(faintest, faintest_of(model, one, [SETTING], rule))
+
+
+def test_planets_between_two_distances_are_counted():
+    """Of two dates and four planets: the ends count."""
+    east = np.array([[1.0, 2.0, 3.0, 0.5], [0.0, 2.5, 2.0, 4.0]])
+    places = OrbitPlaces(east, np.zeros((2, 4)), east + 10.0, east + 20.0)
+    pairs = Pairs.between(places, 1.0, 2.5)
+    assert list(zip(pairs.visit.tolist(), pairs.planet.tolist(), strict=True)) == [(0, 0), (0, 1), (1, 1), (1, 2)]
+    np.testing.assert_array_equal(pairs.distance_au, [11.0, 12.0, 12.5, 12.0])
 
 
 @pytest.mark.parametrize("correlation_time_h", [0.0, 12.0])

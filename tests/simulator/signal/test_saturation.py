@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import nbinom, norm, poisson
 
-from cpic_core import Reason, Status
+from cpic_core import InputError, Reason, Status
 from cpic_planner.etc import FrameCamera
 from simulator.camera import expose_frame
 from simulator.config import load_instrument
@@ -315,6 +315,9 @@ def test_pixel_saturated_names_the_limit(bare_detector) -> None:
     assert full.reason is Reason.PIXEL_FULL_WELL
     assert "pixel full well" in full.message
     assert pixel_saturated(2000.0, 1000.0, bare_detector).reason is Reason.REGISTER_FULL_WELL
+    assert pixel_saturated(1e-3, 1e4, bare_detector).value is not None
+    with pytest.raises(InputError, match="em_gain"):
+        pixel_saturated(1e-3, 10_001.0, bare_detector)
 
 
 @pytest.mark.parametrize("peak", [30.0, 3000.0])

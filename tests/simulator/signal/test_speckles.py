@@ -15,6 +15,7 @@ from simulator.signal import (
     SpeckleLaw,
     drift_halo,
     error_light_share,
+    error_variance_nm2,
     programme_law,
     programme_parts,
     speckle_law,
@@ -318,6 +319,12 @@ def test_light_of_the_errors_is_what_grows_with_the_fourth_power(band, walk, rat
 def test_no_drift_has_no_light_of_errors():
     assert error_light_share(MODEL.metrics["F520"], drift(0.0), 0.6, 1.5, 1.0, 3600.0) == 0.0
     assert error_light_share(MODEL.metrics["F520"], drift(10.0), 0.6, 1.5, 1.0, 0.0) > 0.99
+
+
+@pytest.mark.parametrize(("orders", "reaches"), [("low", LOW_ORDER_SQUARE**0.5), ("all", 1.0)])
+def test_errors_whose_light_lies_in_the_zone_add_up(orders, reaches):
+    one = drift(0.05, 0.3, common_fraction=0.4, orbital_nm=0.2, orbital_orders=orders)
+    assert error_variance_nm2(one) == pytest.approx(0.05**2 + 0.02**2 + reaches * 0.2**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("band", ["F520", "F850"])
