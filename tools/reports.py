@@ -172,7 +172,7 @@ def make(name: str, more: Sequence[str] = ()) -> tuple[float, str]:
             )
             _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
-        seconds = round(usage.ru_utime + usage.ru_stime, 1)
+        seconds = round(usage.ru_utime + usage.ru_stime, 3)
         lines = record.read_text().splitlines()
         complaint = f"exit status {process.returncode}" if process.returncode else ""
         if f"w reports/{name}/{REPORT}" not in lines:
