@@ -86,7 +86,7 @@ class CalibratedFrames:
         return FrameNoise.of(self.detector, self.em_gain, self.exposure_s)
 
     def variance_e2(self, light_e: ArrayLike) -> FloatArray:
-        """Return the variance of ``electrons`` of one frame of mean ``light_e`` (y, x); see `pixel_variance_e2`."""
+        """Return the variance of ``electrons`` of one frame of mean ``light_e`` (y, x)."""
         counts = np.maximum(np.asarray(light_e, dtype=np.float64), 0.0) * self.response + self.pedestal_e
         return self._noise.charge_variance_e2(counts) / self.response**2
 
