@@ -11,7 +11,7 @@ from cpic_planner.confirm import scene_target
 from cpic_planner.targets import Targets
 from cpic_planner.tradeoff.setup import ANNULUS_LAMBDA_D, PLANET, SEED, FixedScene, Setup, visit
 from cpic_planner.validation.task import gap_s
-from simulator.camera import FrameNoise, MaskBit
+from simulator.camera import FrameNoise
 from simulator.imaging import aperture_sums, centred_axis, forget_starlight, overlap_weights, psf_metrics
 from simulator.knobs import FIDELITIES
 from simulator.observing import Observation, hole_stacks
@@ -272,31 +272,10 @@ def aperture_flux_e(observation: Observation, stamp_e: FloatArray) -> float:
 
 
 def drawn_frames(observation: Observation) -> Drawn:
-    """Draw and calibrate the frames of a visit, particles taken out.
-
-    Notes
-    -----
-    Frames of the visible camera go through the calibration and rejection of ``cpic confirm``. Those of the infrared
-    camera have no such reduction yet: the expected frame is taken off, and pixels that the truth calls hit or cut off
-    are left out.
-    """
-    if observation.camera == "NIR":
-        return _infrared(observation)
+    """Draw and calibrate the frames of a visit, particles taken out, as ``cpic confirm`` does."""
     frames = validation.calibrated_frames(observation, cropped=True)
     usable = validation.cleaned(frames)[1] if frames.detector.switches.cosmic_rays else frames.usable
     return Drawn(validation.filled(frames.electrons, usable)[0], usable)
-
-
-def _infrared(observation: Observation) -> Drawn:
-    place, detector = stamp_of(observation), observation.instrument.near_infrared.detector
-    electrons, usable = [], []
-    expected = observation.expected[place]
-    void = MaskBit.SATURATED | MaskBit.COSMIC_RAY | MaskBit.BAD | MaskBit.HOT
-    for frame in observation.iter_full_frames():
-        electrons.append((frame.adu[place] - expected) * detector.gain_e_adu)
-        usable.append((frame.mask[place] & np.uint8(void)) == 0)
-    whole, _ = validation.filled(np.stack(electrons), np.stack(usable))
-    return Drawn(whole, np.stack(usable))
 
 
 def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:

@@ -231,8 +231,7 @@ class _Noiseless(Observation):
 def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s: FloatArray) -> float:
     """Return the planet's aperture in the expected visit: with the planet minus without it, no noise.
 
-    Frames of the visible camera are calibrated as noisy ones are; the expectation of sums and of the infrared camera is
-    divided by the gain alone.
+    Frames are calibrated as noisy ones are; the expectation of sums is divided by the gain alone.
 
     Parameters
     ----------
@@ -253,7 +252,7 @@ def light_without(case: FixedScene, setup: Setup) -> FloatArray:
 
 
 def _calibrated(shown: Observation, setup: Setup) -> FloatArray:
-    if setup.draw == "frames" and shown.camera == "VIS":
+    if setup.draw == "frames":
         values = {item.name: getattr(shown, item.name) for item in dataclasses.fields(shown) if item.init}
         return np.asarray(calibrated_frames(_Noiseless(**values | {"n_frames": 1}), cropped=True).electrons[0])
     gain = shown.instrument.channel(shown.camera).detector.gain_e_adu
@@ -295,7 +294,7 @@ def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) 
     """
     observed = visit(case, setup)
     stacks = hole_stacks(observed, epochs=1)
-    dark_e = pedestal_e(observed.instrument.detector, case.exposure_s)
+    dark_e = pedestal_e(observed.instrument.detector_of(case.band), case.exposure_s)
     samples = []
     for number in range(n_draws):
         mean = (stacks.mean_rates(number)[0] * case.exposure_s + dark_e) * case.n_frames
