@@ -160,6 +160,15 @@ def test_sums_and_frames_have_the_same_noise(small_case, window, sums, places):
     assert abs(frames.mean() - stacked.mean()) < 4 * np.hypot(*spread)
 
 
+def test_infrared_sums_and_frames_have_the_same_noise(window, sums):
+    case = dataclasses.replace(SCENES["infrared"], n_frames=4)
+    places, calm = Places.of(case), dataclasses.replace(window, switches={"cosmic_rays": False, "bad_pixels": False})
+    frames = white_of_frames(places, (drawn_frames(visit(case, calm, n_frames=24)),))
+    stacked = white_of_sums(case, sums, places, 24)
+    spread = [part.std(ddof=1) / np.sqrt(len(part)) for part in (frames, stacked)]
+    assert abs(frames.mean() - stacked.mean()) < 4 * np.hypot(*spread) < 0.2 * frames.mean()
+
+
 def test_own_noise_is_that_of_the_planets_light(small_case, window, places):
     metrics = visit(small_case, window, n_frames=1).psf.metrics
     factor2 = float(excess_noise_factor2(small_case.em_gain, 604))
