@@ -129,7 +129,7 @@ class VisitPair:
 
     @property
     def still(self) -> bool:
-        """Whether all science visits have the same residual, as a table may say: they are worth one."""
+        """True if all science visits have the same residual, as a table may say: they are worth one."""
         psf = self.science.psf
         stable = psf.figures.stability(np.zeros(1)) if isinstance(psf, TablePsf) else None
         return stable is not None and stable[1]
@@ -141,7 +141,7 @@ class VisitPair:
 
     @functools.cached_property
     def known_light_e_s(self) -> FloatArray:
-        """What does not change on the stamp, e-/s in each pixel: other stars, dust and sky, but not the planets."""
+        """Light on the stamp that does not change, e-/s in each pixel: other stars, dust and sky, but not the planets."""
         rows, columns, _ = self.science.area.stamp(len(self.geometry.hole))
         light = self.science.light.static_e_s[rows, columns].copy()
         for one in self.science.truth.sources[1:]:

@@ -126,7 +126,7 @@ def test_a_visit_whose_number_is_left_open_is_one(model):
 
 
 def test_planets_between_two_distances_are_counted():
-    """Of two dates and four planets: the ends count."""
+    """Planets at either end count."""
     east = np.array([[1.0, 2.0, 3.0, 0.5], [0.0, 2.5, 2.0, 4.0]])
     places = OrbitPlaces(east, np.zeros((2, 4)), east + 10.0, east + 20.0)
     pairs = Pairs.between(places, 1.0, 2.5)
