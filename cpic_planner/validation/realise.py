@@ -141,7 +141,7 @@ class VisitPair:
 
     @functools.cached_property
     def known_light_e_s(self) -> FloatArray:
-        """Light on the stamp that does not change, e-/s in each pixel: other stars, dust and sky, but not the planets."""
+        """Light on the stamp that does not change, e-/s in each pixel: other stars, dust and sky, not the planets."""
         rows, columns, _ = self.science.area.stamp(len(self.geometry.hole))
         light = self.science.light.static_e_s[rows, columns].copy()
         for one in self.science.truth.sources[1:]:
