@@ -74,7 +74,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 _SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
 _FACTS = ("catalog", "known_planets", "candidates", "exclusions", "facts")
 UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", "changes", *_FACTS)
-"""Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
+"""Fields that stand instead of those of `cpic_planner.survey.strategy.UniverseConfig`, which checks them."""
 
 
 class WhatIfQuestion(RunQuestion, TablesQuestion):
