@@ -1,4 +1,4 @@
-"""What a visit shows: the significance and probability of planets that stand anywhere, and false alarms.
+"""Detection by a visit: the significance and probability of planets that stand anywhere, and false alarms.
 
 False alarms are noise that passes the threshold, and background stars that pass for planets.
 """

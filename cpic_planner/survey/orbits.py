@@ -1,4 +1,4 @@
-"""How well positions determine orbits, when they are enough, and what early detections are worth for that."""
+"""Orbits from positions: when these are enough, how well they determine one, and what early detections are worth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a star can be seen from the orbit of the telescope, and at which roll.
+"""Visibility: when a star can be seen from the orbit of the telescope, and at which roll.
 
 **Roll.** The normal of the panels, when they are not turned, stands across the boresight; the panels turn about the
 axis across both. With the Sun at the angle ``theta`` from the boresight and the telescope rolled by ``psi`` from where
