@@ -240,8 +240,8 @@ class Column:
         Type of the cells, as numpy names it, or ``string``; empty where the field holds other rows.
     description : str
         What it is.
-    unit : str, optional
-        Unit as astropy reads it, empty for none; None where the suffix of the name says it.
+    unit : str
+        Unit as astropy reads it; empty for none, and in a field whose name says it by its suffix.
     title : str
         Heading in pages, without the unit; by default the name in words.
     short : str
@@ -257,7 +257,7 @@ class Column:
     name: str = ""
     dtype: str = ""
     description: str = ""
-    unit: str | None = ""
+    unit: str = ""
     title: str = ""
     short: str = ""
     format: str = ""
@@ -284,7 +284,7 @@ class Column:
 
 
 def _word(title: str = "", short: str = "", format: str = "", meaning: str = "") -> Column:
-    return Column("", "", meaning, None, title, short, format)
+    return Column("", "", meaning, "", title, short, format)
 
 
 _PROBABILITY = (
@@ -398,7 +398,7 @@ def column(
     *,
     label: str = "",
     short: str = "",
-    unit: str | None = None,
+    unit: str = "",
     format: str = "",
     console: bool = False,
     default: Any = PydanticUndefined,
@@ -485,7 +485,7 @@ def described(name: str, field: FieldInfo) -> Column:
         name,
         _dtype(field.annotation),
         field.description or known.description,
-        unit_of(name) if own.unit is None else own.unit,
+        own.unit or unit_of(name),
         own.title or known.title,
         own.short or own.title or known.short,
         own.format or known.format,
@@ -558,7 +558,7 @@ def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda e
         *outer, name = path.split(".")
         kind, unit = row, ""
         for part in outer:
-            unit = column_of(kind, part).unit or ""
+            unit = column_of(kind, part).unit
             kind = _record(kind, part) or Result
         found += _flat(kind, name, outer, unit, of)
     return found
@@ -573,7 +573,7 @@ def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callab
     parts = () if record is None else columns_of(record)
     if record is None or len(parts) < len(record.model_fields) or not all(part.right for part in parts):
         return []
-    held = [item for part in parts for item in _flat(record, part.name, path, column.unit or "", of)]
+    held = [item for part in parts for item in _flat(record, part.name, path, column.unit, of)]
     return [
         replace(item, column=replace(item.column, name=_MIDDLE.sub("", item.column.name), description=said))
         for item, part in zip(held, parts, strict=True)

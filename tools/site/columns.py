@@ -71,12 +71,11 @@ def entries(model: type[BaseModel]) -> list[Entry]:
         links = "".join(f" See [{one.__name__}](#{anchored('result', one.__name__)})." for one in inner)
         kind = said_type(field.annotation)
         numeric = not inner and ("number" in kind or "integer" in kind)
-        unit = said.unit or ""
         found.append(
             Entry(
                 anchored("column", model.__name__, name),
                 name,
-                (kind.replace("_", r"\_"), code(unit) if numeric else "", marked(meaning) + links),
+                (kind.replace("_", r"\_"), code(said.unit) if numeric else "", marked(meaning) + links),
             )
         )
     return found
