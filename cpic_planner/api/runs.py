@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from catalogs import Catalogue
 from cpic_core import InputError
 from cpic_planner import queries, results
-from cpic_planner.api.keywords import model_of, stars_named, takes
+from cpic_planner.api.functions import model_of, stars_named, takes
 from cpic_planner.confirm import AskedStar, curve_job, roc_job
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Job, run

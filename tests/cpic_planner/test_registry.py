@@ -19,8 +19,7 @@ from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.ranking import explain_star, rank_targets
-from cpic_planner.registry import LIBRARIES, SCORES, Library, LibraryNoise, ScoreName, StarNumbers
-from cpic_planner.registry.scores import Score
+from cpic_planner.registry import LIBRARIES, SCORES, Library, LibraryNoise, Score, ScoreName, StarNumbers
 from cpic_planner.report import print_explanation, print_rank
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult
@@ -185,8 +184,7 @@ def test_entries_are_chosen_on_the_command_line(tmp_path):
     code = (
         "import sys\n"
         "from dataclasses import replace\n"
-        "from cpic_planner.registry.libraries import LIBRARIES, Library\n"
-        "from cpic_planner.registry.scores import SCORES\n"
+        "from cpic_planner.registry import LIBRARIES, SCORES, Library\n"
         "SCORES.register(replace(SCORES['detection_margin'], name='toy_score'))\n"
         "LIBRARIES.register(type('Toy', (Library,), {'name': 'toy_library'})())\n"
         "from cpic_planner.cli.main import main\n"
