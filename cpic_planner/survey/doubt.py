@@ -13,16 +13,15 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, IntArray
 from cpic_planner import results
-from cpic_planner.jobs import Runner, Task
+from cpic_planner.jobs import Runner
 from cpic_planner.planets import Law
 from cpic_planner.queries import get, load_ensemble
 from cpic_planner.survey.detection import alarms
 from cpic_planner.survey.outcome import LEVEL, change_record, difference_interval, estimate_record
 from cpic_planner.survey.prepare import planned, read_ground
-from cpic_planner.survey.simulate import Survey, count_block
+from cpic_planner.survey.simulate import COUNTED, Survey, survey_counts
 from cpic_planner.survey.strategy import DoubtRule, StrategiesConfig, UniverseConfig, varied
 from cpic_planner.survey.tables import PLANETS
-from cpic_planner.survey.universe import BLOCK
 
 _STEPS, _ROUNDING = 100_000, 1e-12
 
@@ -122,7 +121,6 @@ _LAWS = {
     "assumptions.exozodi": "sky.exozodi_zodis",
 }
 """Numbers of the ensemble that are those of a strategy."""
-_COUNTED = (*PLANETS, "visits", "hours")
 
 
 def doubted(config: StrategiesConfig) -> StrategiesConfig:
@@ -186,23 +184,15 @@ def doubt_record(config: StrategiesConfig, runner: Runner) -> results.DoubtRecor
     n, values = len(config.strategies), len(rule.values)
     (ready,) = planned((every,), (read_ground(every),), runner)
     plans = ready.surveys
-    order = list(itertools.product(range(n), range(values), range(values)))
-    surveys = tuple(played(plans[s * values + p], plans[s * values + t], universe) for s, p, t in order)
-    tasks: list[list[Task]] = []
-    for which, (s, p, t) in enumerate(order):
-        name = f"doubt: {plans[s * values + p].strategy.name}, played with {rule.values[t]}"
-        tasks.append(
-            [
-                Task(f"{name} {block:06d}", (which, block, min(BLOCK, universe.universes - first), universe.seed))
-                for block, first in enumerate(range(0, universe.universes, BLOCK))
-            ]
+    surveys = {
+        f"doubt: {plans[s * values + p].strategy.name}, played with {rule.values[t]}": played(
+            plans[s * values + p], plans[s * values + t], universe
         )
-    bodies = runner.finish(count_block, itertools.chain(*tasks), common=(surveys,))
-    shape = n, values, values, universe.universes
-    counts = {
-        name: np.array([[x for task in own for x in bodies[task.key][name]] for own in tasks], float).reshape(shape)
-        for name in _COUNTED
+        for s, p, t in itertools.product(range(n), range(values), range(values))
     }
+    found = survey_counts(surveys, universe, runner).values()
+    shape = n, values, values, universe.universes
+    counts = {name: np.array([own[name] for own in found]).reshape(shape) for name in COUNTED}
     return record_of(config, every, counts)
 
 

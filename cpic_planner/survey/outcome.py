@@ -15,7 +15,7 @@ from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, dump
 from cpic_planner import results
 from cpic_planner.etc import QUADRANTS
 from cpic_planner.results import FactRow, FactsRecord, StrategyOutcome, TakenBack
-from cpic_planner.survey.schedule import PlannedVisit, VisitOdds
+from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import StrategiesConfig, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.tables import HOURS, PLANETS
@@ -445,15 +445,8 @@ def _why(old: results.SurveyTarget | None, new: results.SurveyTarget | None) -> 
     return ", ".join(parts)
 
 
-def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[results.PlannedVisitRow]:
-    """Yield the visits of a strategy in the order of its calendar.
-
-    Parameters
-    ----------
-    survey : Survey
-    every_odds : sequence of VisitOdds
-        Of the visits of its schedule.
-    """
+def planned_rows(survey: Survey) -> Iterator[results.PlannedVisitRow]:
+    """Yield the visits of a strategy in the order of its calendar."""
     visits, calendar, reduction = survey.schedule.visits, survey.calendar, survey.model.strategy
     stars, slots, ordinals = (np.array([getattr(item, name) for item in visits], np.int64) for name in _PLACE)
     rolls = [
@@ -464,7 +457,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
     texts = [utc_of(part) if len(visits) else [] for part in (opens, closes)]
     together = reduction.visits or 1
     settled_h = together * survey.strategy.visit.settlings * calendar.settle_h
-    for k, (visit, odds) in enumerate(zip(visits, every_odds, strict=True)):
+    for k, visit in enumerate(visits):
         star, slot = visit.star, visit.slot
         setting, name = survey.options[star][visit.option], str(survey.targets.name[star])
         followed = survey.log is not None and any(item.planets for item in survey.log.of(name))
@@ -475,7 +468,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
             hip=int(survey.targets.hip[star]) or None,
             ra_deg=round(float(survey.targets.ra_deg[star]), 6),
             dec_deg=round(float(survey.targets.dec_deg[star]), 6),
-            reason="follow_up" if followed else "known_planet" if odds.known else "search",
+            reason="follow_up" if followed else "known_planet" if visit.known else "search",
             reserve=visit.reserve,
             window_start_utc=texts[0][k],
             window_end_utc=texts[1][k],
@@ -495,7 +488,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
             reference_ratio=reduction.reference_ratio,
             time_s=round(setting.time_s, 1),
             telescope_h=round(visit.cost_h, 3),
-            probability=round(odds.probability, 6),
+            probability=round(visit.probability, 6),
         )
 
 
@@ -512,20 +505,16 @@ def _quadrants(metrics: PsfMetrics) -> str:
     return "; ".join(name for name in QUADRANTS if side in name)
 
 
-def visit_files(
-    surveys: Sequence[Survey], odds: Sequence[Sequence[VisitOdds]], about: Mapping[str, Any]
-) -> dict[str, str]:
+def visit_files(surveys: Sequence[Survey], about: Mapping[str, Any]) -> dict[str, str]:
     """Return the texts of `VISIT_FILES`, which are one table.
 
     Parameters
     ----------
     surveys : sequence of Survey
-    odds : sequence of sequence of VisitOdds
-        Of the visits of each.
     about : mapping
         The other fields of `cpic_planner.results.VisitsResult`.
     """
-    every = [row for survey, own in zip(surveys, odds, strict=True) for row in planned_rows(survey, own)]
+    every = [row for survey in surveys for row in planned_rows(survey)]
     table = results.VisitsResult(visits=every, **about)
     rows, meta = table.visits, table.model_dump(mode="json", exclude={"visits"})
     texts = (
@@ -620,15 +609,9 @@ def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
     return {name: config.model_copy(update={"universe": state}) for name, state in found.items()}
 
 
-def counts_of(parts: Sequence[Mapping[str, NDArray[Any] | list[int]]]) -> Counts:
-    """Return the planets found in the universes of some blocks, one after the other.
-
-    Parameters
-    ----------
-    parts : sequence of mapping
-        What `cpic_planner.survey.simulate.count_block` returns, or columns of the table of universes.
-    """
-    found = {name: np.concatenate([np.asarray(part[name], np.int64) for part in parts]) for name in PLANETS}
+def counts_of(columns: Mapping[str, NDArray[Any]]) -> Counts:
+    """Return the planets found in each universe, from columns of the table of universes or counts of their names."""
+    found = {name: np.asarray(columns[name], np.int64) for name in PLANETS}
     return found | {"planets": found["new_planets"] + found["known_planets"]}
 
 
