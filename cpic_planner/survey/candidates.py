@@ -6,7 +6,7 @@ import functools
 import hashlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -218,7 +218,7 @@ class PlanningSky:
         """
         if self._visits_of is None or model is not self._visits_of[1] or strategy != self._visits_of[0]:
             dust, content = strategy.assumptions.dust, model.content()
-            rule = {"detection": strategy.detection.model_dump(mode="json")}
+            rule: dict[str, Any] = {"detection": strategy.detection.model_dump(mode="json")}
             rule |= {"dust": None if dust is None else dust.model_dump(mode="json")}
             self._rules = {
                 band: content_hash(content | rule | {"optics": key}) for band, key in content["optics"].items()

@@ -27,21 +27,7 @@ _SAME, _NEXT = 1e-12, 1e-9
 _UNMET = 0.15
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """Mean over universes.
-
-    ``low`` and ``high`` hold the true mean with the stated probability; ``error`` is the standard error.
-    """
-
-    mean: float
-    error: float
-    low: float
-    high: float
-    n: int
-
-
-def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
+def mean_interval(values: ArrayLike, level: float = LEVEL) -> results.ChangeRecord:
     """Return the mean of a sample and an interval for that of its law, also where few values differ from the others.
 
     Parameters
@@ -53,7 +39,8 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
 
     Returns
     -------
-    Estimate
+    ChangeRecord
+        ``low`` and ``high`` hold the true mean with the stated probability; ``error`` is the standard error.
 
     Notes
     -----
@@ -66,7 +53,7 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     return _interval(values, level, unmet=0.0)
 
 
-def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
+def difference_interval(values: ArrayLike, level: float = LEVEL) -> results.ChangeRecord:
     """Return the same as `mean_interval`, of differences: the other sign is possible where none was met.
 
     Parameters
@@ -86,7 +73,7 @@ def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     return _interval(values, level, unmet=_UNMET)
 
 
-def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
+def _interval(values: ArrayLike, level: float, *, unmet: float) -> results.ChangeRecord:
     x = np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or not np.isfinite(x).all():
         raise InputError("values", x.shape, allowed="at least two finite numbers, one a universe")
@@ -96,7 +83,7 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
     size = float(np.ptp(x))
     if size <= _SAME * float(np.abs(x).max()):
         reach = -math.log1p(-level) / n
-        return Estimate(mean, 0.0, mean - reach, mean + reach, n)
+        return results.ChangeRecord(mean=mean, error=0.0, low=mean - reach, high=mean + reach)
     from scipy.special import stdtrit
 
     aim = float(stdtrit(n - 1, 0.5 + 0.5 * level)) ** 2
@@ -110,7 +97,7 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
     centre, size = float(counts @ unique / counts.sum()), float(np.ptp(unique))
     apart = (unique - centre) / size
     low, high = (centre + size * _end(apart, counts, edge, aim) for edge in (apart[0], apart[-1]))
-    return Estimate(mean, float(x.std(ddof=1)) / math.sqrt(n), low, high, n)
+    return results.ChangeRecord(mean=mean, error=float(x.std(ddof=1)) / math.sqrt(n), low=low, high=high)
 
 
 def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:
@@ -151,8 +138,8 @@ def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
-    """Return the estimates from the first few universes to all of them, at numbers evenly spaced in logarithm.
+def convergence(values: ArrayLike, points: int = 12) -> list[results.CurvePoint]:
+    """Return the means from the first few universes to all of them, at numbers evenly spaced in logarithm.
 
     Parameters
     ----------
@@ -163,7 +150,7 @@ def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
     """
     x = np.asarray(values, float)
     sizes = np.unique(np.geomspace(min(10, x.size), x.size, points).round().astype(int))
-    return [mean_interval(x[:size]) for size in sizes if size >= 2]
+    return [_point(float(size), x[:size]) for size in sizes if size >= 2]
 
 
 Columns = Mapping[str, NDArray[Any]]
@@ -227,7 +214,7 @@ def outcome(
         any_new_planet=float(np.mean(new > 0)),
         time_use=_time_use(survey, universes, tables["stars"]),
         curve=_curve(detections, len(new), float(hours.max())),
-        convergence=[_point(float(item.n), item) for item in convergence(new + known)],
+        convergence=convergence(new + known),
         quantiles={q: np.quantile(detections[q], _LEVELS).tolist() for q in _QUANTITIES if len(detections[q])},
         targets=_targets(survey, tables["stars"], tables["orbits"], first_utc),
         images=images,
@@ -260,11 +247,6 @@ def _occurrence(strategy: SurveyStrategy, new_planets: float) -> results.Occurre
     )
 
 
-def change_record(found: Estimate) -> results.ChangeRecord:
-    """Return the mean of a paired difference as results have it."""
-    return results.ChangeRecord.of(found)
-
-
 def estimate_record(values: FloatArray) -> results.EstimateRecord:
     """Return the mean of a number over universes, with the range of single surveys.
 
@@ -278,7 +260,8 @@ def estimate_record(values: FloatArray) -> results.EstimateRecord:
     return results.EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
 
 
-def _point(x: float, found: Any) -> results.CurvePoint:
+def _point(x: float, values: FloatArray) -> results.CurvePoint:
+    found = mean_interval(values)
     return results.CurvePoint.of(found, x=x, low=max(found.low, 0.0))
 
 
@@ -322,7 +305,7 @@ def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoin
         counts = np.zeros(n)
         early = np.bincount(universe[used <= hours + 1e-9])
         counts[: len(early)] = early
-        points.append(_point(float(hours), mean_interval(counts)))
+        points.append(_point(float(hours), counts))
     return points
 
 
@@ -640,7 +623,7 @@ def facts_record(
         for outcome, before, now in zip(outcomes, of_strategies, known, strict=True):
             numbers: dict[str, Any] = {name: estimate_record(before[name].astype(float)) for name in QUANTITIES}
             for name in QUANTITIES:
-                numbers[f"{name}_change"] = change_record(difference_interval(before[name] - now[name]))
+                numbers[f"{name}_change"] = difference_interval(before[name] - now[name])
             rows.append(FactRow(strategy=outcome.name, fact=fact, **numbers))
     named = [
         TakenBack.of(state.universe, name=name, words=words[name][0], heading=words[name][1])

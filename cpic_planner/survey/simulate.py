@@ -511,11 +511,12 @@ class _Simulation:
         clock.promised[ends] -= star.left_h
         star.stopped |= ends
 
-    def _note(self, star: StarHistory, new: BoolArray, visit: PlannedVisit, seen: Mapping[str, Any]) -> None:
+    def _note(self, star: StarHistory, new: BoolArray, visit: PlannedVisit, seen: dict[str, Any]) -> None:
         """Note the planets that a visit adds to those found, with what it shows of them."""
         planets, used_h = star.planets, self.clock.used[star.planets.universe]
-        given = vars(planets) | vars(visit) | {"planet": planets.number, "known_row": planets.known, "used_h": used_h}
-        given |= seen | {"star": str(self.survey.targets.name[visit.star])}
+        given: dict[str, Any] = vars(planets) | vars(visit) | seen
+        given |= {"star": str(self.survey.targets.name[visit.star]), "planet": planets.number}
+        given |= {"known_row": planets.known, "used_h": used_h}
         self.detections.append({name: np.broadcast_to(given[name], new.shape)[new] for name in DETECTIONS.empty})
 
     def _spend(self, star: StarHistory, go: BoolArray, cost_h: float, on: FloatArray) -> None:

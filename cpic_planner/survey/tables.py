@@ -47,7 +47,7 @@ class Table:
         """Arrow schema: types, and unit and description of each column."""
         return arrow_schema(self.columns)
 
-    @property
+    @cached_property
     def empty(self) -> dict[str, NDArray[Any]]:
         """Columns without rows."""
         return {

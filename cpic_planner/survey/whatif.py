@@ -230,7 +230,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
 
 def simulate_block(
     surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
-) -> dict[str, Mapping[str, Any]]:
+) -> Mapping[str, Mapping[str, Any]]:
     """Work on one task: rows of one strategy in one block of universes."""
     survey = surveys[which]
     return simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block * BLOCK)
