@@ -138,7 +138,7 @@ class KnownPlanetLook(Result):
     status: str = Field(description="confirmed, controversial, candidate or refuted")
     reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
     planets_table: str
-    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planets.FLAGS")
     columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
     date_utc: str
     separation_arcsec: Quantiles = Field(description="projected; the answer is for the median")
