@@ -9,7 +9,7 @@ import numpy as np
 from cpic_core import FloatArray, InputError, check_number, check_pair, check_whole, check_word, numeric_context
 from simulator.config import CameraName, Instrument, checked_utc, declination_deg, load_instrument, right_ascension_deg
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_parts
-from simulator.imaging import apodizer_energy, single_band_psf, sky_transmission, window_of
+from simulator.imaging import single_band_psf, sky_transmission, window_of
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
 from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, checked_exposure
@@ -192,7 +192,7 @@ def _background(
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=ra_deg, dec_deg=dec_deg, start_utc=start_utc)
     psf = single_band_psf(band, instrument=instrument)
     window = window_of(psf, instrument, full=True)
-    rates = sky.rate_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf) * sky_transmission(psf, window)
+    rates = sky.rate_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * psf.apodizer_energy * sky_transmission(psf, window)
     stray = stray_light_parts(instrument, band, window.shape)
     return rates + sum(stray.values()), sky_ledger(instrument, band=band, sky=sky, stray=stray)
 
