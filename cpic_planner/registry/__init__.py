@@ -1,4 +1,4 @@
-"""Registries: what a ranking can be by, and where reference frames can come from, in one entry each."""
+"""Registries: scores of a ranking, libraries of reference frames and reductions by them, in one entry each."""
 
 from cpic_core.lazy_names import lazy_names
 

@@ -6,6 +6,12 @@ from cpic_planner.registry.libraries import (
     LibraryNoise as LibraryNoise,
     StarSettings as StarSettings,
 )
+from cpic_planner.registry.reductions import (
+    DEFAULT_REDUCTION as DEFAULT_REDUCTION,
+    REDUCTIONS as REDUCTIONS,
+    Reduction as Reduction,
+    ReductionName as ReductionName,
+)
 from cpic_planner.registry.scores import (
     DEFAULT_SCORE as DEFAULT_SCORE,
     SCORES as SCORES,
