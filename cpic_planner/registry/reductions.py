@@ -86,7 +86,7 @@ class SpatialMean(Reduction):
 
     def left_of(self, planet: FloatArray) -> FloatArray:
         """Return the planet less its mean over the region; see `Reduction.left_of`."""
-        return planet - planet.mean(axis=1, keepdims=True)
+        return np.asarray(planet - planet.mean(axis=1, keepdims=True))
 
     def reference_variance(self, images: int, n_modes: int) -> float:
         """Return that of the first mode, which is nearly the mean image; nothing without modes."""
