@@ -14,9 +14,8 @@ from catalogs import Catalogue, checked_table_name, load_stars
 from cpic_core import InputError, digest_of, is_file
 from cpic_planner import registry
 from cpic_planner.jobs import check_address
-from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import SkyParts, read_instrument
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.question import Parts, Question, asked, called
 from simulator import config
 from simulator.config import FrozenModel, Instrument, load_instrument
 

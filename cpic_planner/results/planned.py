@@ -19,8 +19,7 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
-from cpic_planner.results.known import SeasonRecord
-from cpic_planner.results.ranked import RankedTarget
+from cpic_planner.results.ranked import RankedTarget, SeasonRecord
 from simulator.knobs import Quantity
 
 _CHOSEN_FOR = column(
