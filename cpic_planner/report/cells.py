@@ -168,7 +168,7 @@ def row_cells(
             own = _column_cells(results.column_of(kind, name), own, of, page)
         columns.append(replace(own, gives_way=int(way or 0), kind=kind, of=of))
         named.append(name)
-    more = [column for column in results.columns_of(kind) if column.look.console and column.name not in named]
+    more = [column for column in results.columns_of(kind) if column.console and column.name not in named]
     new = (_column_cells(column, None, of, page) for column in more)
     columns[-1:-1] = [replace(cells, gives_way=_SOON, kind=kind, of=of) for cells in new]
     return columns
@@ -207,9 +207,9 @@ def chosen(columns: Sequence[Cells], names: Sequence[str], key: str = "--columns
 
 
 def _taken_cells(item: results.Taken) -> Cells:
-    column, form = item.column, item.column.look.format.partition(" ± ")[0]
+    column, form = item.column, item.column.format.partition(" ± ")[0]
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    heading = column.look.short or f"{column.label} {unit}".strip()
+    heading = column.short or f"{column.label} {unit}".strip()
     look: dict[str, Any] = {"label": column.label, "unit": unit, "legend": column.description}
     return Cells(heading, lambda entry: formatted(item.value(entry), form), column.right, numbers=(item,), **look)
 
@@ -218,12 +218,12 @@ def _column_cells(
     column: results.Column, own: Callable[[Any], Any] | None, of: Callable[[Any], Any], page: bool
 ) -> Cells:
     text = own or _through(of, _cell_text(column, page))
-    form = column.look.format
+    form = column.format
     fields = (column.name, f"{column.name}_error") if " ± " in form else (column.name,)
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
+    legend = column.description.partition(";")[0] if column.short and column.right else ""
     legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
-    heading = column.label if form in _WITH_UNIT and not column.look.short else column.heading
+    heading = column.label if form in _WITH_UNIT and not column.short else column.heading
     return Cells(heading, text, column.right, 0, column.label, unit, legend, fields, of)
 
 
@@ -233,7 +233,7 @@ def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[
 
 def _cell_text(column: results.Column, page: bool) -> Callable[[Any], str]:
     """Return the value of a column, with its error behind it where the format has one."""
-    form, _, error = column.look.format.partition(" ± ")
+    form, _, error = column.format.partition(" ± ")
 
     def written(value: Any, form: str) -> str:
         power = page and form.startswith(".") and form.endswith("e")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.known_planet_columns import FLAGS
+from catalogs.known_planets import FLAGS
 from cpic_core import FloatArray, NDArray, listed
 from cpic_planner import results
 from cpic_planner.report import document as doc

@@ -206,7 +206,7 @@ def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words)
 
 @pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
-    from cpic_planner.cli.rank_command import rank
+    from cpic_planner.cli.star_commands import rank
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_stars.csv").write_bytes(Path(few[1]).read_bytes())
