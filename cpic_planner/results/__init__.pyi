@@ -1,4 +1,4 @@
-from cpic_planner.registry.scores import ScoreName as ScoreName
+from cpic_planner.registry import ScoreName as ScoreName
 from cpic_planner.results.answers import (
     AnswerFidelity as AnswerFidelity,
     CompletenessMap as CompletenessMap,

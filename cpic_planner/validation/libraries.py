@@ -27,7 +27,7 @@ class LibraryPlan:
     Attributes
     ----------
     name : str
-        A name of `cpic_planner.registry.libraries.LIBRARIES`.
+        A name of `cpic_planner.registry.LIBRARIES`.
     science_scene, reference_scene : Scene
         What the frames of each visit show.
     science, reference : dict
@@ -59,7 +59,7 @@ class LibraryPlan:
 
 
 def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1) -> LibraryPlan:
-    """Return what to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
+    """Return what to simulate for the library that a strategy names (`cpic_planner.registry`).
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike
     -------
     ndarray
         ``(reference_e - pedestal_e) scale + pedestal_e``: the variance of star light counts ``scale`` times that of the
-        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.registry.libraries.OtherStar`.
+        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.registry.OtherStar`.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from catalogs import open_catalogue, tables_read, taken_for, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared, visibility_of
-from cpic_planner.api.named import named
+from cpic_planner.api.one_star import named
 from cpic_planner.queries import (
     FILTERS,
     EtcQuestion,

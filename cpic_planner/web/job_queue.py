@@ -403,7 +403,7 @@ def job_of(pairs: Pairs) -> Job[StarImagesResult]:
         For the first fault, naming the parameter.
     """
     from cpic_planner.api import model_of
-    from cpic_planner.api.keywords import stars_named
+    from cpic_planner.api.functions import stars_named
     from cpic_planner.confirm import star_images_job
     from cpic_planner.targets import as_catalogue
 

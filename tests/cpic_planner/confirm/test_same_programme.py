@@ -69,7 +69,7 @@ def confirmed(scene, band, options):
 
 def calculated(star, band, separation, options, **planet):
     asked = {"target": star, "bands": [band], "companions": "off", "separation_arcsec": separation, **planet}
-    from cpic_planner.api.keywords import model_of, stars_named
+    from cpic_planner.api.functions import model_of, stars_named
     from cpic_planner.api.one_star import closed_forms
 
     question = EtcQuestion.of(asked | options)
