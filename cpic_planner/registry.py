@@ -4,57 +4,22 @@ An entry of a library says what its frames show, in the exposure-time calculator
 and the words for it. `Library` itself is the library of the same star without its planet; the others differ from it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
 
+if TYPE_CHECKING:
+    from cpic_planner.queries.shared import Reduction, ReferenceStar
+
 Visits = TypeVar("Visits", int, FloatArray)
-
-
-class StarSettings(Protocol):
-    """The settings of another star that a library reads (`cpic_planner.queries.shared.ReferenceStar`)."""
-
-    @property
-    def v_mag(self) -> float:
-        """V magnitude."""
-
-    @property
-    def teff_k(self) -> float:
-        """Temperature."""
-
-    @property
-    def log_g(self) -> float:
-        """log10 of the surface gravity in cm/s2."""
-
-    @property
-    def metallicity(self) -> float:
-        """log10 of the metallicity over the Sun's."""
-
-
-class LibrarySettings(Protocol):
-    """The settings of a strategy that a library reads (`cpic_planner.queries.shared.Strategy`)."""
-
-    @property
-    def reference_ratio(self) -> float:
-        """Reference frames per science frame."""
-
-    @property
-    def reference_star(self) -> StarSettings | None:
-        """Star of a library of another star."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Angle between two rolls."""
-
-    @property
-    def reference_visits(self) -> int | None:
-        """Visits of the references, where the user says it."""
 
 
 @dataclass(frozen=True)
@@ -119,12 +84,12 @@ class Library:
         """Flags of every answer with this library."""
         return tuple(self.caveats)
 
-    def check(self, settings: LibrarySettings, choice: str) -> None:
+    def check(self, settings: Reduction, choice: str) -> None:
         """Refuse a strategy that the library cannot serve.
 
         Parameters
         ----------
-        settings : LibrarySettings
+        settings : Reduction
         choice : str
             How the user chose the library, for the message.
 
@@ -134,7 +99,7 @@ class Library:
             Naming the field of the strategy.
         """
 
-    def time_factor(self, settings: LibrarySettings) -> float:
+    def time_factor(self, settings: Reduction) -> float:
         """Return the wall time of science and reference frames over that of the science frames."""
         return 1.0 + settings.reference_ratio
 
@@ -160,25 +125,25 @@ class Library:
         """
         return visits / references
 
-    def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
+    def rolls_deg(self, settings: Reduction) -> tuple[float, ...]:
         """Return the rolls at which frames show the planet, relative to that of the observation; one or two.
 
         With two, each visit is the other's reference, the first being the science visit.
         """
         return (0.0,)
 
-    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
+    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
         """Return the rolls at which the difference shows a companion's wings; the second, if any, is subtracted."""
         return ()
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
         Parameters
         ----------
-        settings : LibrarySettings
+        settings : Reduction
         star_e_s : ndarray
             Rates of the science stars, e-/s.
         rate_e_s : callable
@@ -187,7 +152,7 @@ class Library:
         one = np.ones(1)
         return LibraryNoise(one, one, one, 1.0, one, 1.0, 1.0 / len(self.rolls_deg(settings)))
 
-    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
+    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
         """Return what reference frames show of the science scene."""
         return scene.without_planets()
 
@@ -203,18 +168,18 @@ class OtherStar(Library):
     name = "reference_star"
     meaning = "another star, with its own magnitude and colour"
 
-    def check(self, settings: LibrarySettings, choice: str) -> None:
+    def check(self, settings: Reduction, choice: str) -> None:
         """Refuse a strategy without a star."""
         if settings.reference_star is None:
             allowed = "magnitude (and temperature) of the reference star, -30 to 40 mag"
             raise InputError("reference_star", "missing", allowed=allowed, hint=f"the {choice} needs it")
 
-    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
+    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
         """Return the one roll: the references have no companion."""
         return (0.0,)
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         return self._scaled(rate_e_s(_star_of(settings)) / star_e_s)
@@ -222,7 +187,7 @@ class OtherStar(Library):
     def _scaled(self, ratio: FloatArray) -> LibraryNoise:
         return LibraryNoise(1.0 / ratio, 1.0 / ratio**2, 1.0 / ratio**2, 0.0, np.maximum(ratio, 1.0), 1.0, 1.0)
 
-    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
+    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
         """Return the other star with its copy of the dust."""
         own, name = scene.cstar, f"reference star of {scene.name}"
         dust = tuple(
@@ -231,7 +196,7 @@ class OtherStar(Library):
         )
         return Scene(name=name, cstar=self._star(settings, own, name), extended=dust)
 
-    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+    def _star(self, settings: Reduction, science: SceneStar, name: str) -> SceneStar:
         """Return the reference star of a science star, at the same place."""
         star = _star_of(settings)
         looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
@@ -245,20 +210,20 @@ class BrighterTwin(OtherStar):
     meaning = "a star of the same type, two magnitudes brighter"
     _BRIGHTER_MAG = 2.0
 
-    def check(self, settings: LibrarySettings, choice: str) -> None:
+    def check(self, settings: Reduction, choice: str) -> None:
         """Accept every strategy: the star follows from the target."""
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
         return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
 
-    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+    def _star(self, settings: Reduction, science: SceneStar, name: str) -> SceneStar:
         return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
-def _star_of(settings: LibrarySettings) -> StarSettings:
+def _star_of(settings: Reduction) -> ReferenceStar:
     star = settings.reference_star
     assert star is not None  # checked by the strategy
     return star
@@ -276,7 +241,7 @@ class TwoRolls(Library):
     found = "the planet is significant at its known place (two rolls show it twice)"
     searched = "measured at the known place"
 
-    def check(self, settings: LibrarySettings, choice: str) -> None:
+    def check(self, settings: Reduction, choice: str) -> None:
         """Refuse halves of different length."""
         ratio, given, hint = settings.reference_ratio, settings.reference_visits, "each roll is the other's reference"
         if ratio != 1.0:
@@ -284,15 +249,15 @@ class TwoRolls(Library):
         if given is not None:
             raise InputError("reference_visits", given, allowed=f"as many as visits for the {choice}", hint=hint)
 
-    def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
+    def rolls_deg(self, settings: Reduction) -> tuple[float, ...]:
         """Return both rolls."""
         return -settings.roll_deg / 2.0, settings.roll_deg / 2.0
 
-    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
+    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
         """Return both rolls."""
         return self.rolls_deg(settings)
 
-    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
+    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
         """Return the scene itself."""
         return scene
 
@@ -306,7 +271,7 @@ class Idealised(Library):
     noise_free = True
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)
@@ -323,7 +288,7 @@ class Archive(Library):
     meaning = "visits of other programmes in the same state of the mirror, which take no time"
     _VISITS = 100
 
-    def time_factor(self, settings: LibrarySettings) -> float:
+    def time_factor(self, settings: Reduction) -> float:
         """Return 1: the references are there."""
         return 1.0
 

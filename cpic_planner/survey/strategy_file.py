@@ -8,10 +8,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import split_source
 from cpic_core import InputError, Provenance, by_line, is_file, load_yaml, split_sourced
-from cpic_planner.queries import EXCLUSIONS, changed_instrument, get, read_exclusions
+from cpic_planner.queries import UniverseSettings, changed_instrument, get
 from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
-from simulator.config import FrozenModel, Instrument, Real, Sourced, Utc, deep_merge, preset_path, preset_tree, validate
+from simulator.config import FrozenModel, Instrument, Real, Sourced, deep_merge, preset_path, preset_tree, validate
 from simulator.config.scene import paths_beside
 
 PACKAGE = "cpic_planner"
@@ -27,8 +27,8 @@ _BUDGETS = ("time_budget_h", "share_of_time")
 _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
-class UniverseConfig(FrozenModel, Sourced):
-    """The settings that strategies share: calendar, instrument, stars, and number of universes.
+class UniverseConfig(UniverseSettings, Sourced):
+    """The settings that strategies share, as their file says them.
 
     Attributes
     ----------
@@ -58,23 +58,6 @@ class UniverseConfig(FrozenModel, Sourced):
         Synthetic universes; at least 2, or no interval is defined.
     seed : int
     """
-
-    start_utc: Utc = "2028-01-01T00:00:00"
-    date_utc: Utc | None = None
-    duration_days: Annotated[Real, Field(ge=1, le=36525)] = 3652.0
-    slot_days: Annotated[Real, Field(ge=1, le=400)] = 30.0
-    instrument: str = "cpic_default"
-    changes: tuple[str, ...] = ()
-    visibility: str = "default"
-    catalog: str = "snapshot"
-    known_planets: str = "snapshot"
-    candidates: bool = False
-    exclusions: Annotated[tuple[str, ...], BeforeValidator(read_exclusions)] = EXCLUSIONS
-    observed: str = ""
-    facts: bool = False
-    background: Literal["off", "on"] = "off"
-    universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
 
     @property
     def n_slots(self) -> int:
