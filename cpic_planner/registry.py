@@ -1,7 +1,12 @@
-"""Registries: what a ranking can be by, and where the reference frames of the subtraction come from, in one entry each.
+"""Registries: scores of a ranking, libraries of reference frames, and reductions by them, in one entry each.
 
 An entry of a library says what its frames show, in the exposure-time calculator and in the images alike, what it costs,
 and the words for it. `Library` itself is the library of the same star without its planet; the others differ from it.
+
+An entry of a reduction says what is subtracted before modes are projected out, what that leaves of a planet, the noise
+that it adds, and the words for it; images and the calculator take it from here. `Reduction` itself is the mean of the
+references, with the principal components around it (Amara & Quanz 2012, MNRAS 427, 948); the others differ from it.
+Images are rows of pixels, shape (images, pixels). Two rolls are reduced by the same entry, each the other's reference.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
 
 if TYPE_CHECKING:
-    from cpic_planner.queries.shared import Reduction, ReferenceStar
+    from cpic_planner.queries.shared import Reduction as LibrarySettings, ReferenceStar
 
 Visits = TypeVar("Visits", int, FloatArray)
 
@@ -84,12 +89,12 @@ class Library:
         """Flags of every answer with this library."""
         return tuple(self.caveats)
 
-    def check(self, settings: Reduction, choice: str) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy that the library cannot serve.
 
         Parameters
         ----------
-        settings : Reduction
+        settings : LibrarySettings
         choice : str
             How the user chose the library, for the message.
 
@@ -99,7 +104,7 @@ class Library:
             Naming the field of the strategy.
         """
 
-    def time_factor(self, settings: Reduction) -> float:
+    def time_factor(self, settings: LibrarySettings) -> float:
         """Return the wall time of science and reference frames over that of the science frames."""
         return 1.0 + settings.reference_ratio
 
@@ -125,25 +130,25 @@ class Library:
         """
         return visits / references
 
-    def rolls_deg(self, settings: Reduction) -> tuple[float, ...]:
+    def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return the rolls at which frames show the planet, relative to that of the observation; one or two.
 
         With two, each visit is the other's reference, the first being the science visit.
         """
         return (0.0,)
 
-    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
+    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return the rolls at which the difference shows a companion's wings; the second, if any, is subtracted."""
         return ()
 
     def noise(
-        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
         Parameters
         ----------
-        settings : Reduction
+        settings : LibrarySettings
         star_e_s : ndarray
             Rates of the science stars, e-/s.
         rate_e_s : callable
@@ -152,7 +157,7 @@ class Library:
         one = np.ones(1)
         return LibraryNoise(one, one, one, 1.0, one, 1.0, 1.0 / len(self.rolls_deg(settings)))
 
-    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
+    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
         """Return what reference frames show of the science scene."""
         return scene.without_planets()
 
@@ -168,18 +173,18 @@ class OtherStar(Library):
     name = "reference_star"
     meaning = "another star, with its own magnitude and colour"
 
-    def check(self, settings: Reduction, choice: str) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy without a star."""
         if settings.reference_star is None:
             allowed = "magnitude (and temperature) of the reference star, -30 to 40 mag"
             raise InputError("reference_star", "missing", allowed=allowed, hint=f"the {choice} needs it")
 
-    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
+    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return the one roll: the references have no companion."""
         return (0.0,)
 
     def noise(
-        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         return self._scaled(rate_e_s(_star_of(settings)) / star_e_s)
@@ -187,7 +192,7 @@ class OtherStar(Library):
     def _scaled(self, ratio: FloatArray) -> LibraryNoise:
         return LibraryNoise(1.0 / ratio, 1.0 / ratio**2, 1.0 / ratio**2, 0.0, np.maximum(ratio, 1.0), 1.0, 1.0)
 
-    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
+    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
         """Return the other star with its copy of the dust."""
         own, name = scene.cstar, f"reference star of {scene.name}"
         dust = tuple(
@@ -196,7 +201,7 @@ class OtherStar(Library):
         )
         return Scene(name=name, cstar=self._star(settings, own, name), extended=dust)
 
-    def _star(self, settings: Reduction, science: SceneStar, name: str) -> SceneStar:
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
         """Return the reference star of a science star, at the same place."""
         star = _star_of(settings)
         looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
@@ -210,20 +215,20 @@ class BrighterTwin(OtherStar):
     meaning = "a star of the same type, two magnitudes brighter"
     _BRIGHTER_MAG = 2.0
 
-    def check(self, settings: Reduction, choice: str) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Accept every strategy: the star follows from the target."""
 
     def noise(
-        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
         return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
 
-    def _star(self, settings: Reduction, science: SceneStar, name: str) -> SceneStar:
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
         return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
-def _star_of(settings: Reduction) -> ReferenceStar:
+def _star_of(settings: LibrarySettings) -> ReferenceStar:
     star = settings.reference_star
     assert star is not None  # checked by the strategy
     return star
@@ -241,7 +246,7 @@ class TwoRolls(Library):
     found = "the planet is significant at its known place (two rolls show it twice)"
     searched = "measured at the known place"
 
-    def check(self, settings: Reduction, choice: str) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse halves of different length."""
         ratio, given, hint = settings.reference_ratio, settings.reference_visits, "each roll is the other's reference"
         if ratio != 1.0:
@@ -249,15 +254,15 @@ class TwoRolls(Library):
         if given is not None:
             raise InputError("reference_visits", given, allowed=f"as many as visits for the {choice}", hint=hint)
 
-    def rolls_deg(self, settings: Reduction) -> tuple[float, ...]:
+    def rolls_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return both rolls."""
         return -settings.roll_deg / 2.0, settings.roll_deg / 2.0
 
-    def wings_deg(self, settings: Reduction) -> tuple[float, ...]:
+    def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
         """Return both rolls."""
         return self.rolls_deg(settings)
 
-    def reference_scene(self, settings: Reduction, scene: Scene) -> Scene:
+    def reference_scene(self, settings: LibrarySettings, scene: Scene) -> Scene:
         """Return the scene itself."""
         return scene
 
@@ -271,7 +276,7 @@ class Idealised(Library):
     noise_free = True
 
     def noise(
-        self, settings: Reduction, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)
@@ -288,7 +293,7 @@ class Archive(Library):
     meaning = "visits of other programmes in the same state of the mirror, which take no time"
     _VISITS = 100
 
-    def time_factor(self, settings: Reduction) -> float:
+    def time_factor(self, settings: LibrarySettings) -> float:
         """Return 1: the references are there."""
         return 1.0
 
@@ -308,6 +313,107 @@ LIBRARIES: Registry[Library] = Registry(
 LibraryName = Annotated[str, LIBRARIES]
 """Name of a library, as a type."""
 DEFAULT_LIBRARY = Library.name
+
+
+class Reduction:
+    """The mean reference image is subtracted; the base of the other reductions.
+
+    Attributes
+    ----------
+    name : str
+        Word for it in options, configurations and results (``centring``).
+    meaning : str
+        What is taken off before the modes.
+    follows_references : bool
+        Whether light that all references show alike leaves every image with what is subtracted, and cannot reach the
+        modes: then the forward model of a planet in the references is exact.
+    needs_images : bool
+        Whether the references are needed one by one even where no modes are projected out, and not their sum alone.
+    predicted : bool
+        Whether the closed forms of the calculator hold: those of the mean of the references and of its modes. The
+        calculator refuses a reduction without them.
+    """
+
+    name = "temporal"
+    meaning = "the mean of the reference frames in every pixel"
+    follows_references = True
+    needs_images = False
+    predicted = True
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Take off science and reference images what is subtracted before the modes, in place.
+
+        Parameters
+        ----------
+        science, references : ndarray, shapes (n, pixels) and (m, pixels)
+        """
+        centre = self.combined(references)
+        science -= centre
+        references -= centre
+
+    def combined(self, references: FloatArray) -> FloatArray:
+        """Return the image that the references make together, shape (pixels,)."""
+        return np.asarray(references.mean(axis=0))
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return what is left, before the modes, of images of a planet that no reference shows; shape (n, pixels)."""
+        return planet
+
+    def reference_variance(self, images: int, n_modes: int) -> float:
+        """Return the variance of white noise that the references add, over that of the mean of all of them.
+
+        Parameters
+        ----------
+        images : int
+            Reference images that are combined.
+        n_modes : int
+            Modes that are projected out after that.
+        """
+        return 1.0
+
+
+class SpatialMean(Reduction):
+    """Every image loses its own mean over the region, as in KLIP (Soummer et al. 2012, ApJ 755, L28)."""
+
+    name = "spatial"
+    meaning = "the mean of each image over the region"
+    follows_references = False
+    needs_images = True
+    predicted = False
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Take off every image its own mean; see `Reduction.centre`."""
+        science -= science.mean(axis=1, keepdims=True)
+        references -= references.mean(axis=1, keepdims=True)
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return the planet less its mean over the region; see `Reduction.left_of`."""
+        return np.asarray(planet - planet.mean(axis=1, keepdims=True))
+
+    def reference_variance(self, images: int, n_modes: int) -> float:
+        """Return that of the first mode, which is nearly the mean image; nothing without modes."""
+        return float(n_modes > 0)
+
+
+class Uncentred(SpatialMean):
+    """Nothing is taken off before the modes, the first of which is nearly the mean image."""
+
+    name = "none"
+    meaning = "nothing"
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Leave the images as they are; see `Reduction.centre`."""
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return all of it; see `Reduction.left_of`."""
+        return planet
+
+
+REDUCTIONS: Registry[Reduction] = Registry("centring", (Reduction(), SpatialMean(), Uncentred()))
+
+ReductionName = Annotated[str, REDUCTIONS]
+"""Name of a reduction, as a type."""
+DEFAULT_REDUCTION = Reduction.name
 
 
 @dataclass(frozen=True)

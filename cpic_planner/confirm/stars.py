@@ -36,7 +36,8 @@ def result_header(
     measured : sequence of BandConfirmation
         What predicted over recovered SNR is taken over.
     """
-    mean = validation.calibrate(measured)
+    mean, reduction = validation.calibrate(measured), config.strategy.reduction
+    unpredicted = f"no closed form predicts a reduction that subtracts {reduction.meaning}"
     return {
         "version": __version__,
         "config_hash": digest,
@@ -50,7 +51,7 @@ def result_header(
         "realisations": config.realisations,
         "simulator_overrides": config.simulator_overrides.as_mapping(),
         "calibration": vars(mean),
-        "calibration_text": mean.text,
+        "calibration_text": mean.text if reduction.predicted else unpredicted,
         "not_modelled": not_modelled(validation.images_of(config.instrument)),
     }
 

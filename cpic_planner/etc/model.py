@@ -78,7 +78,13 @@ class Programme(CaseArrays):
             Science visits instead of those of the strategy, which has one where it does not say how many.
         visit_time_s : array_like
             Wall time of a visit; without it visits know nothing of each other.
+
+        Raises
+        ------
+        InputError
+            For a reduction of which no closed form is known.
         """
+        strategy.check_predicted()
         library, number = strategy.reference_library, (strategy.visits or 1) if visits is None else visits
         many = np.asarray(number, float)
         references = np.asarray(library.reference_visits(strategy.reference_visits, many), float)

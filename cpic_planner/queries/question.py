@@ -120,13 +120,15 @@ def asked(default: Any = ..., text: str = "", **settings: Any) -> Any:
         Help of the option and description of the keyword, in complete sentences, without range and default. Other
         fields in braces are named as options or as keywords, whichever the reader has: ``{library} roll``.
     **settings
-        Limits ``ge``, ``gt``, ``le``, ``lt``, ``min_length``, and the attributes of `Asked`.
+        Limits ``ge``, ``gt``, ``le``, ``lt``, ``min_length``; ``exclude_if`` of pydantic, for a value that records do
+        not state; and the attributes of `Asked`.
 
     Returns
     -------
     FieldInfo
     """
-    limits = {name: settings.pop(name) for name in ("ge", "gt", "le", "lt", "min_length") if name in settings}
+    of_pydantic = "ge", "gt", "le", "lt", "min_length", "exclude_if"
+    limits = {name: settings.pop(name) for name in of_pydantic if name in settings}
     own = Asked(**settings)
     made = {"default_factory": default} if callable(default) and not isinstance(default, type) else {"default": default}
     return Field(**made, description=text, json_schema_extra=own, **limits)

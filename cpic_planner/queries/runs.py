@@ -292,7 +292,7 @@ _FILE = "as the file says"
 class UniverseSettings(FrozenModel):
     """The settings that survey strategies share: calendar, instrument, stars, and number of universes.
 
-    A strategies' file says them (`cpic_planner.survey.strategy_file.UniverseConfig`), and a question stands above it.
+    A strategies' file says them (`cpic_planner.survey.strategy.UniverseConfig`), and a question stands above it.
     """
 
     start_utc: Utc = asked("2028-01-01T00:00:00", "Start of the survey, UTC.", option="--start", unset=_FILE)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from catalogs.known_planet_columns import FLAGS
+from catalogs.known_planets import FLAGS
 from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from catalogs.known_planet_columns import FLAGS
+from catalogs.known_planets import FLAGS
 from cpic_core import listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, words

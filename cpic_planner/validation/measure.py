@@ -194,6 +194,7 @@ def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: Vis
             weights=planet.apertures[0],
             kernel=kernel,
             samples=whole_kernels(planet.background & stack.region, kernel),
+            centering=strategy.centring,
         )
     return replace(
         realisation,

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_word, numeric_context
+from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation.apertures import as_images, checked_frames, checked_region, region_rows
 
 # Smallest eigenvalue of the rows' Gram matrix that counts as a mode, relative to the largest.
@@ -102,8 +102,6 @@ def row_norm(rows: FloatArray) -> float:
     return peak * float(np.linalg.norm(rows / peak)) if peak > 0 else 0.0
 
 
-Centering = Literal["none", "spatial", "temporal"]
-
 # Smallest amplitude of a mode relative to the references before centring: below it there is only rounding.
 ROUNDING_CUT = 1e-13
 
@@ -121,7 +119,7 @@ class RdiResult:
     truncated : bool
         Whether fewer modes were used because the references have no more (``modes_used`` is then their rank).
     centering : str
-        Which mean was removed first.
+        Name of the reduction: what was taken off first (`cpic_planner.registry.REDUCTIONS`).
     region : ndarray of bool
         Pixels (y, x) that took part.
     modes : ndarray
@@ -134,7 +132,7 @@ class RdiResult:
     modes_requested: int
     modes_used: int
     truncated: bool
-    centering: Centering
+    centering: str
     region: BoolArray
     modes: FloatArray = field(repr=False)
     eigenvalues: FloatArray = field(repr=False)
@@ -142,8 +140,8 @@ class RdiResult:
     def project(self, template: ArrayLike) -> FloatArray:
         """Return what the subtraction leaves of a planet.
 
-        The subtraction is linear in the science frame (plus, for temporal centring, a constant that no planet
-        enters), so this image is the forward model of a planet absent from the references.
+        The subtraction is linear in the science frame (plus a constant of the references that no planet enters), so
+        this image is the forward model of a planet absent from the references.
 
         Parameters
         ----------
@@ -159,8 +157,7 @@ class RdiResult:
         if images.shape[-2:] != self.region.shape:
             raise InputError("template", images.shape, unit="px", allowed=f"images of {self.region.shape}")
         rows = region_rows("template", images, self.region)
-        if self.centering == "spatial":
-            rows = rows - rows.mean(axis=1, keepdims=True)
+        rows = REDUCTIONS[self.centering].left_of(rows)
         return as_images(_remove(rows, self.modes), self.region, images.shape)
 
     def throughput(self, template: ArrayLike, aperture: ArrayLike, *, background: ArrayLike | None = None) -> float:
@@ -224,7 +221,7 @@ def rdi_subtract(
     n_modes: int,
     *,
     region: ArrayLike | None = None,
-    centering: Centering = "spatial",
+    centering: str = "spatial",
 ) -> RdiResult:
     """Subtract from each science frame its projection on the leading modes of the references.
 
@@ -241,7 +238,7 @@ def rdi_subtract(
         Pixels (y, x) to use; all by default. Nothing else is read, and residuals are 0 elsewhere.
     centering : {"spatial", "none", "temporal"}, optional
         Remove from every frame its own mean over the region (as KLIP does), nothing, or the mean reference
-        frame.
+        frame; or the name of another entry of `cpic_planner.registry.REDUCTIONS`.
 
     Returns
     -------
@@ -265,7 +262,7 @@ def rdi_subtract(
     for it and takes about ``modes / pixels`` of its light where the modes are noise. `RdiResult.throughput`
     gives the exact fraction.
     """
-    check_word("centering", centering, get_args(Centering))
+    check_word("centering", centering, REDUCTIONS.choices())
     if isinstance(n_modes, bool) or not isinstance(n_modes, int | np.integer) or n_modes < 0:
         raise InputError("n_modes", n_modes, allowed="an integer of at least 0")
     targets, library = checked_frames("science", science), checked_frames("references", references)
@@ -278,13 +275,7 @@ def rdi_subtract(
 
     floor = ROUNDING_CUT * row_norm(refs)
     # Rows are copies: new memory for each step would cost more time than the arithmetic.
-    if centering == "spatial":
-        rows -= rows.mean(axis=1, keepdims=True)
-        refs -= refs.mean(axis=1, keepdims=True)
-    elif centering == "temporal":
-        mean = refs.mean(axis=0)
-        rows -= mean
-        refs -= mean
+    REDUCTIONS[centering].centre(rows, refs)
     modes, singular = leading_modes(refs, int(n_modes), floor)
     used = len(singular)
     return RdiResult(
@@ -314,6 +305,7 @@ def paying_modes(
     weights: FloatArray,
     kernel: FloatArray,
     samples: BoolArray,
+    centering: str = "temporal",
 ) -> int:
     """Return how many modes give the lowest limit at a place, as references show that were held out.
 
@@ -331,6 +323,8 @@ def paying_modes(
         Weights of the sums that tell the noise, odd sides.
     samples : ndarray of bool
         Centres (y, x) of these sums.
+    centering : str
+        As in `rdi_subtract`.
 
     Returns
     -------
@@ -340,13 +334,13 @@ def paying_modes(
     Notes
     -----
     The limit is the scatter of the sums about their mean over what the projection leaves of the planet. A fifth of the
-    references at a time is projected off the modes of the others, after their mean; science visits lose and keep the
+    references at a time is projected off the modes of the others, centred by them; science visits lose and keep the
     same share. Of numbers within 1 % of the best the smallest is taken, and none unless they gain 2 %.
     """
     from scipy.ndimage import correlate
 
     rows = region_rows("references", checked_frames("references", references), region)
-    count = len(rows)
+    count, reduction = len(rows), REDUCTIONS[centering]
     folds = min(count, _FOLDS)
     most = min(int(most), count - -(-count // folds) - 1)
     if count < 3 or most < 1 or not samples.any():
@@ -361,9 +355,9 @@ def paying_modes(
     variance, left = np.zeros(most + 1), np.zeros(most + 1)
     for fold in range(folds):
         held = np.arange(count) % folds == fold
-        mean = rows[~held].mean(axis=0)
-        modes, _ = leading_modes(rows[~held] - mean, most)
-        apart = rows[held] - mean
+        known, apart = rows[~held], rows[held]
+        reduction.centre(apart, known)
+        modes, _ = leading_modes(known, most)
         noise, shares, of_modes = sums(apart), apart @ modes.T, sums(modes)
         for mode in range(most + 1):
             variance[mode] += np.sum(noise**2)

@@ -226,14 +226,15 @@ class VisitPair:
         assert self._stacks is not None  # as stackable says
         if role == "science":  # the search learns from how its visits scatter
             return self._stacks[0], self.plan.visits, self.still
-        # Of references without modes only the mean counts. Rolls are each other's references.
-        return self._stacks[1], self.plan.reference_visits, self.strategy.n_modes == 0 and not self.plan.shows_planet
+        # Of references without modes mostly the mean alone counts. Rolls are each other's references.
+        alone = self.strategy.n_modes > 0 or self.plan.shows_planet or self.strategy.reduction.needs_images
+        return self._stacks[1], self.plan.reference_visits, not alone
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
     ) -> Realisation:
         """Reduce images of both visits, each of so many frames."""
-        n_modes = self.strategy.n_modes
+        n_modes, centering = self.strategy.n_modes, self.strategy.centring
         roll = None
         if self.plan.shows_planet:
             roll = roll_subtract(
@@ -241,6 +242,7 @@ class VisitPair:
                 reference_e,
                 n_modes,
                 region=region,
+                centering=centering,
                 first_frames=science_n,
                 second_frames=reference_n,
             )
@@ -258,6 +260,7 @@ class VisitPair:
             noise_free_reference=self.plan.noise_free,
             smear_e=(self.smear_e("science"), self.smear_e("reference")),
             counting=self.counting,
+            centering=centering,
         )
         return Realisation(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, numeric_context
 from cpic_planner.etc import CountingLaw, counting_variance
+from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation.apertures import check_mask, frame_counts
 from cpic_planner.validation.noise_law import PixelLaw
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
@@ -219,8 +220,8 @@ class ReducedStack:
         The projection is linear: the mean science frame tells the sum of the residuals.
         """
         assert self.inputs is not None  # as `reduce_stack` makes it
-        inside, made = region & self.region, self.inputs
-        cut = rdi_subtract(made.science_e[None], made.library_e, n_modes, region=inside, centering="temporal")
+        inside, made, centering = region & self.region, self.inputs, self.rdi.centering
+        cut = rdi_subtract(made.science_e[None], made.library_e, n_modes, region=inside, centering=centering)
         return replace(
             self,
             image_e=_summed(cut, np.array([made.frames]), made.other_star),
@@ -255,8 +256,9 @@ def reduce_stack(
     noise_free_reference: bool = False,
     smear_e: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
     counting: CountingLaw | None = None,
+    centering: str = "temporal",
 ) -> ReducedStack:
-    """Subtract the mean reference and its leading modes, and sum.
+    """Subtract what the references make together and their leading modes, and sum.
 
     Parameters
     ----------
@@ -265,7 +267,7 @@ def reduce_stack(
     region : ndarray of bool, shape (n, n)
         The dark hole without unusable pixels.
     n_modes : int
-        Modes that are projected out after the mean (temporal centring).
+        Modes that are projected out after the mean.
     exposure_s, em_gain : float
         Of one frame.
     detector : Detector or InfraredDetector
@@ -281,6 +283,8 @@ def reduce_stack(
         noise stays.
     counting : CountingLaw, optional
         Of counts of photons from which the electrons were worked out.
+    centering : str
+        As in `rdi_subtract`.
 
     Raises
     ------
@@ -309,7 +313,7 @@ def reduce_stack(
         return noise.charge_variance_e2(charge_e) if counting is None else counting_variance(charge_e, counting)
 
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
-    cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
+    cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering=centering)
     total, library_total = float(science_n.sum()), float(reference_n.sum())
     light = smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
     seen = np.maximum(light, 0.0)
@@ -318,7 +322,8 @@ def reduce_stack(
     if not noise_free_reference:
         # Held in a frame of the reference: its light before it was scaled, and the rest as it is.
         held = seen / reference_scale + dark_e + smear_e[1]
-        variance += total**2 / library_total * reference_scale**2 * frame_variance_e2(held)
+        added = REDUCTIONS[centering].reference_variance(len(reference), n_modes)
+        variance += added * (total**2 / library_total * reference_scale**2 * frame_variance_e2(held))
     other_star, factor2 = reference_scale != 1.0, noise.factor2
     if counting is not None:
         about = np.median(inside[region]) * np.array([1.0, 1.01])

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, numeric_context
+from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation import apertures
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio, sum_weights
-from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract, surviving_fraction
+from cpic_planner.validation.rdi import RdiResult, rdi_subtract, surviving_fraction
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,8 @@ class RollResult:
 
         Notes
         -----
-        Exact with temporal centring: the planet is the same in all references and leaves with their mean. Otherwise it
+        Exact with temporal centring: the planet is the same in all references and leaves with their mean. Where what
+        they share does not leave with what is subtracted (`Reduction.follows_references`), it
         changes the modes, and the result holds to first order in its brightness: perturbed eigenvectors of the
         references' covariance, as the forward model of Pueyo 2016 (ApJ 824, 117), applied to the mean science frame.
         What is left out stays below 1 % of the flux for a planet of 7 sigma in a single frame.
@@ -127,13 +129,12 @@ class _Response:
     """
 
     def __init__(self, cut: RdiResult, science: FloatArray, frames: FloatArray, references: FloatArray) -> None:
-        self.centering, self.used, self.modes = cut.centering, cut.modes_used, cut.modes
-        if cut.centering == "temporal" or self.used == 0:
+        self.reduction, self.used, self.modes = REDUCTIONS[cut.centering], cut.modes_used, cut.modes
+        if self.reduction.follows_references or self.used == 0:
             return
         target = apertures.region_rows("science", np.average(science, axis=0, weights=frames), cut.region)[0]
         total = apertures.region_rows("references", references.sum(axis=0), cut.region)[0]
-        if cut.centering == "spatial":
-            target, total = target - target.mean(), total - total.mean()
+        target, total = self.reduction.left_of(np.stack([target, total]))
         every = rdi_subtract(science[0], references, len(references), region=cut.region, centering=cut.centering)
         self.modes, self.singular, self.target = every.modes, np.sqrt(every.eigenvalues), target
         self.shares = every.modes @ total / self.singular
@@ -141,12 +142,10 @@ class _Response:
     def left(self, own: FloatArray, other: FloatArray) -> FloatArray:
         """Return the row that a planet ``own`` in the science frames and ``other`` in the references leaves."""
         kept = self.modes[: self.used]
-        if self.centering == "temporal":
-            own = own - other
-        elif self.centering == "spatial":
-            own, other = own - own.mean(), other - other.mean()
+        exact = self.reduction.follows_references
+        own, other = self.reduction.left_of(np.stack([own - other if exact else own, other]))
         left = own - (kept @ own) @ kept
-        if self.centering == "temporal" or self.used == 0:
+        if exact or self.used == 0:
             return left
         k, s, t = self.used, self.singular, self.shares
         on_modes, amounts = self.modes @ other, self.modes @ self.target
@@ -169,7 +168,7 @@ def roll_subtract(
     n_modes: int,
     *,
     region: ArrayLike | None = None,
-    centering: Centering = "temporal",
+    centering: str = "temporal",
     first_frames: ArrayLike = 1,
     second_frames: ArrayLike = 1,
 ) -> RollResult:
@@ -219,7 +218,7 @@ def _of_rolls(
     frames: tuple[FloatArray, FloatArray],
     n_modes: int,
     region: ArrayLike | None,
-    centering: Centering,
+    centering: str,
 ) -> RollResult:
     """Subtract two rolls from each other whose images are means of so many frames."""
     first, second = images

@@ -28,6 +28,13 @@ _REFUSALS = {
 }
 
 
+UNPREDICTED = (
+    *("n_modes", "snr", "significance", "chance_blind", "chance_known_place", "verdict"),
+    *("snr_full", "significance_full"),
+)
+"""Predictions of a planet that are not known for every reduction."""
+
+
 class Frames(NamedTuple):
     """Frames of a science visit, and how many such visits are reduced together."""
 
@@ -244,12 +251,22 @@ def expected_of(
         ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
         with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``) that
-        follow, and ``snr_full`` and ``significance_full`` with the frames that particles void.
+        follow, and ``snr_full`` and ``significance_full`` with the frames that particles void; None of these for a
+        reduction without a closed form.
     """
     x = np.asarray(place_arcsec[0], float).reshape(1, 1)
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
     faint = np.full((1, 1), contrast, dtype=np.float64)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    elements = model.metrics[band].resolution_elements(np.hypot(x, y))
+    about = {
+        "contrast": float(contrast),
+        "separation_arcsec": float(separation[0, 0]),
+        "pa_deg": float(pa_deg[0, 0]),
+        "threshold": float(etc.threshold_array(elements, model.strategy.sigma)[0, 0]),
+    }
+    if not model.strategy.reduction.predicted:
+        return about | dict.fromkeys(UNPREDICTED)
     sums = etc.build_model(images_of(model.instrument), [band], model.strategy)
     visits = etc.Programme.of(model.strategy, frames.visits, gap_s(model, band, frames))
     setting = frames.exposure_s, frames.n_frames, frames.em_gain
@@ -263,11 +280,7 @@ def expected_of(
     full = etc.stack_noise(others, *setting, model.camera(band), model.strategy, expected.programme)
     at_place = model.strategy.search == "known_place"
     chance = float((chances.known_place if at_place else chances.blind)[0, 0])
-    return {
-        "contrast": float(contrast),
-        "separation_arcsec": float(separation[0, 0]),
-        "pa_deg": float(pa_deg[0, 0]),
-        "threshold": float(expected.threshold[0, 0]),
+    return about | {
         "n_modes": int(expected.programme.n_modes.max()),
         "snr": float(noise.snr[0, 0]),
         "significance": float(noise.significance[0, 0]),

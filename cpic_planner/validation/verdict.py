@@ -83,13 +83,17 @@ def confirmation_of(
     n = len(measured)
     n_apertures = measured[0].n_apertures
     contrast, error, sigma = contrasts_of(measured)
-    snr, snr_error = findings.mean_snr(contrast, error, significance=expected["significance"], n_apertures=n_apertures)
+    recovered_significance = float(contrast.mean() / np.sqrt((sigma**2).mean()))
+    predicted, significance = expected["snr"], expected["significance"]
+    likely = recovered_significance if significance is None else significance
+    snr, snr_error = findings.mean_snr(contrast, error, significance=likely, n_apertures=n_apertures)
     # A few values do not tell their scatter.
     spread = float(contrast.std(ddof=1)) if n >= findings.MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
     found = sum(item.found for item in measured)
     at_place = sum(item.found_at_place for item in measured)
     lost = 0 if statistics is None else statistics.lost_in
-    mean = findings.calibration_of(expected["snr"], snr, snr_error)
+    mean = findings.Calibration() if predicted is None else findings.calibration_of(predicted, snr, snr_error)
+    compared = "no closed form predicts this reduction" if predicted is None else _etc(mean)
     detected = bool(2 * found >= n and not lost)
     return BandConfirmation(
         **_asked(task, number),
@@ -101,7 +105,7 @@ def confirmation_of(
         modelled=seen.modelling.record(),
         recovered_snr=snr,
         recovered_snr_error=snr_error,
-        recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
+        recovered_significance=recovered_significance,
         etc_ratio=mean.etc_ratio,
         etc_ratio_error=mean.etc_ratio_error,
         recovered_contrast=float(contrast.mean()),
@@ -125,7 +129,7 @@ def confirmation_of(
         found_separation_error_arcsec=sky and sky.separation_error_arcsec,
         found_pa_deg=sky and sky.pa_deg % 360.0,
         found_pa_error_deg=sky and sky.pa_error_deg,
-        verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), _etc(mean)),
+        verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), compared),
         audit=audit,
     )
 
@@ -225,8 +229,13 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
     return answers
 
 
-def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:
-    """Return whether the images' way of deciding predicted a detection, and what was predicted in words."""
+def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool | None, str]:
+    """Return whether the images' way of deciding predicted a detection, and what was predicted in words.
+
+    None where nothing was predicted.
+    """
+    if expected["significance"] is None:
+        return None, ""
     strategy = validate(Strategy, task.strategy, where="strategy")
     # Two rolls show every planet twice: the threshold at the known place decides there.
     at_place = strategy.search == "known_place" or len(strategy.rolls_deg) > 1
@@ -236,15 +245,15 @@ def _predicted(task: ConfirmTask, expected: dict[str, Any]) -> tuple[bool, str]:
     return chance >= 0.5, f"a probability of {chance:.2f}"
 
 
-def _verdict(predicted: tuple[bool, str], detected: bool, counts: tuple[int, int, int], etc: str) -> str:
+def _verdict(predicted: tuple[bool | None, str], detected: bool, counts: tuple[int, int, int], etc: str) -> str:
     found, at_place, realisations = counts
     likely, expected = predicted
     if detected:
-        word = "confirmed" if likely else f"detected, though {expected} was predicted"
+        word = f"detected, though {expected} was predicted" if likely is False else "confirmed"
     elif 2 * at_place >= realisations:
         word = AT_KNOWN_PLACE
     else:
-        word = "not confirmed" if likely else "not detected, as predicted"
+        word = "not detected, as predicted" if likely is False else "not confirmed"
     counted = f" ({found} of {realisations})" if realisations > 1 else ""
     return f"{word}{counted}; {etc}"
 

@@ -1,25 +1,357 @@
-"""The calendar of visibility, targets x dates, with what prevents an observation."""
+"""Visibility: when a star can be seen from the orbit of the telescope, and at which roll.
+
+**Roll.** The normal of the panels, when they are not turned, stands across the boresight; the panels turn about the
+axis across both. With the Sun at the angle ``theta`` from the boresight and the telescope rolled by ``psi`` from where
+that normal lies in the plane of boresight and Sun, the Sun stands ``sin(theta) sin(psi)`` along the axis, which no
+turning mends, and ``90 deg - theta`` away from the normal at ``psi = 0``, which turning does mend as far as it goes. So
+
+- panels that turn freely allow ``sin(theta) |sin(psi)| <= sin(panel_deg)``, at any angle from the Sun;
+- fixed panels allow ``sin(theta) cos(psi) >= cos(panel_deg)``, which is possible within ``panel_deg`` of 90 deg;
+- panels that turn by at most ``turn`` follow the first rule until they stand at their limit, and then
+  ``cos(turn) sin(theta) cos(psi) + sin(turn) |cos(theta)| >= cos(panel_deg)``.
+
+**Limb of the Earth.** At the place ``u`` of a circular orbit the target stands ``zeta`` from the zenith ``z``, with
+``cos(zeta) = cos(beta) cos(u - u0)`` where ``beta`` is its angle from the plane of the orbit, and
+``l = 180 deg - rho - zeta`` from the limb of the Earth, whose angular radius is ``rho``. The limb's nearest point lies
+in the plane of zenith and target: the line of sight that touches the Earth below the target does so at
+``P = R (sin(rho) z + cos(rho) h)``, ``h`` being horizontal towards the target. The Sun ``s`` has risen there if
+``P . s > 0``, which with ``h = (t - cos(zeta) z) / sin(zeta)`` is
+
+    ``cos(l) (z . s) + cos(rho) (t . s) > 0``.
+
+A place counts if ``l`` reaches the limit for a dark limb and, where that point is sunlit, the limit for a bright one.
+So an orbit has a *core* around ``u0`` that always counts, two *flanks* beside it that count while their limb is dark,
+and the rest, which never does. The ends of the dark pieces of a flank are those of parabolas through the expression
+above at places not more than `STEP_DEG` apart.
+"""
 
 import functools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, check_number, check_whole, real_array
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    NDArray,
+    by_line,
+    check_number,
+    check_whole,
+    real_array,
+)
 from cpic_planner.results import PointingRecord, SeasonRecord, VisibilityResult, VisibleDays, VisibleTarget
-from cpic_planner.survey.visibility.config import VisibilityConfig, roll_half_range_deg
-from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
 from cpic_planner.targets import Targets
-from simulator.config import LAST_YEAR, OrbitConfig, checked_utc, content_hash
+from simulator.config import (
+    LAST_YEAR,
+    OrbitConfig,
+    Sourced,
+    at,
+    canonical_keys,
+    checked_utc,
+    content_hash,
+    load_instrument,
+    tree_over_preset,
+)
 from simulator.effects import ecliptic_deg
 from simulator.products import CircularOrbit, body_km, earth_radius_deg, offline_time
 
+_TINY = 1e-300
+
+
+def roll_half_range_deg(sun_deg: FloatArray, config: "VisibilityConfig") -> FloatArray:
+    """Return how far the telescope may roll either way from the best roll.
+
+    Parameters
+    ----------
+    sun_deg : ndarray
+        Angle between boresight and Sun.
+    config : VisibilityConfig
+
+    Returns
+    -------
+    ndarray
+        At most ``roll_deg``; nan where no roll keeps the panels in the Sun.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cpic_planner.survey.visibility import load_visibility
+    >>> free = load_visibility({"panel_turn_deg": 90, "roll_deg": 90})
+    >>> roll_half_range_deg(np.array([90.0, 30.0, 150.0, 180.0]), free).round(1)
+    array([25. , 57.7, 57.7, 90. ])
+    """
+    limit, turn = math.radians(config.panel_deg), math.radians(config.turn_deg)
+    tilt = np.abs(np.deg2rad(sun_deg) - math.pi / 2)
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    along_axis = np.arcsin(np.minimum(1.0, math.sin(limit) / np.maximum(cosine, _TINY)))
+    # The roll at which the panels come to the limit of their turn, and what is allowed beyond.
+    reached = np.arccos(np.minimum(1.0, sine * math.cos(turn) / np.maximum(cosine * math.sin(turn), _TINY)))
+    at_limit = (math.cos(limit) - math.sin(turn) * sine) / np.maximum(math.cos(turn) * cosine, _TINY)
+    beyond = np.arccos(np.clip(at_limit, 0.0, 1.0))
+    half = np.where(along_axis <= reached, along_axis, np.maximum(reached, beyond))
+    # A target exactly at the end of the range counts as seen.
+    possible = tilt <= turn + limit + 1e-12
+    return np.where(possible, np.minimum(np.rad2deg(half), config.roll_deg), np.nan)
+
+
+DEFAULT_VISIBILITY = "default"
+PACKAGE = "cpic_planner"
+_WITH_UNIT = ("sun_deg", "moon_deg", "dark_limb_deg", "bright_limb_deg", "roll_deg", "saa_fraction", "settle_s")
+_ALIASES = {key.rpartition("_")[0]: key for key in _WITH_UNIT}
+
+
+class VisibilityConfig(PointingRecord, Sourced):
+    """Limits of pointing, and what a slew costs, as configuration; its fields are those of the result's record."""
+
+    description: str = ""
+
+    @property
+    def turn_deg(self) -> float:
+        """How far the panels turn, 0 where they are fixed."""
+        return self.panel_turn_deg if self.panel == "one_axis" else 0.0
+
+    def content(self) -> dict[str, Any]:
+        """Return everything that decides where the telescope points and what a slew costs, for content hashes."""
+        return self.model_dump(mode="json", exclude={"name", "description"})
+
+
+VisibilitySource = VisibilityConfig | Mapping[str, Any] | str | Path | None
+
+
+@by_line
+def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
+    """Load limits of pointing.
+
+    Parameters
+    ----------
+    source : VisibilityConfig, mapping, str, Path or None
+        Preset name, YAML path or mapping; ``None`` is the preset ``default``. A file or mapping needs to hold only what
+        differs from its ``base`` (a preset name, ``default`` if absent).
+
+    Returns
+    -------
+    VisibilityConfig
+
+    Raises
+    ------
+    InputError
+        Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from cpic_planner.survey.visibility import load_visibility
+    >>> load_visibility({"moon_deg": 40}).moon_deg
+    40.0
+    """
+    if isinstance(source, VisibilityConfig):
+        return source
+    return VisibilityConfig.read(_tree(source), "visibility")
+
+
+def _tree(source: Any) -> dict[str, Any]:
+    own, _, base = tree_over_preset(
+        "visibility", source, default=DEFAULT_VISIBILITY, keys=VisibilityConfig.model_fields, package=PACKAGE
+    )
+    if base is None:
+        return {"sun_deg": _sun_limit()} | own
+    try:
+        own = canonical_keys(own, VisibilityConfig.model_fields, _ALIASES)
+    except InputError as error:
+        raise at("visibility", error) from None
+    return {**_tree(base), "name": f"{base}+changes" if own else base, "description": ""} | own
+
+
+def _sun_limit() -> dict[str, Any]:
+    """Return the Sun's limit of the default instrument, whose sky needs it too, with its source."""
+    instrument = load_instrument()
+    origin = instrument.provenance["sky.sun_limit_deg"]
+    return {
+        "value": instrument.sky.sun_limit_deg,
+        **{key: getattr(origin, key) for key in ("unit", "source", "confidence")},
+    }
+
+
+STEP_DEG = 1.5
+
+
+# Pieces of a flank come in multiples of this many, each with a parabola over two steps.
+_WIDTHS = 4
+_BLOCK_CELLS = 50_000
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Targets, orbits and Suns, arrays of one length.
+
+    Attributes
+    ----------
+    in_plane : ndarray
+        Cosine of the target's angle from the plane of the orbit.
+    sun_ahead, sun_aside : ndarray
+        Cosines between the Sun and the direction in that plane nearest to the target, and a quarter of a revolution on.
+    sun_target : ndarray
+        Cosine between Sun and target.
+    """
+
+    in_plane: FloatArray
+    sun_ahead: FloatArray
+    sun_aside: FloatArray
+    sun_target: FloatArray
+
+    def take(self, rows: NDArray[np.intp]) -> "Geometry":
+        """Return some of them."""
+        return Geometry(self.in_plane[rows], self.sun_ahead[rows], self.sun_aside[rows], self.sun_target[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """The lengths in a piece of orbit, radians: all of it, at its begin, at its end, the longest run; its length."""
+
+    total: FloatArray
+    begin: FloatArray
+    end: FloatArray
+    longest: FloatArray
+    length: FloatArray
+
+    def then(self, other: "_Runs") -> "_Runs":
+        """Join this piece and the one behind it."""
+        return _Runs(
+            total=self.total + other.total,
+            begin=np.where(self.begin >= self.length, self.length + other.begin, self.begin),
+            end=np.where(other.end >= other.length, other.length + self.end, other.end),
+            longest=np.maximum(np.maximum(self.longest, other.longest), self.end + other.begin),
+            length=self.length + other.length,
+        )
+
+
+def clear_arcs(
+    geometry: Geometry, radius_deg: float, dark_limb_deg: float, bright_limb_deg: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the part of the orbit on which each target stands clear of the Earth.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    radius_deg : float
+        Angular radius of the Earth.
+    dark_limb_deg, bright_limb_deg : float
+        Least angle from the limb.
+
+    Returns
+    -------
+    fraction : ndarray
+        Of the orbit, 0 to 1.
+    longest : ndarray
+        Its longest piece, fraction of the orbit; a piece does not end where the revolution does.
+
+    Examples
+    --------
+    A target in the plane of the orbit, with the Sun behind it and in front of it:
+
+    >>> new, full = (np.array([side]) for side in (1.0, -1.0))
+    >>> for sun in (new, full):
+    ...     fraction, longest = clear_arcs(Geometry(np.ones(1), sun, np.zeros(1), sun), 70.2, 10.0, 30.0)
+    ...     print(fraction.round(3), longest.round(3))
+    [0.443] [0.443]
+    [0.554] [0.554]
+    """
+    rho = math.radians(radius_deg)
+
+    def reach(limb_deg: float) -> FloatArray:
+        least = -math.cos(min(rho + math.radians(limb_deg), math.pi))
+        return np.arccos(np.clip(least / np.maximum(geometry.in_plane, _TINY), -1.0, 1.0))
+
+    outer = reach(dark_limb_deg)
+    core = np.minimum(outer, reach(bright_limb_deg))
+    fraction, longest = core / math.pi, core / math.pi
+    # Flanks of about one width go together, so that each is divided only as often as it has to be.
+    pieces = _WIDTHS * np.ceil(np.rad2deg(outer - core) / (2 * STEP_DEG * _WIDTHS)).astype(int)
+    for count in np.unique(pieces[pieces != 0]).tolist():
+        flanks, block = np.flatnonzero(pieces == count), _BLOCK_CELLS // count
+        for part in range(0, len(flanks), block):
+            rows = flanks[part : part + block]
+            runs = _whole_orbit(geometry.take(rows), core[rows], outer[rows], rho, count)
+            fraction[rows] = runs.total / (2 * math.pi)
+            # The end of a revolution is its begin; one that counts as a whole is cut to one revolution below.
+            longest[rows] = np.maximum(runs.longest, runs.begin + runs.end) / (2 * math.pi)
+    return np.minimum(fraction, 1.0), np.minimum(longest, 1.0)
+
+
+def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: float, pieces: int) -> _Runs:
+    """Return one revolution, from where the target comes up to where it comes up again."""
+    share = np.linspace(0.0, 1.0, 2 * pieces + 1)[:, None]
+    place = core + (outer - core) * share
+    cosine, sine = np.cos(place), np.sin(place)
+    over = geometry.in_plane * cosine
+    from_limb = math.sin(rho) * np.sqrt(np.maximum(1.0 - over**2, 0.0)) - math.cos(rho) * over
+    constant = math.cos(rho) * geometry.sun_target
+    ahead, aside = geometry.sun_ahead * cosine, geometry.sun_aside * sine
+    step = (outer - core) / (2 * pieces)
+    before = _flank(from_limb * (ahead - aside) + constant, step)[::-1]
+    behind = _flank(from_limb * (ahead + aside) + constant, step)
+    nothing = np.zeros_like(core)
+    runs = None
+    for piece in (
+        *(_turned(one) for one in before),
+        _all(2 * core),
+        *behind,
+        _Runs(nothing, nothing, nothing, nothing, 2 * (math.pi - outer)),
+    ):
+        runs = piece if runs is None else runs.then(piece)
+    assert runs is not None
+    return runs
+
+
+def _all(length: FloatArray) -> _Runs:
+    return _Runs(length, length, length, length, length)
+
+
+def _turned(runs: _Runs) -> _Runs:
+    """Return the same piece from the other side."""
+    return _Runs(runs.total, runs.end, runs.begin, runs.longest, runs.length)
+
+
+def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
+    """Return the dark runs of the pieces of a flank, from the core outwards.
+
+    Parameters
+    ----------
+    sunlit : ndarray, shape (2 pieces + 1, n)
+        Above 0 where the limb is sunlit, at even steps.
+    step : ndarray, shape (n,)
+    """
+    first, middle, last = sunlit[:-2:2], sunlit[1::2], sunlit[2::2]
+    bend, slope = 0.5 * (first + last) - middle, 0.5 * (last - first)
+    # Roots of bend x^2 + slope x + middle, x from -1 to 1 over a piece, by the form that loses no digits.
+    inside = slope**2 - 4.0 * bend * middle
+    half = -0.5 * (slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = half / bend, middle / half
+        low = np.maximum(np.minimum(one, other), -1.0)
+        high = np.minimum(np.maximum(one, other), 1.0)
+        crossed = (inside > 0.0) & (high > low)
+    # Between the roots the sign is that of -bend, outside that of bend; without a piece between, that of the ends (the
+    # middle may touch 0 from above).
+    dark_between = crossed & (bend >= 0.0)
+    whole = ~crossed & (first + last <= 0.0)
+    between = high - low
+    begin = np.where(dark_between, np.where(low <= -1.0, between, 0.0), np.where(crossed, low + 1.0, 0.0))
+    end = np.where(dark_between, np.where(high >= 1.0, between, 0.0), np.where(crossed, 1.0 - high, 0.0))
+    total = np.where(dark_between, between, begin + end)
+    longest = np.where(dark_between, between, np.maximum(begin, end))
+    length = 2.0 * step
+    total, begin, end, longest = (np.where(whole, length, part * step) for part in (total, begin, end, longest))
+    return [_Runs(total[i], begin[i], end[i], longest[i], length) for i in range(len(whole))]
+
+
 BLOCKS = ("", "sun", "moon", "panel", "limb")
 """What keeps a target from being seen, by number. Of several, Sun, panels, Moon and limb count in this order."""
-
 MAX_DAYS = 36525
 MAX_CELLS = 20_000_000
 

@@ -1,4 +1,9 @@
-"""A user's own star table: any table with a name or number, a distance, a brightness and a type or temperature.
+"""Tables of a user's own: how strictly they are read, what was left out of them, and what their columns are taken for.
+
+A star table is any table with a name or number, a distance, a brightness and a type or temperature.
+
+Commands and functions open tables in many places. What a user asks of all of them, and the list of what was left out
+of any, is kept here while one question is answered.
 
 Required per star: ``name``, or a number of Hipparcos, Henry Draper, Gliese, TIC or Gaia, or a planet's name;
 ``distance_pc`` or ``parallax_mas``; ``v_mag``, or Gaia's ``gaia_g_mag`` and ``bp_rp_mag``; ``sp_type`` or ``teff_k``.
@@ -6,14 +11,18 @@ Everything else may be missing and is then filled as in the shipped table, with 
 other headings and units are understood stands in one table (:mod:`catalogs.table_cells`).
 """
 
+import contextlib
 import functools
 import itertools
+import logging
 import math
 import re
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,15 +30,227 @@ from catalogs import stellar_physics
 from catalogs.coordinates import ecliptic
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, split_component, star_name_of
-from catalogs.own_tables import is_strict, keep
 from catalogs.spectra import load_stellar_grid
-from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
-from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
-from catalogs.stars import OwnColumns, StarTable, load_stars, star_table
-from catalogs.table_cells import LeftOut, Row, Rows, Use, read_rows
-from catalogs.table_files import RawTable
+from catalogs.stars import (
+    CLOSE_COMPANION_ARCSEC,
+    QUANTITIES,
+    OwnColumns,
+    StarTable,
+    load_stars,
+    parallax_flags,
+    star_table,
+    type_flags,
+)
+from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
+from catalogs.table_cells import (
+    Columns,
+    Groups,
+    LeftOut,
+    Row,
+    Rows,
+    Use,
+    join_sexagesimal,
+    read_positions,
+    read_rows,
+    reasons,
+)
+from catalogs.table_files import RawTable, parse_table, read_bytes
 from cpic_core import InputError, listed
+
+_LOG = logging.getLogger(__name__)
+TableKind = Literal["stars", "planets"]
+
+
+def _log(remark: str) -> None:
+    _LOG.warning("%s", remark)
+
+
+@dataclass
+class OwnTables:
+    """The tables of a user's own that were read for one question.
+
+    Parameters
+    ----------
+    strict : bool
+        Whether a table is refused for the first row or cell that cannot be used.
+    tell : callable
+        Gets remarks on the reading.
+    tables : dict
+        What was left out of each table, by its name and what its columns were taken for, in the order of reading.
+    told : set of str
+        Remarks that were told.
+    """
+
+    strict: bool = False
+    tell: Callable[[str], None] = _log
+    tables: dict[tuple[str, tuple[Use, ...]], list[LeftOut]] = field(default_factory=dict)
+    told: set[str] = field(default_factory=set)
+
+    @property
+    def left_out(self) -> list[tuple[str, LeftOut]]:
+        """Rows and cells that were not used, after the name of their table; by row."""
+        tables = ((name, sorted(items, key=lambda item: item.row)) for (name, _), items in self.tables.items())
+        return [(name, item) for name, items in tables for item in items]
+
+
+_READ: ContextVar[OwnTables | None] = ContextVar("tables_read", default=None)
+
+
+@contextlib.contextmanager
+def tables_read(
+    *, strict: bool = False, tell: Callable[[str], None] | None = None, apart: bool = False
+) -> Iterator[OwnTables]:
+    """Read tables of a user's own as one question asks, and yield those that were read.
+
+    Parameters
+    ----------
+    strict : bool
+        As of `OwnTables`.
+    tell : callable, optional
+        Gets remarks on the reading, each once; by default they are logged.
+    apart : bool
+        Whether it is no part of a question around it; else it is as strict as that, and tells what that tells.
+    """
+    outer = _READ.get()
+    made = OwnTables(strict, tell or _log)
+    if outer is not None and not apart:
+        made = OwnTables(strict or outer.strict, tell or outer.tell, outer.tables, outer.told)
+    token = _READ.set(made)
+    try:
+        yield made
+    finally:
+        _READ.reset(token)
+
+
+def is_strict(strict: bool) -> bool:
+    """Return whether a table is to be refused for what cannot be used: where the caller or the question says so."""
+    asked = _READ.get()
+    return strict or (asked is not None and asked.strict)
+
+
+def keep(rows: Rows) -> Rows:
+    """Put a table that is being read beside the others of the question; what is left out of it may grow."""
+    asked = _READ.get()
+    if asked is not None:
+        asked.tables[rows.label, rows.uses] = rows.left_out
+    return rows
+
+
+def tell(*remarks: str) -> None:
+    """Tell remarks on the reading of a table, each once for a question."""
+    asked = _READ.get() or OwnTables()
+    for remark in remarks:
+        if remark not in asked.told:
+            asked.told.add(remark)
+            asked.tell(remark)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """The meaning of a file as a table of one kind.
+
+    Parameters
+    ----------
+    kind : {"stars", "planets"}
+    file : str
+        Its name.
+    rows, usable : int
+        Rows of the file, and those that can be used.
+    uses : tuple of Use
+        What each column is taken for.
+    left_out : tuple of LeftOut
+        Rows and cells that cannot be used.
+    notes : tuple of str
+        Remarks on the reading.
+    """
+
+    kind: TableKind
+    file: str
+    rows: int
+    usable: int
+    uses: tuple[Use, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def reasons(self) -> list[tuple[LeftOut, int]]:
+        """The first row or cell of each reason for which some are left out, and how many there are; most first."""
+        return reasons(self.left_out)
+
+
+def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[Taken]:
+    """Return what a file is taken for: as a table of stars, of planets, or of both where both can be read from it.
+
+    Parameters
+    ----------
+    source : str or Path
+    kind : {"stars", "planets"}, optional
+        Which of the two it is; by default each that it can be.
+    strict : bool
+        Refuse it for the first row or cell that cannot be used.
+
+    Raises
+    ------
+    InputError
+        If it is neither: why it is none of the kind of which it has more columns.
+    """
+    raw = parse_table(read_bytes(source, key="file", presets=""))
+    made, refused = [], []
+    for one, read in _READERS.items():
+        if kind in (None, one):
+            with tables_read(apart=True):
+                try:
+                    made.append(read(raw, False))
+                except InputError as error:
+                    refused.append((_known(raw, one), error))
+    if not made:
+        raise max(refused, key=lambda item: item[0])[1]
+    if strict:
+        for taken in made:
+            _READERS[taken.kind](raw, True)
+    return made
+
+
+def possible_columns(kind: TableKind) -> tuple[Columns, Groups]:
+    """Return the columns that a table of a kind may have, and groups of those of which it needs one each.
+
+    Parameters
+    ----------
+    kind : {"stars", "planets"}
+    """
+    if kind == "stars":
+        return QUANTITIES, REQUIRED
+    from catalogs import known_planets
+    from catalogs.known_planets import COLUMNS
+
+    return COLUMNS, known_planets.REQUIRED
+
+
+def _known(raw: RawTable, kind: TableKind) -> int:
+    """Return how many headings of a file are known in tables of a kind."""
+    columns, known = possible_columns(kind)[0], 0
+    for column in raw.columns:
+        with contextlib.suppress(InputError):
+            known += columns.meant_by(column.heading).column is not None
+    return known
+
+
+def _stars(raw: RawTable, strict: bool) -> Taken:
+
+    found = user_table(raw, strict=strict)
+    return Taken("stars", raw.name, len(raw), len(found.table), found.uses, found.left_out, found.notes)
+
+
+def _planets(raw: RawTable, strict: bool) -> Taken:
+    from catalogs.known_planets import own_rows
+
+    _, given = own_rows(raw, strict=strict)
+    notes = given.notes + given.told()
+    return Taken("planets", raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
+
+
+_READERS: dict[TableKind, Callable[[RawTable, bool], Taken]] = {"stars": _stars, "planets": _planets}
+
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
 REQUIRED = (_NAMES, ("v_mag", "opt_mag", "gaia_g_mag"), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
@@ -122,15 +343,13 @@ def _place(rows: list[Row]) -> None:
         lacking = [row for row in rows if kind in row and not {"ra_deg", "dec_deg"} <= set(row)]
         if not lacking:
             continue
-        from catalogs import written_values
-
         if kind == "coordinates":
-            pair = written_values.read_positions([row["coordinates"] for row in lacking])
+            pair = read_positions([row["coordinates"] for row in lacking])
         else:
             parts = [np.array([row.get(key) for row in lacking], object) for key in _SPLIT]
             hours, minutes, seconds, sign, degrees, arcmin, arcsec = parts
-            right = written_values.join_sexagesimal(hours, minutes, seconds, clock=True)
-            pair = right, written_values.join_sexagesimal(degrees, arcmin, arcsec, sign if any(sign) else None)
+            right = join_sexagesimal(hours, minutes, seconds, clock=True)
+            pair = right, join_sexagesimal(degrees, arcmin, arcsec, sign if any(sign) else None)
         for row, ra, dec in zip(lacking, *(item.values.tolist() for item in pair), strict=True):
             if math.isfinite(ra + dec):
                 row |= {"ra_deg": ra, "dec_deg": dec}
@@ -230,7 +449,7 @@ def _filled(given: Row, where: str, source: str) -> Row:
     Parameters
     ----------
     given : dict
-        Checked values by quantity (:data:`catalogs.star_columns.QUANTITIES`), missing ones left out.
+        Checked values by quantity (:data:`catalogs.stars.QUANTITIES`), missing ones left out.
     where : str
         File, row and star, for messages.
     source : str

@@ -12,7 +12,7 @@ from cpic_core import InputError, stream
 from cpic_planner.jobs import DamagedPartError
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.results import Column
-from cpic_planner.survey.store import ResultStore, Table, read_table
+from cpic_planner.survey.tables import ResultStore, Table, read_table
 
 YIELDS = Table(
     "yields",

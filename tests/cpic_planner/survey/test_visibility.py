@@ -14,8 +14,7 @@ from astropy.time import Time
 from astropy.utils import iers
 
 from cpic_core import InputError
-from cpic_planner.survey.visibility.calendar import BLOCKS, Visibility, _geometry, slew_s, visibility
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.survey.visibility import BLOCKS, Visibility, _geometry, load_visibility, slew_s, visibility
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cpic_planner.survey.visibility.limb import Geometry, _flank, clear_arcs
+from cpic_planner.survey.visibility import Geometry, _flank, clear_arcs
 from simulator import load_instrument
 from simulator.products import CircularOrbit, earth_radius_deg
 

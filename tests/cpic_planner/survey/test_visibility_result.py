@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.results import VisibilityResult
-from cpic_planner.survey.visibility.calendar import BLOCKS, visibility, visibility_result
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.survey.visibility import BLOCKS, load_visibility, visibility, visibility_result
 from cpic_planner.targets import Targets, find_target
 from simulator import load_instrument
 

@@ -9,13 +9,7 @@ from hypothesis import given, strategies as st
 from matplotlib.path import Path as Outline
 
 from cpic_core import load_yaml
-from cpic_planner.survey.visibility.calendar import slew_s
-from cpic_planner.survey.visibility.config import (
-    PACKAGE,
-    VisibilityConfig,
-    load_visibility,
-    roll_half_range_deg,
-)
+from cpic_planner.survey.visibility import PACKAGE, VisibilityConfig, load_visibility, roll_half_range_deg, slew_s
 from simulator import load_instrument
 from simulator.config import preset_names, preset_path
 from simulator.products import CircularOrbit

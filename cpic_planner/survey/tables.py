@@ -1,9 +1,11 @@
-"""Tables of a survey's results: written part by part, joined into one Parquet file each.
+"""Tables of a survey's results: their columns, written part by part, joined into one Parquet file each.
 
 A part is what one task found, rows for several tables in one file that is there whole or not at all
 (`cpic_planner.jobs.folder`). The joined tables hold no clock, path or order of arrival: the same parts give the same
 bytes, whoever made them and however often the run was broken off.
 """
+
+from __future__ import annotations
 
 import io
 import json
@@ -18,11 +20,13 @@ import numpy as np
 
 from cpic_core import ArrayLike, InputError, NDArray, read_file
 from cpic_planner.jobs import DamagedPartError, RunFolder
-from cpic_planner.results import Column, arrow_schema
+from cpic_planner.results import Column, Row, arrow_schema, column, columns_of
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
 _METADATA, _ABOUT = b"cpic_planner", {"schema_version": SCHEMA_VERSION}
+
+
 # All that decides the bytes is fixed.
 _FORMAT = {"row_group_size": 1 << 18, "compression": "zstd", "compression_level": 3, "version": "2.6"}
 _FORMAT |= {"data_page_version": "1.0", "write_statistics": True, "store_schema": True}
@@ -41,9 +45,9 @@ class Table:
 
     def __post_init__(self) -> None:
         names = [column.name for column in self.columns]
-        for column in self.columns:
-            if column.dtype not in _KINDS:
-                raise InputError(f"columns.{column.name}.dtype", column.dtype, allowed=", ".join(_KINDS))
+        for item in self.columns:
+            if item.dtype not in _KINDS:
+                raise InputError(f"columns.{item.name}.dtype", item.dtype, allowed=", ".join(_KINDS))
         if len(set(names)) < len(names):
             raise InputError(f"tables.{self.name}.columns", names, allowed="each name once")
         if not self.key or not set(self.key) <= set(names):
@@ -255,9 +259,9 @@ def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> 
     lengths = {len(array) for array in arrays}
     if len(lengths) > 1:
         raise InputError(f"{where} lengths", sorted(lengths), allowed="one length for all columns")
-    for column, array in zip(table.columns, arrays, strict=True):
-        if column.name in table.key and column.dtype == "float64" and np.isnan(array).any():
-            raise InputError(f"{where}.{column.name}", float("nan"), allowed="numbers in a key")
+    for item, array in zip(table.columns, arrays, strict=True):
+        if item.name in table.key and item.dtype == "float64" and np.isnan(array).any():
+            raise InputError(f"{where}.{item.name}", float("nan"), allowed="numbers in a key")
     typed = [pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)]
     return pa.table(typed, schema=table.schema)
 
@@ -318,3 +322,109 @@ def _refuse_repeats(rows: Any, table: Table, where: str) -> None:
 
 def _as_arrays(rows: Any) -> dict[str, NDArray[Any]]:
     return {name: rows.column(name).to_numpy() for name in rows.column_names}
+
+
+PLANETS = ("new_planets", "known_planets")
+"""Columns that add up to the planets found."""
+HOURS = ("search_h", "follow_up_h", "alarm_h")
+"""Columns that add up to the telescope time used."""
+
+
+class UniverseRow(Row):
+    """One universe of a strategy."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe, the same sky for every strategy")
+    new_planets: int = column("planets found that nobody knew")
+    new_planets_unconditional: int = column(
+        "the same of the whole population, had nobody looked before: with planets that velocities, stability and known "
+        "giants exclude, in the same visits"
+    )
+    known_planets: int = column("known planets seen")
+    stars_with_planet: int = column("stars with a planet found")
+    characterised_planets: int = column("planets found and seen in every band of the follow-up")
+    orbits_known: int = column("planets found whose orbit is known, what is published and logged included")
+    confirmed_planets: int = column("planets found where a published orbit has them, or seen again in another visit")
+    noise_alarms: int = column("noise taken for a planet")
+    background_alarms: int = column("background stars taken for a planet")
+    visits: int = column("visits made")
+    search_h: float = column("telescope time of the search")
+    follow_up_h: float = column("telescope time of follow-up, visits for orbits, and second visits of true candidates")
+    alarm_h: float = column("telescope time of visits that only false alarms asked for")
+
+
+class DetectionRow(Row):
+    """One planet that a strategy finds in one universe."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe")
+    star: str = column("name in the catalogue")
+    planet: int = column("number of the planet around its star, known ones first")
+    known_row: int = column("row in the table of known planets, -1 for a new planet")
+    kind: int = column("number of the planet's kind in the population; the last one is that of known planets")
+    ordinal: int = column("number of the visit among those of its star")
+    option: int = column("way to visit the star: number of its frames")
+    band: str = column("band of the visit")
+    day: float = column("since the start of the survey", unit="d")
+    used_h: float = column("telescope time used by then")
+    radius_rjup: float = column("radius")
+    semi_major_axis_au: float = column("of the orbit")
+    eccentricity: float = column("of the orbit")
+    inclination_deg: float = column("of the orbit")
+    margin: float = column("predicted significance over threshold")
+    chance: float = column("probability that this visit detects it")
+    snr: float = column("predicted photometric SNR")
+    contrast: float = column("true planet-to-star ratio of detected rates")
+    separation_arcsec: float = column("projected")
+    pa_deg: float = column("position angle, east of north")
+    roll_deg: float = column("position angle of the detector's +y axis")
+    distance_au: float = column("true distance from the star")
+    phase_deg: float = column("star-planet-observer")
+    exozodi_zodis: float = column("dust around the star, in solar systems")
+
+
+class StarRow(Row):
+    """The visits and findings of a strategy at one star in one block of universes."""
+
+    strategy: str = column("name of the strategy")
+    star: str = column("name in the catalogue")
+    block: int = column("block of universes that the sums run over")
+    universes: int = column("universes of the block")
+    visits: int = column("visits of the search, sum")
+    search_h: float = column("telescope time of the search, sum")
+    follow_up_h: float = column("telescope time of the follow-up, sum")
+    alarm_h: float = column("telescope time of visits that only false alarms asked for, sum")
+    new_planets: int = column("planets found that nobody knew, sum")
+    new_planets_unconditional: int = column("the same with the planets that are excluded, sum")
+    known_planets: int = column("known planets seen, sum")
+    orbits_known: int = column("planets whose orbit is known, sum")
+
+
+class OrbitRow(Row):
+    """The orbit of one planet that a strategy finds in one universe, with enough positions; errors are 1 sigma."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe")
+    star: str = column("name in the catalogue")
+    planet: int = column("number of the planet around its star, known ones first")
+    epochs: int = column("positions: visits of search, follow-up and the observation log that show it")
+    arc_periods: float = column("from the first position to the last, in periods of the planet")
+    axis_error: float = column("of the semi-major axis, relative")
+    period_error: float = column("relative")
+    eccentricity_error: float = column("of the eccentricity")
+    inclination_error_deg: float = column("of the inclination")
+    next_day: float = column("next window of the star, since the start of the survey", unit="d")
+    place_error_arcsec: float = column("of the predicted place then, rms distance")
+    place_error_lambda_d: float = column("the same, in lambda/D of the last band that showed it")
+    orbit_known: bool = column("whether both errors are within the rule of the strategy")
+
+
+TABLES = (
+    Table("universes", columns_of(UniverseRow), key=("strategy", "universe")),
+    Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet")),
+    Table("stars", columns_of(StarRow), key=("strategy", "star", "block")),
+    Table("orbits", columns_of(OrbitRow), key=("strategy", "universe", "star", "planet")),
+)
+DETECTION_DTYPES = {item.name: "int64" if item.dtype == "string" else item.dtype for item in columns_of(DetectionRow)}
+"""Types of the columns of detections while they are counted, where a star is its position."""
+ORBIT_DTYPES = {item.name: object if item.dtype == "string" else item.dtype for item in columns_of(OrbitRow)}
