@@ -1,35 +1,63 @@
-"""Figures of a ranking: its first stars as bars, the fate of the whole sample, and the stars on the sky.
-
-Where the ranked stars are on the sky.
-"""
+"""Figures of a ranking: its first stars, the whole sample, the sky, contrasts, and an ensemble of instruments."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cpic_core import ArrayLike, NDArray
+from cpic_planner import results
 from cpic_planner.registry import SCORES, Score
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import VERDICT_STYLE, Look, Picture, literal, new_figure, place_labels, save, style
-from cpic_planner.report.numbers import duration_text, pretty_name
-from cpic_planner.report.summary import mode_of
-from cpic_planner.report.words import LIMITED_BY, SEARCHES, reason_text, verdict_text
+from cpic_planner.report.drawing import (
+    VERDICT_STYLE,
+    Look,
+    Picture,
+    contrast_axes,
+    literal,
+    new_figure,
+    place_labels,
+    save,
+    separation_ticks,
+    style,
+)
+from cpic_planner.report.words import (
+    LIMITED_BY,
+    SEARCHES,
+    count_text,
+    duration_text,
+    mode_of,
+    pretty_name,
+    reason_text,
+    verdict_text,
+)
 from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 N_STARS = 20
+
+
 MOST_STARS = 100
 """Stars whose names can still be read in one figure, which is then 27 inches high."""
+
+
 _N_BINS = 28
+
+
 _LOWEST_DECADES = 4.0
+
+
 _MARGIN = "margin: significance / threshold\nat a known place"
+
+
 _LEGEND: Look = {"loc": "lower right", "fontsize": 8.5, "frameon": True, "edgecolor": "none", "framealpha": 0.9}
 
 
@@ -158,6 +186,8 @@ def _wrapped(text: str) -> str:
 
 
 RING_AREA = 70.0
+
+
 OBLIQUITY_DEG = 23.4392911
 """Mean obliquity of the ecliptic at J2000.0 (IAU 1976), drawn line only."""
 
@@ -251,3 +281,206 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
             "of the reference planet; rings mark targets whose images were simulated."
             + (f" Stars without a listed position, not shown: {hidden}." if hidden else ""),
         )
+
+
+_LINE_STYLES = ("-", "--", "-.", ":")
+
+
+@dataclass(frozen=True)
+class LimitCurve:
+    """Contrast limit against separation; NaN where there is none.
+
+    Attributes
+    ----------
+    label : str
+        Target and band.
+    separation_arcsec, contrast : ndarray
+        Equal lengths; contrast is the planet-to-star flux ratio at the stated n sigma.
+    """
+
+    label: str
+    separation_arcsec: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HoleEdges:
+    """Separations of the inner and outer corner of a band's dark hole on the diagonal of a quadrant."""
+
+    band: str
+    inner_arcsec: float
+    outer_arcsec: float
+
+
+def contrast_diagram(
+    rank: RankResult,
+    *,
+    limits: Sequence[LimitCurve] = (),
+    holes: Sequence[HoleEdges] = (),
+    confirmed: tuple[str, ...] = (),
+) -> Picture:
+    """Draw every ranked reference planet, the contrast limits and the edges of the dark holes.
+
+    Parameters
+    ----------
+    rank : RankResult
+    limits : sequence of LimitCurve
+        Detection limits at the level ``rank.sigma`` in ``rank.time_s``.
+    holes : sequence of HoleEdges
+        Drawn as vertical lines.
+    confirmed : tuple of str
+        SIMBAD identifiers of targets that were simulated: ringed.
+    """
+    rows = [row for row in rank.targets if row.contrast > 0 and row.separation_arcsec > 0]
+    with style():
+        figure = new_figure(5.8)
+        axes = figure.add_subplot()
+        contrast_axes(axes)
+        handles: list[Artist] = []
+        texts: list[str] = []
+        groups = drawing.by_verdict(rows)
+        for verdict, chosen in reversed(groups.items()):
+            x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
+            size = 14 if verdict == "unreachable" else 26
+            handles.append(axes.scatter(x, y, s=size, **drawing.verdict_look(verdict, faint=0.45)))
+            texts.append(f"reference planet: {verdict_text(verdict)} ({len(chosen)})")
+        ringed = [row for row in rows if row.name in confirmed]
+        if ringed:
+            x, y = [row.separation_arcsec for row in ringed], [row.contrast for row in ringed]
+            handles.append(axes.scatter(x, y, s=90, **drawing.RING))
+            texts.append("simulated as images")
+        for index, curve in enumerate(limits):
+            look: Look = {"color": drawing.BAND_STYLE[index % len(drawing.BAND_STYLE)][0], "lw": 1.6, "zorder": 3}
+            dashes = _LINE_STYLES[index % len(_LINE_STYLES)]
+            line = axes.plot(curve.separation_arcsec, curve.contrast, ls=dashes, **look)
+            handles.append(line[0])
+            texts.append(literal(f"{rank.sigma:g}σ contrast limit: {curve.label}"))
+        _frame(axes, rows, limits, holes)
+        figure.legend(handles, texts, loc="outside lower center", ncols=2, columnspacing=2.0)
+        _hole_lines(axes, holes)
+        chosen = ringed + [row for row in rows[: drawing.MOST_LABELLED] if row.name not in confirmed]
+        x, y = [row.separation_arcsec for row in chosen], [row.contrast for row in chosen]
+        reach = [9.0 if row.name in confirmed else 5.0 for row in chosen]
+        names = [literal(pretty_name(row.name)) for row in chosen]
+        labels = {row.name for row in chosen}
+        detected = [row for row in groups.get("detected", []) if row.name not in labels]
+        seen = [(row.separation_arcsec, row.contrast) for row in detected]
+        place_labels(axes, x, y, names, fontsize=9, reach_px=reach, others=seen)
+        return save(
+            figure,
+            alt=f"Diagram of contrast against separation: {len(rows)} reference planets and {len(limits)} "
+            f"contrast-limit curves.",
+            caption="Contrast of each star's reference planet in its best band (symbols), and the contrast limit "
+            "of single targets (lines): the planet-to-star flux ratio whose significance reaches the "
+            f"small-sample threshold equivalent to {rank.sigma:g}σ in the wall time planned for that star (at most "
+            f"{duration_text(rank.time_s)}). A limit belongs to its own star: other stars' planets are not judged by "
+            "it. Vertical lines: corners of the dark hole on the diagonal of a quadrant.",
+        )
+
+
+def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve], holes: Sequence[HoleEdges]) -> None:
+    """Set the limits of the axes: the points and curves with room for labels."""
+    edges = [edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)]
+    separations = [row.separation_arcsec for row in rows] + edges
+    contrasts = [row.contrast for row in rows]
+    for curve in limits:
+        good = np.isfinite(curve.contrast) & (curve.contrast > 0)
+        separations += curve.separation_arcsec[good].tolist()
+        # The limit climbs without bound at the edges; its bulk decides the frame.
+        contrasts += np.percentile(curve.contrast[good], [0, 90]).tolist() if good.any() else []
+    if separations:
+        separation_ticks(axes, min(separations) / 1.06, max(separations) * 1.06)
+    if contrasts:
+        axes.set_ylim(min(contrasts) / 2.0, max(contrasts) * 2.5)
+
+
+def _hole_lines(axes: Axes, holes: Sequence[HoleEdges]) -> None:
+    """Draw lines at the hole's corners; equal edges of several bands share one line and one label."""
+    groups: dict[float, list[str]] = {}
+    for hole in holes:
+        groups.setdefault(round(hole.inner_arcsec, 4), []).append(f"{hole.band} inner")
+        groups.setdefault(round(hole.outer_arcsec, 4), []).append("outer")
+    for edge, names in groups.items():
+        axes.axvline(edge, color="#999999", lw=0.9, ls=":", zorder=1)
+        text = "outer" if set(names) == {"outer"} else ", ".join(sorted({n for n in names if n != "outer"}))
+        look: Look = {"rotation": 35, "rotation_mode": "anchor", "fontsize": 8.5, "color": "#666666"}
+        axes.text(edge, 1.012, text, transform=axes.get_xaxis_transform(), ha="left", va="bottom", **look)
+
+
+N_BARS, N_ENSEMBLE_STARS = 12, 25
+
+
+_LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
+
+
+def ensemble_figure(rank: results.RankResult, n_stars: int = N_ENSEMBLE_STARS) -> Figure:
+    """Draw the ranks of the first stars over an ensemble, and what the number of planets hangs on.
+
+    Parameters
+    ----------
+    rank : RankResult
+        With an ensemble.
+    n_stars : int
+        How many stars are drawn, at most 100.
+    """
+    ensemble = rank.ensemble
+    assert ensemble is not None
+    rows, bars = rank.targets[: min(n_stars, 100)], ensemble.bars[:N_BARS]
+    with style():
+        figure = new_figure(max(4.2, 1.4 + 0.24 * max(len(rows), len(bars))))
+        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.05))
+        _draw_ranks(left, rows)
+        _draw_bars(right, bars, ensemble.planets_nominal)
+        title = f"{count_text(ensemble.n_instruments)} instruments that fit what is known"
+        figure.suptitle(literal(f"{title}; up to {duration_text(rank.time_s)} per star and band"), fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def ensemble_picture(rank: results.RankResult) -> Picture:
+    """Return that figure for a page."""
+    ensemble = rank.ensemble
+    assert ensemble is not None
+    first = ", ".join(pretty_name(row.name) for row in rank.targets[:5])
+    return save(
+        ensemble_figure(rank),
+        alt=f"Left: median rank and its 5 to 95 % interval of the first stars ({first}, ...). Right: bars of the "
+        f"expected planets for low and high values of {len(ensemble.bars[:N_BARS])} uncertain numbers, the longest "
+        f"for {ensemble.bars[0].label}.",
+        caption="Left: the median rank of each star over the ensemble, and between which ranks it is under 90 % of the "
+        "instruments; the share beside it is how many detect the reference planet in the given time. Right: expected "
+        "planets of one observation of every star with one number at the value that 5 % (blue) or 95 % (red) of its "
+        "law are below, all others as assumed; the line is the instrument as assumed.",
+    )
+
+
+def _draw_ranks(axes: Axes, rows: Sequence[results.RankedTarget]) -> None:
+    for at, row in enumerate(rows):
+        if row.rank_median is None or row.rank_p05 is None or row.rank_p95 is None:
+            continue
+        axes.plot([row.rank_p05, row.rank_p95], [at, at], color=_LOW, lw=2.2, solid_capstyle="butt")
+        axes.plot([row.rank_median], [at], "o", color=_INK, ms=4.5)
+        text = f" {100 * (row.p_reachable or 0.0):.0f} %"
+        axes.annotate(text, (row.rank_p95, at), fontsize=7.5, va="center", color=_INK, annotation_clip=False)
+    axes.set_yticks(range(len(rows)), [literal(f"{row.rank}  {pretty_name(row.name)}") for row in rows])
+    last = max((row.rank_p95 or 1.0 for row in rows), default=1.0)
+    axes.set(xlabel="rank (and share that reaches it)", ylim=(len(rows) - 0.4, -0.6), xlim=(0, 1.18 * last + 1))
+    axes.grid(visible=True, axis="x")
+
+
+def _draw_bars(axes: Axes, bars: Sequence[results.EnsembleBar], nominal: float) -> None:
+    for at, bar in enumerate(bars):
+        for value, text, colour in ((bar.planets_low, bar.low, _LOW), (bar.planets_high, bar.high, _HIGH)):
+            axes.barh(at, value - nominal, left=nominal, height=0.6, color=colour)
+            side = "left" if value >= nominal else "right"
+            gap = " " if side == "left" else ""
+            axes.annotate(
+                literal(f"{gap}{text}{'' if gap else ' '}"), (value, at), fontsize=7.0, va="center", ha=side, color=_INK
+            )
+    axes.axvline(nominal, color=_INK, lw=1.0)
+    axes.set_yticks(range(len(bars)), [literal(bar.label) for bar in bars])
+    ends = [value for bar in bars for value in (bar.planets_low, bar.planets_high)] or [nominal]
+    width = max(max(ends) - min(ends), 1e-12)
+    axes.set(xlabel="planets of one observation each", ylim=(len(bars) - 0.4, -0.6))
+    axes.set_xlim(min(ends) - 0.22 * width, max(ends) + 0.22 * width)
+    axes.grid(visible=True, axis="x")

@@ -1,4 +1,4 @@
-"""Contrast curves and operating characteristics: in words, on the terminal, drawn, and as reports of sections."""
+"""Contrast curves and operating characteristics: in words, on the terminal, drawn, and as reports."""
 
 from __future__ import annotations
 
@@ -14,13 +14,31 @@ from cpic_planner import results
 from cpic_planner.jobs import RunFolder
 from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc, drawing
+from cpic_planner.report.answers import flag_lines
 from cpic_planner.report.cells import print_note, print_table, row_cells
-from cpic_planner.report.console_runs import flag_lines
-from cpic_planner.report.drawing import Look, Picture, band_style, literal, new_figure, save, style
-from cpic_planner.report.figures import contrast_axes, separation_ticks
-from cpic_planner.report.numbers import duration_text, full_name, pretty_name, share_text, significant, star_text
-from cpic_planner.report.words import prose, status_text, terms
-from cpic_planner.report.write import page_html
+from cpic_planner.report.document import page_html
+from cpic_planner.report.drawing import (
+    Look,
+    Picture,
+    band_style,
+    contrast_axes,
+    literal,
+    new_figure,
+    save,
+    separation_ticks,
+    style,
+)
+from cpic_planner.report.words import (
+    duration_text,
+    full_name,
+    pretty_name,
+    prose,
+    share_text,
+    significant,
+    star_text,
+    status_text,
+    terms,
+)
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, RecoveredRow, RocResult, RocRow
 
 if TYPE_CHECKING:
@@ -175,13 +193,24 @@ _LIMITS: tuple[tuple[str, str, Look], ...] = (
     ("contrast_limit_known_place", "half found at a known place", {"ls": (0, (4, 2)), "lw": 1.3}),
     ("contrast_limit_threshold", "at the threshold", {"ls": ":", "lw": 1.7}),
 )
+
+
 _HIGH, _LOW = 3.9, 2.9
 """Heights of the curves and of a row of smaller panels, inches."""
+
+
 _GREY = "#444444"
+
+
 _POINT: Look = {"ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
+
+
 _CONTOURS = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
 _FEWEST = 0.3
 """False alarms counted and expected below which nothing is shown."""
+
 
 Panel = Callable[["Axes"], None]
 
@@ -442,9 +471,15 @@ def _draw_alarms(axes: Axes, result: RocResult) -> None:
 
 CURVE_PRODUCTS = ("curve.csv", "completeness.csv", "recovered.csv", "report.html")
 """Names of the files of a report of contrast curves."""
+
+
 ROC_PRODUCTS = ("roc.csv", "report.html")
 """Names of the files of a report of operating characteristics."""
+
+
 _WORDS = "contrast; significance; threshold; speckle floor; blind search; separation; dark hole; core throughput; RDI"
+
+
 _PROGRAMME = (
     "band:row,left separation_arcsec contrast visits frames em_gain visit_time_s time_s resolution_elements images"
 )
@@ -460,6 +495,8 @@ class SearchedReport:
 
 CURVE_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of contrast curves, in their order."""
+
+
 ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of operating characteristics, in their order."""
 

@@ -1,63 +1,80 @@
-"""The ranking on the terminal: table, sensitivity, and why one star stands where it stands.
-
-Answers of the exposure-time calculator are there with noise budget, what binds and what would help.
-
-So are a comparison of survey strategies, how firm answers are (stated errors, checks in images), and speed against
-accuracy.
-"""
+"""Answers of the exposure-time calculator: on the terminal, and as curves; speed against accuracy."""
 
 from __future__ import annotations
 
+import io
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from operator import itemgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpic_planner import results
-from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report import numbers, summary, words
+import numpy as np
+
+from cpic_core import FloatArray, InputError, Status, write_named
+from cpic_planner import etc, results
+from cpic_planner.report import drawing
 from cpic_planner.report.cells import (
     Cells,
-    computed,
     explain_symbols,
-    own_cells,
     print_note,
     print_plain,
     print_table,
     row_cells,
     status_cell,
 )
-from cpic_planner.report.files import score_taken
-from cpic_planner.report.numbers import (
+from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, band_style, literal, new_figure, style
+from cpic_planner.report.known import lacking_lines
+from cpic_planner.report.words import (
+    LIMITED_BY,
     MISSING,
-    chosen_text,
-    count_text,
-    decimals,
+    cap_sentence,
     duration_text,
+    error_text,
+    flag_text,
     full_name,
+    level_text,
+    limit_text,
+    orbits_text,
     pretty_name,
+    ratio_text,
+    remedies_text,
+    sentence,
+    share_text,
+    short_limit,
     significant,
+    star_text,
+    term_text,
+    unused_text,
 )
-from cpic_planner.report.priorities import lacking_lines, print_ensemble
-from cpic_planner.report.summary import error_text
-from cpic_planner.report.whatif_maps import shown_rows
-from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
 from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
+from cpic_planner.targets import Targets
+from simulator.detectors import noise_terms
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
     from rich.console import Console
 
     from cpic_planner.queries import EtcQuestion
 
 
 _ENDS = ("median", "low", "high")
+
+
 _SENTENCES = 2
 """Most sentences under a table."""
+
+
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
+
+
 _BAR_CELLS, _FEWEST_CELLS = 24, 6
+
+
 _SMALLEST_SHARE = 5e-4
 
 
@@ -132,9 +149,9 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    star = numbers.star_text(result)
+    star = star_text(result)
     if look is not None:
-        star = f"{numbers.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
+        star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     print_table(console, title, cells, result.answers, explained=True, legend=True)
 
@@ -150,7 +167,7 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
     """Return the cell of a planet's number; of a known one its median and half of the width of 68 % of draws."""
 
     def written(value: float | None) -> str:
-        return numbers.MISSING if value is None else f"{value:.{places}f}" if places else numbers.ratio_text(value)
+        return MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
 
     def text(row: EtcAnswer) -> str:
         if row.known_planet is None:
@@ -164,8 +181,8 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
 
 def _with_error(value: float | None, share: float | None) -> str:
     if value is None or not share:
-        return numbers.significant(value)
-    told = numbers.significant(value)
+        return significant(value)
+    told = significant(value)
     return f"{told} ± {value * share:.{len(told.partition('.')[2])}f}"
 
 
@@ -173,7 +190,7 @@ def _range_text(row: EtcAnswer) -> str:
     """Return the answers that the errors of a known planet leave open."""
     look = row.known_planet
     if look is None or not look.value.answered_share:
-        return numbers.MISSING
+        return MISSING
     middle, low, high = (_value_text(row, getattr(look.value, end)) for end in _ENDS)
     return f"{middle} ({low} to {high})"
 
@@ -199,9 +216,9 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     if best is not None and best.verdict == "measured_not_detected":
         searched = best.verdict_mode == "blind"
         chance = best.detection_probability if searched else best.detection_probability_known_place
-        significance, threshold = map(numbers.significant, (best.significance, best.threshold))
+        significance, threshold = map(significant, (best.significance, best.threshold))
         levels = f"the significance is {significance} and the threshold {threshold}"
-        why = levels if chance is None else f"{numbers.share_text(chance)} % of such programmes show the planet"
+        why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
         inner = (
             "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
             "threshold is highest (a question for a detection takes that into account)"
@@ -209,13 +226,13 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
         text = f"The answer in {best.band} is not a detection: {why}"
         told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")
         if needed := _required_text(best):
-            limit = words.LIMITED_BY[best.limited_by or "none"][1]
+            limit = LIMITED_BY[best.limited_by or "none"][1]
             told.append(f"Limited by {limit}. Any one of these would be enough: {needed}.")
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
     if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
-        causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
+        causes = "; ".join(f"{bands} by {LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
     if len(told) < _SENTENCES and not explained and (reasons := _bands_of(result.answers, "message")):
         told.append(f"{'; '.join(f'{bands}: {text}' for text, bands in reasons.items())}.")
@@ -238,7 +255,7 @@ def _explain(result: EtcResult, console: Console) -> None:
     for row in rated:
         blind, known_place = row.detection_probability, row.detection_probability_known_place
         if blind is not None and known_place is not None:
-            odds.append(f"{answer_name(row)} {numbers.share_text(blind)} and {numbers.share_text(known_place)} %")
+            odds.append(f"{answer_name(row)} {share_text(blind)} and {share_text(known_place)} %")
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
     needs = [(row, _required_text(row)) for row in rated if row.verdict != "detected"]
@@ -249,8 +266,8 @@ def _explain(result: EtcResult, console: Console) -> None:
     if programme := _programme_text(result.answers):
         print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
     days = [row.span_days for row in result.answers if row.span_days is not None]
-    if days and (paid := words.orbits_text(result.answers)):
-        print_note(console, f"They span up to {numbers.significant(max(days), 2)} days; {paid}.")
+    if days and (paid := orbits_text(result.answers)):
+        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
     look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
     if look is not None:
         print_note(console, f"Orbit from {look.reference}; {look.planets_table}.")
@@ -262,18 +279,18 @@ def _required_text(row: EtcAnswer) -> str:
     if row.required_visits is not None:
         parts.append(f"{row.required_visits} such visits")
     if row.required_time_s is not None:
-        parts.append(f"{numbers.duration_text(row.required_time_s)} in as many visits")
+        parts.append(f"{duration_text(row.required_time_s)} in as many visits")
     if row.required_drift_factor is not None:
-        parts.append(f"{numbers.significant(row.required_drift_factor, 2)} of the drift")
+        parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
     if row.required_contrast_factor is not None:
-        parts.append(f"a contrast {numbers.significant(row.required_contrast_factor, 3)} times as high")
+        parts.append(f"a contrast {significant(row.required_contrast_factor, 3)} times as high")
     return ", ".join(parts)
 
 
 def _programme_text(rows: list[EtcAnswer]) -> str:
     """Return the visits of the answers, in words."""
     seen = dict.fromkeys(
-        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {numbers.duration_text(row.visit_time_s)}"
+        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {duration_text(row.visit_time_s)}"
         for row in rows
         if row.visits is not None and row.visit_time_s is not None
     )
@@ -283,8 +300,8 @@ def _programme_text(rows: list[EtcAnswer]) -> str:
 def _limits_cell(row: EtcAnswer) -> str:
     """Return what binds exposure and gain, in few words."""
     limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
-    parts = [f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit]
-    return ", ".join(parts) or numbers.MISSING
+    parts = [f"{name}: {short_limit(limit)}" for name, limit in limits if limit]
+    return ", ".join(parts) or MISSING
 
 
 def _print_budget(row: EtcAnswer, console: Console) -> None:
@@ -295,16 +312,16 @@ def _print_budget(row: EtcAnswer, console: Console) -> None:
     shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
     largest = max(terms.values())
     cells = [
-        Cells("term", words.term_text, right=False),
-        Cells("e- rms", lambda name: numbers.significant(terms[name] ** 0.5)),
+        Cells("term", term_text, right=False),
+        Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
         Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
     ]
     taken = sum(max(len(cell.header), *(len(cell.text(name)) for name in shown)) + 2 for cell in cells)
     room = min(_BAR_CELLS, console.width - taken)
     if room >= _FEWEST_CELLS:
         cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
-    signal = numbers.significant(row.budget.get("signal_e"))
-    title = f"Noise in {answer_name(row)}: {numbers.significant(total**0.5)} e- rms under a signal of {signal} e-"
+    signal = significant(row.budget.get("signal_e"))
+    title = f"Noise in {answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
     print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
@@ -320,17 +337,17 @@ def _bar(share: float, room: int, console: Console) -> str:
 
 def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
     limits = ("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)
-    if held := [f"the {name} is held by {words.limit_text(limit)}" for name, limit in limits if limit]:
-        print_note(console, words.sentence("; ".join(held)))
-    helpful = words.remedies_text(row.remedies)
+    if held := [f"the {name} is held by {limit_text(limit)}" for name, limit in limits if limit]:
+        print_note(console, sentence("; ".join(held)))
+    helpful = remedies_text(row.remedies)
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
         helpful += "; longer visits would lower it, because the wavefront drifts during a visit"
     if helpful:
         print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
     if explain and row.gain_caps and row.exposure_s is not None:
-        print_note(console, f"In frames of {numbers.significant(row.exposure_s)} s:")
+        print_note(console, f"In frames of {significant(row.exposure_s)} s:")
         for name, gain in row.gain_caps.items():
-            print_note(console, f"  {words.cap_sentence(name, gain)}.")
+            print_note(console, f"  {cap_sentence(name, gain)}.")
 
 
 def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list[str]:
@@ -345,11 +362,11 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
     flags = dict.fromkeys(flag for row in rows for flag in row.flags)
     bands = {row.band for row in rows}
     lines = [f"Note: {note}"] if note else []
-    lines += filter(None, [numbers.unused_text(rows)])
+    lines += filter(None, [unused_text(rows)])
     for flag in flags:
         mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
-        lines.append(f"! {where}{words.flag_text(flag)} ({flag})")
+        lines.append(f"! {where}{flag_text(flag)} ({flag})")
     return lines
 
 
@@ -366,17 +383,19 @@ def _quadrant_text(result: EtcResult) -> str:
 def _value_text(row: EtcAnswer, value: float | None) -> str:
     """Return a value in the unit of an answer."""
     if row.unit == "s":
-        return "never" if value is None else numbers.duration_text(value)
+        return "never" if value is None else duration_text(value)
     if row.unit == "contrast":
-        return "none" if value is None else numbers.ratio_text(value)
-    return numbers.significant(value)
+        return "none" if value is None else ratio_text(value)
+    return significant(value)
 
 
 def _answer(row: EtcAnswer) -> str:
-    return numbers.MISSING if row.value is None else _value_text(row, row.value)
+    return MISSING if row.value is None else _value_text(row, row.value)
 
 
 ANSWER = Cells("answer", _answer, fields=("value", "unit"))
+
+
 _RANGE = Cells(
     "range",
     _range_text,
@@ -384,9 +403,11 @@ _RANGE = Cells(
     "place and light, which may lie elsewhere",
     fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
 )
+
+
 _SNR = Cells(
     "SNR",
-    lambda row: numbers.significant(row.snr),
+    lambda row: significant(row.snr),
     legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
     fields=("snr",),
 )
@@ -394,12 +415,12 @@ _SNR = Cells(
 
 def question_text(question: EtcQuestion) -> str:
     """Return what is asked, in words."""
-    level = numbers.level_text(question.snr, question.sigma)
+    level = level_text(question.snr, question.sigma)
     if question.asks_time:
         return f"wall time for {level}"
-    time = numbers.duration_text(question.wall_s)
+    time = duration_text(question.wall_s)
     if question.strategy.visits is not None and question.visit_time_s is not None:
-        time = f"{question.strategy.visits} × {numbers.duration_text(question.visit_time_s)}"
+        time = f"{question.strategy.visits} × {duration_text(question.visit_time_s)}"
     if question.n_frames is not None and question.exposure_s is not None:
         time = f"{question.n_frames} × {question.exposure_s:g} s"
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
@@ -422,14 +443,16 @@ class _Row:
     def ratio(self) -> str:
         base, own = self.base, self.answer
         if base is None or not base.value or own.value is None:
-            return numbers.MISSING
+            return MISSING
         same = ["separation_arcsec"] + ["contrast"] * (own.question != "contrast_limit")  # there it is the answer
         alike = all(math.isclose(getattr(own, name), getattr(base, name), rel_tol=_ALIKE) for name in same)
-        return numbers.significant(own.value / base.value, 3) if alike else _UNLIKE
+        return significant(own.value / base.value, 3) if alike else _UNLIKE
 
 
 _ALIKE = 1e-3
 """Relative difference up to which two separations or contrasts are the same in every digit that is shown."""
+
+
 _UNLIKE = "other planet"
 
 
@@ -453,9 +476,9 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
         instrument=Cells("instrument", lambda row: row.instrument, right=False),
         value=replace(ANSWER, text=lambda row: ANSWER.text(row.answer)),
         ratio=Cells("ratio", lambda row: row.ratio, legend="answer over that of the first instrument in the same band"),
-        limit=Cells("limit", lambda row: words.LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
+        limit=Cells("limit", lambda row: LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
     )
-    title = f"{numbers.full_name(results[0][1].target, results[0][1].hip)} with each instrument"
+    title = f"{full_name(results[0][1].target, results[0][1].hip)} with each instrument"
     print_table(console, title, cells, rows, explained=True, legend=True)
     if any(row.ratio == _UNLIKE for row in rows):
         why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
@@ -555,340 +578,363 @@ def _error(value: float | None, uncertainty: float | None) -> str:
     return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"
 
 
-def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, full: bool = True) -> None:
-    """Print the first ``limit`` rows of a ranking, and what its numbers refer to; in two sentences unless ``full``."""
-    shown, total = rank.targets[:limit], len(rank.targets)
-    some = f"first {len(shown)} of " if total > 1 else ""
-    stars = chosen_text(total, rank.n_in_catalogue)
-    title = f"Ranking: {some}{stars}, by {SCORES[rank.score_name].title}"
-    own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
-    cells = row_cells(
-        results.RankedTarget,
-        f"rank {'rank_in_catalogue ' * rank.filtered}name v_mag/5 distance_pc/5 {own}completeness "
-        "completeness_known_place completeness_unconditional/3 "
-        "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
-        "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
-        score=_score_cells(rank.score_name),
-    )
-    cells += own_cells(shown)
-    print_table(console, title, cells, shown, explained=True, legend=not full)
-    if rank.counts_limited_by:
-        limits = summary.limits_text(rank.counts_limited_by)
-        print_note(
-            console, f"Reference planets in {duration_text(rank.time_s)}, {summary.programme_text(rank)}: {limits}."
-        )
-    print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
-    print_note(console, *lacking_lines({}, rank.population.columns_not_used))
-    if rank.ensemble is not None:
-        print_ensemble(rank.ensemble, shown, console)
+N_TIMES, N_PLACES = 90, 25
+"""Points of a curve: straight lines between those of a limit miss at most 0.5 % of it."""
 
 
-def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
-    """Return what the numbers of a ranking refer to."""
-    planet = rank.reference_planet
-    return [
-        f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {summary.population_text(rank.population)}, by a blind search; known %: each planet "
-        "looked for at its place; of all %: whatever is known of the star, blind. The score counts "
-        f"{words.SEARCHES[rank.search]}.",
-        summary.detected_sentence(rank),
-        *filter(None, (summary.expected_sentence(rank), summary.velocities_sentence(rank, limit))),
-        f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
-        f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
-        f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        f"Detected: at least half of such observations show the planet {words.SEARCHES[summary.mode_of(rank)]}; "
-        "blind %, place %: probability that a search finds it that does not know its place, and one that does. "
-        f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
-        f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
-    ]
+TIME_SPAN = (1.0 / 300.0, 30.0)
 
 
-def _zeros(rank: results.RankResult) -> str:
-    """Return a sentence about stars of score 0, which the score does not order; empty if there are none."""
-    above = sum(row.score > 0.0 for row in rank.targets)
-    if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
-        return ""
-    stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
-    return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
+@dataclass(frozen=True)
+class TimeCurve:
+    """SNR and significance of one planet in one band against the wall time of as many visits; NaN without a frame.
+
+    ``point`` holds time, SNR and significance of the answer, if there is one.
+    """
+
+    label: str
+    time_s: FloatArray
+    snr: FloatArray
+    significance: FloatArray
+    threshold: float
+    point: tuple[float, float, float] | None
 
 
-def _score_cells(name: str) -> Cells:
-    score = SCORES[name]
-    look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (score_taken(name),)}
-    return Cells(score.label, lambda row: words.score_number(row.score, name), **look)
+@dataclass(frozen=True)
+class SeparationCurve:
+    """Contrast limit in one band against separation; NaN where there is none. ``planets``: separation and contrast."""
+
+    label: str
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    planets: tuple[tuple[float, float], ...]
 
 
-def _kept(name: str, first: int) -> Cells:
-    """Return the column of how many of the first stars stay among them."""
-    column: dict[str, Any] = {"fields": (name,), "kind": results.SensitivityRow}
-    return Cells(f"of {first}", lambda row: count_text(getattr(row, name)), **column)
+@dataclass(frozen=True)
+class EtcCurves:
+    """The contents of a figure of an answer; ``limit_time_s`` is the time of the limits, ``limit_level`` the level."""
+
+    times: tuple[TimeCurve, ...]
+    limits: tuple[SeparationCurve, ...]
+    limit_time_s: float
+    limit_level: str
 
 
-def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
-    """Print how the ranking depends on what is assumed."""
-    cells = row_cells(
-        results.SensitivityRow,
-        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
-        kept_first=_kept("kept_first", result.first),
-        kept=_kept("kept", result.top),
-    )
-    title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
-    print_table(console, title, cells, result.rows, last_width=44)
-    print_plain(console, result.statement)
-    print_note(
-        console,
-        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: "
-        f"{words.tau_text(result.top)}; tau of: their number; of {result.first}, of {result.top}: how many of the "
-        "nominal first stars stay among them; biggest fall: of these.",
-    )
-
-
-def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
-    """Print what moves from one ranking to another one, of the first ``limit`` stars of either."""
-    before, after = result.before, result.after
-    old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
-    rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
-    cells = [
-        Cells("before", lambda move: count_text(move.before.rank), fields=("before.rank",), kind=results.RankMove),
-        Cells("after", lambda move: count_text(move.after.rank), fields=("after.rank",), kind=results.RankMove),
-        *row_cells(results.RankMove, "name score_ratio/1 why"),
-    ]
-    count = len(result.targets)
-    first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else words.counted(count, "star")
-    print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
-    print_table(console, "", cells, rows, last_width=70)
-    named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
-    spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
-    print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
-    if result.settings is None:
-        print_note(console, "The file does not say how its ranking was made: settings are not compared.")
-    else:
-        said = "; ".join(map(_setting_text, result.settings))
-        print_note(console, f"Settings that differ: {said or 'none'}.")
-    print_note(
-        console,
-        "before, after: rank among all stars of the sample; score ×: score after over score before; Kendall's tau: "
-        "tau-b of the scores, of stars among the first of either ranking with a score above zero in either (1: the "
-        "same order; 0: an unrelated one; equal scores are no order).",
-    )
-
-
-def _setting_text(item: results.SettingChange) -> str:
-    """Return a setting before and after; of texts in several parts, such as samples, those that differ."""
-    parts = item.before.split("; "), item.after.split("; ")
-    gone, new = ("; ".join(part for part in own if part not in other) or MISSING for own, other in (parts, parts[::-1]))
-    return f"{item.key} {gone} → {new}"
-
-
-def print_explanation(explanation: results.Explanation, console: Console) -> None:
-    """Print why a star stands where it stands."""
-    star = explanation.star
-    print_plain(console, full_name(star.name, star.hip), bold=True)
-    print_plain(console, *explanation.sentences)
-    console.print()
-    _print_neighbours(explanation, console)
-    console.print()
-    _print_bands(explanation.bands, console)
-    _print_limits(explanation, console)
-    if explanation.ranks:
-        ranks = (f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in explanation.ranks.items())
-        print_note(console, f"Rank under other assumptions: {', '.join(ranks)}.")
-
-
-def _print_neighbours(explanation: results.Explanation, console: Console) -> None:
-    cells = row_cells(
-        results.RankedTarget,
-        "rank name score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
-        "detection_margin/2 status",
-        score=_score_cells(explanation.score_name),
-    )
-    rows = [row for row in (explanation.better, explanation.star, explanation.worse) if row is not None]
-    print_table(console, "Between its neighbours", cells, rows)
-
-
-def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> None:
-    cells = row_cells(
-        results.BandStanding,
-        "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
-        "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
-        dominant=lambda band: words.term_text(band.dominant),
-    )
-    title = "Its reference planet and its population, band by band"
-    print_table(console, title, cells, bands, explained=True, legend=True)
-
-
-def _print_limits(explanation: results.Explanation, console: Console) -> None:
-    """Print what binds and what would help in the star's best band."""
-    band = next((item for item in explanation.bands if item.band == explanation.star.band), None)
-    if band is None or band.exposure_s is None:
-        return
-    for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
-        if limit:
-            print_note(console, f"{band.band}: the {name} is held by {words.limit_text(limit)}.")
-    for name, gain in band.gain_caps.items():
-        print_note(
-            console, f"{band.band}, frames of {significant(band.exposure_s)} s: {words.cap_sentence(name, gain)}."
-        )
-    if helpful := words.remedies_text(band.remedies):
-        print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
-
-
-_LAST_COLUMN = 24
-_MOST_STRATEGIES = 20
-
-
-def print_whatif(result: results.WhatIfResult, console: Console, *, full: bool = True) -> None:
-    """Print the summary, the strategies, and their differences with the first one.
+def etc_curves(
+    model: etc.EtcModel,
+    star: Targets,
+    answers: Sequence[EtcAnswer],
+    *,
+    time_s: float,
+    best_band: str | None = None,
+    snr: float | None = None,
+    sigma: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+) -> EtcCurves:
+    """Return the curves around the answers to one question about one star.
 
     Parameters
     ----------
-    result : WhatIfResult
-    console : Console
-    full : bool
-        Also every strategy's images, and what the comparison is to be made again with.
+    model : etc.EtcModel
+    star : Targets
+        One star.
+    answers : sequence of EtcAnswer
+    time_s : float
+        Wall time that the limits are for; the middle of the axis of times where an answer has none.
+    best_band : str, optional
+        Band of the lines against time where there are several planets; with one planet every band has its line.
+    snr, sigma : float, optional
+        Level of the limits; the small-sample threshold where neither is given.
+    exposure_s, em_gain : float, optional
+        What was fixed.
     """
-    for i, text in enumerate(lead_sentences(result)):
-        print_plain(console, text, bold=i == 0)
-    print_plain(console, f"Compared: {extent_text(result)}.")
-    console.print()
-    rows = shown_rows(result.strategies, _MOST_STRATEGIES)
-    shown = [result.strategies[i] for i in rows]
-    universes = f"{count_text(result.n_universes)} universes"
-    title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
-    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN, legend=True)
-    if len(shown) < len(result.strategies):
-        print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
-    if len(shown) > 1:
-        console.print()
-        _print_differences(result, {item.name for item in shown}, console)
-    _print_facts(result, shown, console)
-    if full:
-        _print_images(shown, console)
-        print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
-    else:
-        print_note(console, *filter(None, [_images_sentence(result.strategies)]))
+    from cpic_planner.ranking import separation_grid
+
+    fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
+    detects = any(answer.question != "signal_to_noise" for answer in answers)
+    objective: etc.Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
+    several = len(answers) > len({answer.band for answer in answers})
+    drawn = [answer for answer in answers if answer.band == best_band or not several]
+    times = _against_time(model, star, drawn, time_s, objective, etc.FixedFrames(**fixed), several)
+    bands = dict.fromkeys(answer.band for answer in answers)
+    ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
+    grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
+    found = etc.contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
+    planets = {
+        band: tuple((row.separation_arcsec, row.contrast) for row in answers if row.band == band and row.contrast)
+        for band in bands
+    }
+    limits = (SeparationCurve(band, grid, found[band], planets[band]) for band, grid in grids.items())
+    return EtcCurves(times, tuple(limits), time_s, level_text(snr, sigma))
 
 
-_STRATEGIES = row_cells(
-    results.StrategyOutcome,
-    "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
-    planets=lambda item: decimals(item.planets.mean, 2),
-    interval=Cells(
-        "interval",
-        lambda item: interval_text(item.planets.low, item.planets.high),
-        legend="of the mean",
-        fields=("planets.low", "planets.high"),
-    ),
-    survey=Cells(
-        "survey",
-        lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
-        legend="5 to 95 % of single surveys",
-        fields=("planets.survey_low", "planets.survey_high"),
-    ),
-    new=Cells(
-        "new",
-        lambda item: decimals(item.new_planets.mean, 2),
-        legend="planets that nobody knows",
-        fields=("new_planets",),
-    ),
-    hours=lambda item: decimals(item.hours.mean, 0),
-    visits=computed(
-        "visits",
-        lambda item: sum(target.visits for target in item.targets),
-        lambda value: decimals(value, 1),
-        "made, mean",
-    ),
-    bound=computed(
-        "bound %",
-        lambda item: item.schedule.distance,
-        lambda value: decimals(100.0 * value, 1),
-        "optimality gap: planets lost relative to the best possible calendar, at most",
-        name="optimality_gap",
-    ),
-    alarms=computed(
-        "alarms",
-        lambda item: item.noise_alarms.mean + item.background_alarms.mean,
-        planets_text,
-        "false ones, mean",
-        name="false_alarms",
-    ),
-)
-
-
-def _print_differences(result: results.WhatIfResult, names: set[str], console: Console) -> None:
-    """Print paired differences with the first strategy."""
-    reference = result.strategies[0].name
-    by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    pairs = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
-    rows = [(name, item) for name, item in pairs if item is not None]
-
-    def mean(name: str, quantity: Any, places: int) -> str:
-        item = by.get((name, quantity))
-        return MISSING if item is None else _signed(item.mean, places)
-
-    cells = [
-        Cells("planets", lambda row: _signed(row[1].mean, 2)),
-        Cells("interval", lambda row: interval_text(row[1].low, row[1].high), gives_way=2),
-        Cells("new", lambda row: mean(row[0], "new_planets", 2), gives_way=3),
-        Cells("hours", lambda row: mean(row[0], "hours", 0), gives_way=1),
-        Cells("verdict", lambda row: _likely(row[1]), right=False, gives_way=4),
-        Cells("strategy", itemgetter(0), right=False),
+def _against_time(
+    model: etc.EtcModel,
+    star: Targets,
+    answers: Sequence[EtcAnswer],
+    time_s: float,
+    objective: etc.Objective,
+    fixed: etc.FixedFrames,
+    several: bool,
+) -> tuple[TimeCurve, ...]:
+    """Return the lines of SNR against time; none of planets that are outside the field or send no light."""
+    shown = [
+        one
+        for one in answers
+        if one.contrast is not None and 0.0 < one.contrast <= 1.0 and one.status is not Status.OUTSIDE_FIELD
     ]
-    title = f"Difference with {reference} in the same universes"
-    print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+    centre = np.array([one.time_s or time_s for one in shown])
+    visits = np.array([one.visits or model.strategy.visits or 1 for one in shown])
+    grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES, axis=-1)
+    planets = (etc.planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown)
+    every = [etc.band_cases(model, star, one.band, them, fixed) for one, them in zip(shown, planets, strict=True)]
+    lines = np.full((2, *grid.shape), np.nan)
+    for camera in dict.fromkeys(cases.camera for cases in every):
+        mine = np.flatnonzero([cases.camera == camera for cases in every])
+        many, visit_time_s = visits[mine, None, None], (grid / visits[:, None])[mine, None]
+        alike = etc.CameraCases.of([every[i] for i in mine])
+        cases = alike.in_programme(etc.Programme.of(model.strategy, many, visit_time_s))
+        choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
+        if model.strategy.n_modes:  # what they change follows the frames slowly
+            cases = alike.in_programme(alike.programme_of(many, visit_time_s, choice))
+            choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
+        noise, framed = cases.noise(choice), choice.n_frames >= 1
+        lines[:, mine] = np.where(framed, (noise.snr, noise.significance), np.nan)[:, :, 0]
+    curves = []
+    for i, one in enumerate(shown):
+        point = None
+        if one.time_s is not None and one.snr is not None and one.significance is not None:
+            point = (one.time_s, one.snr, one.significance)
+        label = one.band + (f", {one.separation_arcsec:.3f}″" if several else "")
+        curves.append(TimeCurve(label, grid[i], lines[0, i], lines[1, i], float(every[i].threshold[0]), point))
+    return tuple(curves)
 
 
-def _print_facts(result: results.WhatIfResult, strategies: list[results.StrategyOutcome], console: Console) -> None:
-    """Print planets found with all facts and without each."""
-    facts = result.facts
-    if facts is None or not facts.facts:
-        return
-    rows = {(row.strategy, row.fact): row for row in facts.rows}
-
-    def without(fact: str) -> Callable[[results.StrategyOutcome], str]:
-        return lambda item: decimals(rows[item.name, fact].planets.mean, 2)
-
-    cells = [
-        Cells("all facts", lambda item: decimals(item.planets.mean, 2)),
-        *(Cells(fact.name, without(fact.name)) for fact in facts.facts),
-        Cells("strategy", lambda item: item.name, right=False),
-    ]
-    console.print()
-    print_table(console, "Planets found without each fact, planned anew", cells, strategies, last_width=_LAST_COLUMN)
-    print_plain(console, facts.statement)
-    console.print()
+FIGURE_FORMATS = ("png", "pdf", "svg")
 
 
-def _likely(item: results.DifferenceRecord) -> str:
-    return "more" if item.low > 0 else "fewer" if item.high < 0 else "may be chance"
+_UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "svg": {"Date": None, "Creator": None},
+}
 
 
-def _signed(value: float, places: int) -> str:
-    return f"{'+' if value > 0 else ''}{decimals(value, places)}"
+_LEAST_SHARE = 0.02
 
 
-def _images_sentence(strategies: Sequence[results.StrategyOutcome]) -> str:
-    """Return how many of the detections that were simulated as images show the planet; empty where none was."""
-    samples = [item.images for item in strategies if item.images is not None and item.images.images]
-    if not samples:
-        return ""
-    expected = decimals(sum(sample.expected for sample in samples), 1)
-    found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
-    return f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
+_BELOW: Look = {
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, 0.0),
+    "borderaxespad": 4.6,
+    "fontsize": 8.5,
+    "columnspacing": 1.2,
+}
 
 
-def _print_images(strategies: list[results.StrategyOutcome], console: Console) -> None:
-    for item in strategies:
-        sample = item.images
-        if sample is None:
-            continue
-        if sample.images == 0:
-            why = sample.note or "none asked for"
-            print_plain(console, f"{item.name}: no detection was simulated as images: {why}")
-            continue
-        remark = f"; {sample.note}" if sample.note else ""
-        ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
-        sequences = f"{sample.images} simulated image sequences (of {sample.detections} detections)"
-        counts = f"{sample.found} of {sequences} show the planet"
-        expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
-        print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
+_TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
+
+
+_REST = "#D0D0D0"
+
+
+_TERM_COLOURS = {
+    "speckle": "#0072B2",
+    "reference": "#E69F00",
+    "planet": "#009E73",
+    "halo": "#CC79A7",
+    "sky": "#56B4E9",
+    "companion": "#882255",
+    "exozodi": "#AA9988",
+    "background_mean": "#8C8C8C",
+    "counting": "#332288",
+    "smear": "#44AA99",
+    "companion_wings": "#661100",
+    "common_speckle": "#117733",
+} | {term: effect.colour for term, effect in noise_terms().items()}
+
+
+def check_figure_name(path: Path) -> str:
+    """Return the format of a figure's file by its name.
+
+    Raises
+    ------
+    InputError
+        If the name ends in none of the known formats.
+    """
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in FIGURE_FORMATS:
+        raise InputError("--plot", str(path), allowed=f"a name that ends in {', '.join(FIGURE_FORMATS)}")
+    return ending
+
+
+def write_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure whole; no date goes into it.
+
+    Raises
+    ------
+    InputError
+        If the name has no known ending, or the file cannot be written.
+    """
+    ending = check_figure_name(path)
+    buffer = io.BytesIO()
+    with style():
+        figure.savefig(buffer, format=ending, dpi=drawing.IMAGE_DPI, metadata=_UNDATED[ending])
+    try:
+        return write_named(path, buffer.getvalue(), key="--plot")
+    except OSError as error:
+        raise InputError("--plot", str(path), allowed="a writable file", hint=error.strerror or "") from None
+
+
+def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
+    """Draw SNR against time, contrast limit against separation, and the noise budget of each answer.
+
+    Parameters
+    ----------
+    result : EtcResult
+    curves : EtcCurves
+        Of the same answers, see `cpic_planner.report.answers.etc_curves`.
+    """
+    rows = [row for row in result.answers if row.budget]
+    with style():
+        tall = _HIGH + (0.75 + 0.3 * len(rows) if rows else 0.0)
+        figure = new_figure(tall, layout=None)
+        looks = band_style([curve.label for curve in curves.limits])
+        times, limits = figure.add_subplot(), figure.add_subplot()
+        upper = max(_times(times, curves, looks), _limits(limits, curves, looks))
+        left, bottom = _LEFT, 0.0
+        if rows:
+            budgets = figure.add_subplot()
+            lower, longest = _budgets(budgets, rows)
+            left, bottom = max(left, 0.2 + 0.072 * longest), _below(lower)
+        # Room for words is counted instead of looked for: that costs more than drawing them.
+        free = tall - _ABOVE - _below(upper) - bottom
+        wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * _HIGH / tall
+        foot = tall - _ABOVE - high
+        _place(times, tall, left, foot, wide, high)
+        _place(limits, tall, left + wide + _BETWEEN, foot, wide, high)
+        if rows:
+            _place(budgets, tall, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
+        title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
+        figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / tall)
+    return figure
+
+
+_HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
+"""Height of the figure without a budget, and room for words beside and above axes, inches."""
+
+
+def _below(legend_rows: int) -> float:
+    """Return the room for an axis and a legend below it, inches."""
+    return 0.75 + 0.18 * legend_rows
+
+
+def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, height: float) -> None:
+    """Put axes at a place of a figure of a height; all are inches."""
+    axes.set_position((left / WIDTH_INCHES, bottom / tall, width / WIDTH_INCHES, height / tall))
+
+
+def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
+    """Put a legend below, and return its rows."""
+    legend = axes.legend(handles=handles, ncols=columns, **_BELOW)
+    return math.ceil(len(legend.get_texts()) / columns)
+
+
+def _few_ticks(*axes: Axis) -> None:
+    """Mark 2 and 5 of each decade between numbers: every mark takes as long as a line of the figure."""
+    from matplotlib.ticker import LogLocator
+
+    for axis in axes:
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+
+
+def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
+    """Draw SNR against time; return the rows of the legend, as the other two do."""
+    from matplotlib.lines import Line2D
+
+    axes.grid(visible=True)
+    axes.set(xscale="log", yscale="log", xlabel="wall time allowed (h)", ylabel="SNR, significance")
+    handles, lows, highs = [], [], []
+    for number, curve in enumerate(curves.times, len(looks)):
+        # Where each line is of another planet, their colours follow those of the bands.
+        colour, marker = looks.get(curve.label, BAND_STYLE[number % len(BAND_STYLE)])
+        hours = curve.time_s / 3600.0
+        axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
+        look: Look = {"lw": 1.3, "ls": (0, (4, 2)), "label": f"_{curve.label}, significance"}
+        axes.plot(hours, curve.significance, color=colour, **look)
+        if np.isfinite(curve.threshold):
+            axes.axhline(curve.threshold, color=colour, lw=1.0, ls=":", zorder=1, label=f"_{curve.label}, threshold")
+            highs.append(curve.threshold)
+        if curve.point is not None:
+            for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
+                look = {"marker": marker, "ms": 7, "mfc": face, "mec": colour, "mew": 1.3, "ls": "none"}
+                axes.plot(curve.point[0] / 3600.0, value, zorder=5, **look)
+        if curve.label not in looks:  # bands have their names below the other panel
+            handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
+        for values in (curve.snr, curve.significance):
+            good = values[np.isfinite(values) & (values > 0)]
+            if good.size:
+                highs.append(good.max())
+                lows.append(good.max())
+    if highs:
+        axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
+    lines: list[tuple[str, float, Any]] = [("SNR", 1.7, "-"), ("significance", 1.3, (0, (4, 2))), ("threshold", 1, ":")]
+    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, lw, ls in lines]
+    drawing.plain_ticks(axes.yaxis, 1.0, 3.0)
+    drawing.plain_ticks(axes.xaxis, 1.0)
+    _few_ticks(axes.xaxis, axes.yaxis)
+    axes.set_title("The answer's visits, shorter or longer", **_TITLE)
+    if not curves.times:
+        axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
+        return 0
+    return _legend(axes, 3, [*handles, *keys])
+
+
+def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
+    axes.grid(visible=True)
+    from matplotlib.lines import Line2D
+
+    axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)")
+    axes.set_ylabel("planet-to-star contrast (flux ratio)", fontsize=9)
+    shown: list[float] = []
+    handles = []
+    for curve in curves.limits:
+        colour, marker = looks[curve.label]
+        axes.plot(curve.separation_arcsec, curve.contrast, color=colour, lw=1.7, label=f"_{curve.label} limit")
+        handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
+        good = curve.contrast[np.isfinite(curve.contrast)]
+        shown += np.percentile(good, [0, 92]).tolist() if good.size else []
+        for place, contrast in curve.planets:
+            axes.plot(place, contrast, marker=marker, ms=8, mfc=colour, mec="white", mew=0.8, ls="none", zorder=5)
+            shown.append(contrast)
+    if shown:
+        axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
+    _few_ticks(axes.yaxis)
+    title = f"Limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}, and planet"
+    axes.set_title(title, **_TITLE)
+    return _legend(axes, min(len(handles), 4), handles)
+
+
+def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> tuple[int, int]:
+    """Draw one stacked bar an answer; small terms are one piece. Return rows of the legend and the longest label."""
+    shares = []
+    for row in rows:
+        terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
+        total = sum(terms.values()) or 1.0
+        shares.append({name: value / total for name, value in terms.items()})
+    names = [name for name in _TERM_COLOURS if any(share.get(name, 0.0) >= _LEAST_SHARE for share in shares)]
+    names.sort(key=lambda name: -sum(share.get(name, 0.0) for share in shares))
+    left = np.zeros(len(rows))
+    several = len({row.band for row in rows}) < len(rows)
+    labels = [row.band + (f", {row.separation_arcsec:.3f}″" if several else "") for row in rows]
+    for name in names:
+        widths = np.array([100.0 * share.get(name, 0.0) for share in shares])
+        look: Look = {"color": _TERM_COLOURS[name], "edgecolor": "white", "linewidth": 0.6, "label": term_text(name)}
+        axes.barh(range(len(rows)), widths, left=left, height=0.66, **look)
+        left += widths
+    axes.barh(range(len(rows)), 100.0 - left, left=left, height=0.66, color=_REST, label="all other terms")
+    axes.set_yticks(range(len(rows)), labels)
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 100), xlabel="share of the variance of the answer (%)")
+    return _legend(axes, 3), max(map(len, labels))
