@@ -81,6 +81,11 @@ class FrameCamera(Wells):
         return float(self._rest.rate_e_s)
 
     @property
+    def of_past(self) -> float:
+        """Electrons that come back for each that the frames before collected, all of the same light."""
+        return self._rest.of_past
+
+    @property
     def amplifier_e(self) -> float:
         """Rms of read noise and of what else comes behind the register but the rounding, at the register output."""
         return math.hypot(self.read_noise_e, math.sqrt(float(self._rest.output_e2)))

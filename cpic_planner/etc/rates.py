@@ -555,7 +555,7 @@ def _smear(
     """Return the light that smears into apertures while the frame is shifted into the store: there is no shutter.
 
     Every pixel passes under the light of its column for ``line_shift_s`` a row: it collects ``line_shift_s`` times the
-    light of all other rows, once a frame (`simulator.camera.emccd`). Calibration takes the mean off; the noise stays.
+    light of all other rows, once a frame (`simulator.camera.camera`). Calibration takes the mean off; the noise stays.
     The planet, dust around the star and dark current are left out: they add less than 2e-3 s of their own light.
     """
     shift, metrics = model.camera(band).line_shift_s, model.metrics[band]

@@ -32,7 +32,7 @@ def costs() -> dict[str, Mapping[str, float]]:
     from simulator.config import load_instrument
 
     plan, whatif = PlanQuestion.of({}), WhatIfQuestion.of({"strategies": "survey_default"})
-    config = with_universe(load_strategies("survey_default"), whatif.shared(), whatif.share_of_time)
+    config = with_universe(load_strategies("survey_default"), whatif.universe(), whatif.share_of_time)
     dug = {"n_bands": len(load_instrument().visible_bands())}
     return {
         f"cpic plan --top {plan.top}": estimate(plan_job(plan)),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cpic_core import dump_json, exclusive_lock, numeric_context, write_text
 from cpic_planner.api import model_of
-from cpic_planner.api.keywords import stars_named
+from cpic_planner.api.functions import stars_named
 from cpic_planner.confirm import star_images_job
 from cpic_planner.jobs import Job, estimate, run
 from cpic_planner.jobs.worker import end_with

@@ -22,7 +22,7 @@ from starlette.routing import Route
 
 from cpic_core import InputError, digest_of, parse_json, read_file, read_text
 from cpic_planner import report
-from cpic_planner.jobs import written_files
+from cpic_planner.jobs import LIST_NAME
 from cpic_planner.web import pages
 from cpic_planner.web.guard import line
 
@@ -120,7 +120,7 @@ def runs_of(folder: Path) -> list[Run]:
     """Return the runs beneath a folder, the latest first; links are not followed."""
     found = []
     for place in _folders(folder):
-        if (place / written_files.LIST_NAME).is_file():
+        if (place / LIST_NAME).is_file():
             found.append(_run_of(place))
         else:
             found += [_ranking_of(path) for path in sorted(place.glob("*.json"))]
@@ -142,7 +142,7 @@ def _folders(folder: Path) -> Iterator[Path]:
         place, depth = left.pop(0)
         seen += 1
         yield place
-        if depth < DEEPEST and not (place / written_files.LIST_NAME).is_file():
+        if depth < DEEPEST and not (place / LIST_NAME).is_file():
             try:
                 below = [path for path in sorted(place.iterdir()) if path.is_dir() and not path.is_symlink()]
             except OSError:
@@ -153,7 +153,7 @@ def _folders(folder: Path) -> Iterator[Path]:
 def _run_of(place: Path) -> Run | None:
     """Return the run of a folder; None for one of another kind, or a damaged list."""
     try:
-        lines = _text(place / written_files.LIST_NAME).splitlines()
+        lines = _text(place / LIST_NAME).splitlines()
         head = parse_json(lines[0])
         kind, config_hash = str(head["kind"]), str(head["config_hash"])
         listed = [parse_json(text) for text in lines[1:] if text.startswith('{"file"') and text.endswith("}")]

@@ -12,7 +12,7 @@ from catalogs import open_catalogue, velocity_limit
 from cpic_core import InputError, only_sent_files
 from cpic_planner import report
 from cpic_planner.api import prepared, visibility_of
-from cpic_planner.api.named import named
+from cpic_planner.api.one_star import named
 from cpic_planner.queries import EtcQuestion, KnownQuestion, RankQuestion, VisibilityQuestion, called_as, observed_utc
 from cpic_planner.results import Explanation, KnownResult, RankedTarget, Result, StarResult, VisibilityResult
 from cpic_planner.targets import Targets

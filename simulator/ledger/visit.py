@@ -466,7 +466,10 @@ def visit_variance_e2(
         "clock": FrameTerm(charge_e=pixels * noise.clock_e),
         "read": FrameTerm(output_e2=pixels * noise.read_e2),
         "rounding": FrameTerm(output_e2=pixels * noise.rounding_e2),
-    } | {name: FrameTerm(output_e2=pixels * part) for name, part in noise.added_e2.items()}
+    }
+    drawn = FrameTerm.total(counted.values())
+    past_e = noise.photons * (drawn.rate_e_s * exposure_s + drawn.charge_e)
+    electronic |= {name: term.over(pixels, 0.0, past_e) for name, term in noise.added.items()}
     counts = n_frames * noise.photons
     # The variances of the frame's noise are those at the register input already.
     found = {name: counts * term.variance_e2(exposure_s, noise.factor2, 1.0) for name, term in counted.items()}

@@ -2,7 +2,7 @@
 
 Only the pixels of the hole see the star and are drawn; light elsewhere smears into their columns. That is exact where
 no charge of other pixels enters the hole (bloomed columns, register tails, deferred charge) and where frames add up
-(`simulator.camera.emccd`); `hole_stackable` says whether, and by which limit not. A sum over frames of different
+(`simulator.camera.camera`); `hole_stackable` says whether, and by which limit not. A sum over frames of different
 light has the law of one draw of its mean: a visit of many is drawn once, whatever the epochs of its wavefront, and so
 are all visits where only their sum counts.
 

@@ -206,7 +206,7 @@ class Sequence:
 
     @property
     def expected(self) -> FloatArray:
-        """Noise-free frame in ADU, averaged over the sequence; without cosmic rays and persistence."""
+        """Noise-free frame in ADU, averaged over the sequence; without cosmic rays and what earlier frames leave."""
         return self._expected[1]
 
     @property
@@ -250,18 +250,15 @@ class Sequence:
 
         Notes
         -----
-        Persistence of the near-infrared camera, where it is switched on, is that of the mean charge which the earlier
-        frames of this sequence hold: see `simulator.camera.camera.earlier_frames`.
+        Effects that remember earlier frames, where they are switched on, see the mean charge which those of this
+        sequence hold: `simulator.camera.camera.earlier_frames`.
         """
         epoch = self._epoch(index)
         if epoch not in self._prepared:
             self._prepared.clear()
             self._prepared[epoch] = self.prepared(self.light.map(epoch))
-        camera: Any = self.camera_chain
-        past = self._past(index)
-        more: dict[str, Any] = {"past": past} if past else {}
-        frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, int(index)), **more)
-        return frame
+        path, past = (*self.path, int(index)), self._past(index)
+        return self.camera_chain.expose(self._prepared[epoch], seed=self.seed, path=path, past=past)
 
     def _epoch(self, index: int) -> int:
         return check_whole("frame", index, 0, self.n_frames - 1) * self.light.epochs // self.n_frames
@@ -271,9 +268,9 @@ class Sequence:
         return -(-epoch * self.n_frames // self.light.epochs)
 
     def _past(self, index: int) -> list[PastExposure]:
-        """Return the charge of the frames before one, where the near-infrared camera remembers it."""
-        detector = self.channel.detector
-        if isinstance(detector, Detector) or not detector.switches.persistence or detector.persistence.fraction == 0:
+        """Return the charge of the frames before one, as far as an effect remembers it."""
+        memory_s = self.camera_chain.memory_s
+        if memory_s == 0:
             return []
         epochs = range(self._epoch(index), -1, -1)
         edges = ((self._first_frame(epoch), min(self._first_frame(epoch + 1), int(index))) for epoch in epochs)
@@ -282,10 +279,10 @@ class Sequence:
                 ((first, end) for first, end in edges if first < index),
                 self._mean_charge,
                 before=int(index),
-                full_well_e=detector.full_well_e,
+                full_well_e=self.channel.detector.full_well_e,
                 exposure_s=self.exposure_s,
                 readout_s=self.readout_s,
-                decay_s=detector.persistence.decay_s,
+                memory_s=memory_s,
             )
         )
 

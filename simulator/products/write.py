@@ -225,7 +225,7 @@ class TruthWriter:
 
     Units: primary; ``EXPECTED_ADU`` and ``EXPECTED_E``, the mean frame after and before the camera (32-bit floats);
     ``SOURCES``; ``EFFECTS``, the effect ledger where it has predicted sizes; ``MASK`` of every frame, numbered by
-    EXTVER, losslessly compressed, with the bits of the Level-1 data model (`simulator.camera.frame.MaskBit`);
+    EXTVER, losslessly compressed, with the bits of the Level-1 data model (`simulator.camera.MaskBit`);
     ``FRAMES``, one row a frame: times, counts, electrons by step, and the DATASUM of the Level-0 image that the row
     belongs to.
     """

@@ -44,7 +44,7 @@ def library_photlam(spectral_type: str) -> tuple[np.ndarray, np.ndarray, tuple[s
     Parameters
     ----------
     spectral_type : str
-        MK type, see `catalogs.spectral_types.parse_spectral_type`.
+        MK type, see `catalogs.stellar_physics.parse_spectral_type`.
 
     Returns
     -------
