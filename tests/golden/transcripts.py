@@ -1,10 +1,10 @@
 """Transcripts of commands and pages: made, and compared with those of another state of the code.
 
-``python -m tests.golden.transcripts write FOLDER [WORDS...]`` answers the questions of ``questions.yaml`` whose names hold
-one of the words (all without words), each in a folder of its own; ``... compare FOLDER OTHER [WORDS...]`` says what
-differs. Numbers are compared to 1e-9 of themselves, pixels and headers of FITS files as they are, pictures by their size;
-what differs between runs by nature (times, paths, the fingerprint of the code) is left out. Words may improve: they are
-reported apart and do not fail.
+``python -m tests.golden.transcripts write FOLDER [WORDS...]`` answers the questions of ``questions.yaml`` whose names
+hold one of the words (all without words), each in a folder of its own; ``... compare FOLDER OTHER [WORDS...]`` says
+what differs. Numbers are compared to 1e-9 of themselves, pixels and headers of FITS files as they are; what differs
+between runs by nature (times, paths, the fingerprint of the code) is left out. Words and pictures may improve: they
+are reported apart and do not fail.
 """
 
 import contextlib
@@ -82,7 +82,7 @@ def _write_page(address, place):
 
 
 def differences(one, other):
-    """Return what differs between two folders of one question: lists of (kind, text), kinds "number", "bytes", "words"."""
+    """Return what differs between two folders of one question, as pairs: number, bytes, words or picture; and what."""
     found = []
     files = [
         {path.relative_to(place).as_posix(): path for path in sorted(place.rglob("*")) if path.is_file()}
