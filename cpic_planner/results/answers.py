@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
+from cpic_planner.registry import REDUCTIONS
 from cpic_planner.results.base import (
     DetectionMode,
     OfTables,
@@ -179,8 +180,9 @@ class ReductionColumns(Row):
     reference_library: str | None = optional("where the reference frames come from; null in older results")
     n_modes: int | None = None
     centring: str | None = optional(
-        "what is taken off before the modes: temporal, the mean of the reference frames in every pixel; null in older "
-        "results"
+        "what is taken off before the modes: "
+        + "; ".join(f"{name}, {entry.meaning}" for name, entry in REDUCTIONS.items())
+        + "; null in older results"
     )
     annulus_lambda_d: float | None = optional(
         "half width of the annulus around the planet's separation whose apertures tell background and noise, lambda/D; "

@@ -30,7 +30,7 @@ from catalogs import (
     stellar_parameters,
 )
 from cpic_core import InputError, bounded_fits, check_number, is_file, numeric_context, open_file, read_file
-from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
+from simulator.passbands import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 
 _MAX_TABLE_BYTES = 200_000_000
