@@ -1,60 +1,30 @@
-"""Registries: what a ranking can be by, and where the reference frames of the subtraction come from, in one entry each.
+"""Registries: scores of a ranking, libraries of reference frames, and reductions by them, in one entry each.
 
 An entry of a library says what its frames show, in the exposure-time calculator and in the images alike, what it costs,
 and the words for it. `Library` itself is the library of the same star without its planet; the others differ from it.
+
+An entry of a reduction says what is subtracted before modes are projected out, what that leaves of a planet, the noise
+that it adds, and the words for it; images and the calculator take it from here. `Reduction` itself is the mean of the
+references, with the principal components around it (Amara & Quanz 2012, MNRAS 427, 948); the others differ from it.
+Images are rows of pixels, shape (images, pixels). Two rolls are reduced by the same entry, each the other's reference.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
 
+if TYPE_CHECKING:
+    from cpic_planner.queries.shared import Reduction as LibrarySettings, ReferenceStar
+
 Visits = TypeVar("Visits", int, FloatArray)
-
-
-class StarSettings(Protocol):
-    """The settings of another star that a library reads (`cpic_planner.queries.shared.ReferenceStar`)."""
-
-    @property
-    def v_mag(self) -> float:
-        """V magnitude."""
-
-    @property
-    def teff_k(self) -> float:
-        """Temperature."""
-
-    @property
-    def log_g(self) -> float:
-        """log10 of the surface gravity in cm/s2."""
-
-    @property
-    def metallicity(self) -> float:
-        """log10 of the metallicity over the Sun's."""
-
-
-class LibrarySettings(Protocol):
-    """The settings of a strategy that a library reads (`cpic_planner.queries.shared.Strategy`)."""
-
-    @property
-    def reference_ratio(self) -> float:
-        """Reference frames per science frame."""
-
-    @property
-    def reference_star(self) -> StarSettings | None:
-        """Star of a library of another star."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Angle between two rolls."""
-
-    @property
-    def reference_visits(self) -> int | None:
-        """Visits of the references, where the user says it."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +142,7 @@ class Library:
         return ()
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
@@ -214,7 +184,7 @@ class OtherStar(Library):
         return (0.0,)
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         return self._scaled(rate_e_s(_star_of(settings)) / star_e_s)
@@ -249,7 +219,7 @@ class BrighterTwin(OtherStar):
         """Accept every strategy: the star follows from the target."""
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
         return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
@@ -258,7 +228,7 @@ class BrighterTwin(OtherStar):
         return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
-def _star_of(settings: LibrarySettings) -> StarSettings:
+def _star_of(settings: LibrarySettings) -> ReferenceStar:
     star = settings.reference_star
     assert star is not None  # checked by the strategy
     return star
@@ -306,7 +276,7 @@ class Idealised(Library):
     noise_free = True
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)
@@ -343,6 +313,107 @@ LIBRARIES: Registry[Library] = Registry(
 LibraryName = Annotated[str, LIBRARIES]
 """Name of a library, as a type."""
 DEFAULT_LIBRARY = Library.name
+
+
+class Reduction:
+    """The mean reference image is subtracted; the base of the other reductions.
+
+    Attributes
+    ----------
+    name : str
+        Word for it in options, configurations and results (``centring``).
+    meaning : str
+        What is taken off before the modes.
+    follows_references : bool
+        Whether light that all references show alike leaves every image with what is subtracted, and cannot reach the
+        modes: then the forward model of a planet in the references is exact.
+    needs_images : bool
+        Whether the references are needed one by one even where no modes are projected out, and not their sum alone.
+    predicted : bool
+        Whether the closed forms of the calculator hold: those of the mean of the references and of its modes. The
+        calculator refuses a reduction without them.
+    """
+
+    name = "temporal"
+    meaning = "the mean of the reference frames in every pixel"
+    follows_references = True
+    needs_images = False
+    predicted = True
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Take off science and reference images what is subtracted before the modes, in place.
+
+        Parameters
+        ----------
+        science, references : ndarray, shapes (n, pixels) and (m, pixels)
+        """
+        centre = self.combined(references)
+        science -= centre
+        references -= centre
+
+    def combined(self, references: FloatArray) -> FloatArray:
+        """Return the image that the references make together, shape (pixels,)."""
+        return np.asarray(references.mean(axis=0))
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return what is left, before the modes, of images of a planet that no reference shows; shape (n, pixels)."""
+        return planet
+
+    def reference_variance(self, images: int, n_modes: int) -> float:
+        """Return the variance of white noise that the references add, over that of the mean of all of them.
+
+        Parameters
+        ----------
+        images : int
+            Reference images that are combined.
+        n_modes : int
+            Modes that are projected out after that.
+        """
+        return 1.0
+
+
+class SpatialMean(Reduction):
+    """Every image loses its own mean over the region, as in KLIP (Soummer et al. 2012, ApJ 755, L28)."""
+
+    name = "spatial"
+    meaning = "the mean of each image over the region"
+    follows_references = False
+    needs_images = True
+    predicted = False
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Take off every image its own mean; see `Reduction.centre`."""
+        science -= science.mean(axis=1, keepdims=True)
+        references -= references.mean(axis=1, keepdims=True)
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return the planet less its mean over the region; see `Reduction.left_of`."""
+        return np.asarray(planet - planet.mean(axis=1, keepdims=True))
+
+    def reference_variance(self, images: int, n_modes: int) -> float:
+        """Return that of the first mode, which is nearly the mean image; nothing without modes."""
+        return float(n_modes > 0)
+
+
+class Uncentred(SpatialMean):
+    """Nothing is taken off before the modes, the first of which is nearly the mean image."""
+
+    name = "none"
+    meaning = "nothing"
+
+    def centre(self, science: FloatArray, references: FloatArray) -> None:
+        """Leave the images as they are; see `Reduction.centre`."""
+
+    def left_of(self, planet: FloatArray) -> FloatArray:
+        """Return all of it; see `Reduction.left_of`."""
+        return planet
+
+
+REDUCTIONS: Registry[Reduction] = Registry("centring", (Reduction(), SpatialMean(), Uncentred()))
+
+ReductionName = Annotated[str, REDUCTIONS]
+"""Name of a reduction, as a type."""
+DEFAULT_REDUCTION = Reduction.name
 
 
 @dataclass(frozen=True)

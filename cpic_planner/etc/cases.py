@@ -267,7 +267,7 @@ class BandCases(Cases):
             "quadrant": QUADRANTS[quadrant_of(x, y)] if inside else None,
             "roll_deg": self.targets.roll_deg,
             "reference_library": library.name,
-            "centring": "temporal",
+            "centring": self.model.strategy.centring,
             "annulus_lambda_d": self.model.strategy.annulus_lambda_d,
             "flags": tuple(notes),
         }

@@ -15,7 +15,7 @@ from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
-from cpic_planner.registry import LibraryNoise, StarSettings
+from cpic_planner.registry import LibraryNoise
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.imaging import PsfMetrics, Unkeyed, Zone, metrics_key, psf_metrics, zone_of
@@ -23,6 +23,7 @@ from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 if TYPE_CHECKING:
+    from cpic_planner.queries.shared import ReferenceStar
     from simulator.signal import BandModes
 
 _ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
@@ -77,7 +78,13 @@ class Programme(CaseArrays):
             Science visits instead of those of the strategy, which has one where it does not say how many.
         visit_time_s : array_like
             Wall time of a visit; without it visits know nothing of each other.
+
+        Raises
+        ------
+        InputError
+            For a reduction of which no closed form is known.
         """
+        strategy.check_predicted()
         library, number = strategy.reference_library, (strategy.visits or 1) if visits is None else visits
         many = np.asarray(number, float)
         references = np.asarray(library.reference_visits(strategy.reference_visits, many), float)
@@ -244,7 +251,7 @@ class EtcModel:
         """Return the noise of the library that the strategy names, for science stars of these rates."""
         column = self.passbands.names.index(band)
 
-        def rate_e_s(star: StarSettings) -> NDArray[np.float64]:
+        def rate_e_s(star: "ReferenceStar") -> NDArray[np.float64]:
             temperature = star.teff_k, star.log_g, star.metallicity
             rates = self.passbands.star_rate_e_s(star.v_mag, *temperature, self.instrument.telescope.area_cm2)
             return np.asarray(rates[..., column], float)

@@ -120,13 +120,15 @@ def asked(default: Any = ..., text: str = "", **settings: Any) -> Any:
         Help of the option and description of the keyword, in complete sentences, without range and default. Other
         fields in braces are named as options or as keywords, whichever the reader has: ``{library} roll``.
     **settings
-        Limits ``ge``, ``gt``, ``le``, ``lt``, ``min_length``, and the attributes of `Asked`.
+        Limits ``ge``, ``gt``, ``le``, ``lt``, ``min_length``; ``exclude_if`` of pydantic, for a value that records do
+        not state; and the attributes of `Asked`.
 
     Returns
     -------
     FieldInfo
     """
-    limits = {name: settings.pop(name) for name in ("ge", "gt", "le", "lt", "min_length") if name in settings}
+    of_pydantic = "ge", "gt", "le", "lt", "min_length", "exclude_if"
+    limits = {name: settings.pop(name) for name in of_pydantic if name in settings}
     own = Asked(**settings)
     made = {"default_factory": default} if callable(default) and not isinstance(default, type) else {"default": default}
     return Field(**made, description=text, json_schema_extra=own, **limits)
@@ -229,7 +231,7 @@ def _option(name: str, info: FieldInfo, own: Asked, above: tuple[str, ...]) -> O
         several=several if own.several is None else own.several,
         required=info.is_required(),
         asked=own,
-        switchable=kind is bool and info.default is not False,
+        switchable=kind is bool and (info.default is not False or bool(own.unset)),
         bounds=bounds_of(info),
     )
 
@@ -285,10 +287,10 @@ def _plain(default: Any) -> str:
     return str(default) if isinstance(default, str | Path) else ""
 
 
-def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
+def asked_changes(**settings: Any) -> Any:
     """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
     return asked(
-        default,
+        (),
         "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
         "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
         option="--set",

@@ -270,13 +270,15 @@ def read_exclusions(given: Any) -> tuple[str, ...]:
     return tuple(name for name in EXCLUSIONS if name in names)
 
 
-def asked_exclusions(default: tuple[str, ...] | None = EXCLUSIONS, **settings: Any) -> Any:
+Exclusions = Annotated[tuple[str, ...], BeforeValidator(read_exclusions)]
+
+
+def asked_exclusions(**settings: Any) -> Any:
     """Declare the field of what excludes planets; ``settings`` as of `asked`."""
     return asked(
-        default,
+        EXCLUSIONS,
         "What excludes planets of the population: rv (radial velocities would have shown them), stability (a companion "
         "star leaves them no orbit), known_giants (a known giant stands there), or none. Repeat for several.",
-        read=read_exclusions,
         accepts="str or sequence of str",
         **settings,
     )
@@ -301,7 +303,7 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
         le=MAX_PLANETS,
         option="--planets",
     )
-    exclusions: shared.Texts = asked_exclusions()
+    exclusions: Exclusions = asked_exclusions()
 
     def check_planets(self) -> None:
         """Refuse a population, and what excludes its planets, beside known planets."""

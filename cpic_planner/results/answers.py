@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from cpic_core import Reason, Status
+from cpic_planner.registry import REDUCTIONS
 from cpic_planner.results.base import (
     DetectionMode,
     OfTables,
@@ -140,7 +141,7 @@ class KnownPlanetLook(Result):
     status: str = Field(description="confirmed, controversial, candidate or refuted")
     reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
     planets_table: str
-    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planets.FLAGS")
     columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
     date_utc: str
     separation_arcsec: Quantiles = Field(description="projected; the answer is for the median")
@@ -179,8 +180,9 @@ class ReductionColumns(Row):
     reference_library: str | None = optional("where the reference frames come from; null in older results")
     n_modes: int | None = None
     centring: str | None = optional(
-        "what is taken off before the modes: temporal, the mean of the reference frames in every pixel; null in older "
-        "results"
+        "what is taken off before the modes: "
+        + "; ".join(f"{name}, {entry.meaning}" for name, entry in REDUCTIONS.items())
+        + "; null in older results"
     )
     annulus_lambda_d: float | None = optional(
         "half width of the annulus around the planet's separation whose apertures tell background and noise, lambda/D; "

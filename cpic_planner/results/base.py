@@ -247,7 +247,7 @@ class Column:
     short : str
         Heading on a terminal, with the unit; the title by default.
     format : str
-        How cells are written, see `cpic_planner.report.numbers.formatted`: ``.3f``, ``.3g``, ``.2e``, ``%`` (per cent
+        How cells are written, see `cpic_planner.report.words.formatted`: ``.3f``, ``.3g``, ``.2e``, ``%`` (per cent
         without the sign), ``time`` (s, min or h), ``d`` (thin spaces between thousands), ``star`` (names of stars).
         After ``±`` that of the column ``NAME_error``, which stands in the same cell.
     console : bool

@@ -528,7 +528,7 @@ class KnownPlanetRow(Row):
     status_reference: str = Field(description="where the status was published; empty: where the orbit was")
     updated: str = Field(description="date of the row in the table's updates; empty: as in the table of 2019")
     note: str = Field(description="remark of the table on the planet")
-    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planets.FLAGS")
     period_days: Quantiles = column(short="P d", format=".4g")
     semi_major_axis_au: Quantiles = column(short="a au", format=".3g")
     eccentricity: Quantiles = column(short="e", format=".2f")

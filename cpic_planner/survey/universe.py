@@ -140,7 +140,7 @@ def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> Boo
     """Tell for which planets a visit knows where to look: known ones whose orbit in space is published, node included.
 
     Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
-    (`catalogs.known_planet_table.PLACE_DEG`): such planets are searched for as unknown ones are.
+    (`catalogs.known_planets.PLACE_DEG`): such planets are searched for as unknown ones are.
     """
     placed = np.zeros(len(planets), bool)
     if table is not None:

@@ -1,5 +1,6 @@
 """Registries: one entry is enough for a choice by name, everywhere."""
 
+import contextlib
 import io
 import json
 import re
@@ -13,19 +14,31 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from rich.console import Console
 
-from cpic_core import InputError, Registry
+from cpic_core import InputError, Registry, special
+from cpic_planner import validation
+from cpic_planner.confirm import confirm_scene
 from cpic_planner.etc import aperture_rates, build_model, stack_noise
-from cpic_planner.etc.questions import signal_to_noise
+from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.planets import PopulationChoice
-from cpic_planner.queries import ReferencePlanet, Strategy
+from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.ranking import explain_star, rank_targets
-from cpic_planner.registry import LIBRARIES, SCORES, Library, LibraryNoise, Score, ScoreName, StarNumbers
+from cpic_planner.registry import (
+    LIBRARIES,
+    REDUCTIONS,
+    SCORES,
+    Library,
+    LibraryNoise,
+    Reduction,
+    Score,
+    ScoreName,
+    StarNumbers,
+)
 from cpic_planner.report import print_explanation, print_rank
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult
 from cpic_planner.targets import find_target, rank_sample
 from cpic_planner.validation import prepare_task, visit_pair
-from simulator.config import load_instrument
+from simulator.config import load_instrument, load_scene
 
 FEW = rank_sample(v_mag_max=2.5)
 SMALL = PopulationChoice(PopulationChoice.default().config, n_planets=50)
@@ -105,11 +118,11 @@ def test_names_are_unique_and_unknown_ones_refused(refused):
     assert registry.choices() == ("planet_brightness",)
 
 
-@pytest.mark.parametrize("registry", [SCORES, LIBRARIES], ids=lambda registry: registry.key)
+@pytest.mark.parametrize("registry", [SCORES, LIBRARIES, REDUCTIONS], ids=lambda registry: registry.key)
 def test_every_entry_is_worded(registry):
     for name, entry in registry.items():
         assert entry.name == name
-        assert len(entry.meaning) > 20
+        assert len(entry.meaning) > 20 or name == "none"
         assert not entry.meaning.endswith(".")
     assert all(len(entry.label) <= 8 and entry.aim for entry in SCORES.values())
     assert all(entry.found and entry.searched for entry in LIBRARIES.values())
@@ -176,6 +189,78 @@ def test_a_library_is_one_entry():
         assert visits.scale == pytest.approx(10 ** (-0.4 * (float(star.v_mag[0]) - 4.0)), rel=1e-9)
         reduced = visits.draw(0).reduced
         assert np.isfinite(reduced.image_e[reduced.region]).all()
+
+
+class MedianOfReferences(Reduction):
+    """The median of the references in every pixel; the noise of a median by order statistics."""
+
+    name = "median"
+    meaning = "the median of the reference images in every pixel"
+    needs_images = True
+    predicted = False
+
+    def combined(self, references):
+        return np.median(references, axis=0)
+
+    def reference_variance(self, images, n_modes):
+        """Return the variance of a median of normal numbers over that of their mean: pi / 2 of many."""
+        x = np.linspace(-12.0, 12.0, 4001)
+        below, density = special().ndtr(x), np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+        if images % 2 == 0:  # near enough: exact for odd numbers
+            return 0.5 * (self.reference_variance(images - 1, 0) + self.reference_variance(images + 1, 0))
+        half = images // 2
+        law = density * (below * (1.0 - below)) ** half
+        return float(images * np.sum(law * x**2) / np.sum(law))
+
+
+def test_the_noise_of_a_median():
+    """By hand: one number is its own median, of three 1.3462 (Harter), of many pi / 2; and drawn ones."""
+    median = MedianOfReferences()
+    assert [median.reference_variance(n, 0) for n in (1, 3)] == pytest.approx([1.0, 3 * 0.448671], rel=1e-5)
+    assert median.reference_variance(201, 0) == pytest.approx(np.pi / 2, rel=0.005)
+    drawn = np.random.default_rng(1).standard_normal((7, 200_000))
+    assert 7 * median.combined(drawn).var() == pytest.approx(median.reference_variance(7, 0), rel=0.01)
+
+
+@pytest.mark.parametrize("entry", [MedianOfReferences(), *REDUCTIONS.values()], ids=lambda entry: entry.name)
+def test_a_reduction_is_one_entry(entry, refused, tmp_path):
+    """Images use it, and the calculator predicts it or refuses it in one line: nothing disagrees silently."""
+    planet = {"name": "b", "radius_rjup": 4.0, "distance_au": 7.0, "separation_arcsec": 0.6, "pa_deg": 315.0}
+    tree = {"cstar": {"v_mag": 4.0, "spectral_type": "G2V"}, "planets": [planet | {"phase_deg": 70.0, "albedo": 0.5}]}
+    scene = load_scene({"name": "drill"} | tree)
+    with REDUCTIONS.holding(entry) if entry.name not in REDUCTIONS else contextlib.nullcontext():
+        strategy = Strategy(centring=entry.name, visits=3)
+        frames = {"exposure_s": 20.0, "n_frames": 20, "em_gain": 100.0, "fidelity": "quick", "realisations": 2}
+        question = ConfirmQuestion(scene=scene, bands=("F662",), strategy=strategy, **frames)
+        (band,) = confirm_scene(question).result.bands
+        assert (band.predicted_snr is None) == (not entry.predicted)
+        assert band.recovered_snr is not None
+        task = validation.ConfirmTask(**images_of_drill(question))
+        stack = visit_pair(task).draw(0).reduced
+        expected = stack.inputs.science_e.copy()[stack.region][None]
+        library = stack.inputs.library_e[:, stack.region]
+        entry.centre(expected, library)
+        assert stack.inputs.frames * expected[0] == pytest.approx(stack.image_e[stack.region], rel=1e-9, abs=1e-9)
+        assert stack.rdi.centering == entry.name
+        model, star = build_model(load_instrument(), ["F662"], strategy), find_target("tau Cet")[0]
+        asked = {"separation_arcsec": 0.5, "time_s": 3600.0}
+        if entry.predicted:
+            assert signal_to_noise(model, star, **asked)[0].centring == entry.name
+            return
+        why = "^centring = .*; allowed: temporal .*no closed form"
+        refused(why, signal_to_noise, model, star, **asked)
+        refused(why, contrast_limit, model, star, **asked)
+        refused(why, exposure_time, model, star, separation_arcsec=0.5, snr=5.0)
+        refused(why, rank_targets, model, FEW, time_s=3600.0, population=SMALL)
+
+
+def images_of_drill(question):
+    """The one task of the question."""
+    model = build_model(question.instrument, question.bands, question.strategy)
+    frames = validation.Frames(question.exposure_s, question.n_frames, question.em_gain, question.strategy.visits)
+    return validation.task_of(
+        model, question.scene, "F662", frames, [], planets=[], **question.image_settings
+    ).to_dict()
 
 
 def test_entries_are_chosen_on_the_command_line(tmp_path):

@@ -143,11 +143,11 @@ def test_sensitivity(done, few):
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
 def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
-    from cpic_planner.report import etc_figures, sky_figures
+    from cpic_planner.report import answers, ranking_figures
 
     figures = []
-    monkeypatch.setattr(sky_figures, "MOST_STARS", 3)
-    monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(ranking_figures, "MOST_STARS", 3)
+    monkeypatch.setattr(answers, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
     out, err = done(*few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
