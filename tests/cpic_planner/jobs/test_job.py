@@ -423,7 +423,7 @@ def test_workers_keep_the_allocator_as_it_is():
 
 def test_no_worker_outlives_a_killed_parent(tmp_path):
     code = (
-        "import time\nfrom cpic_planner.jobs.engine import run_tasks\n"
+        "import time\nfrom cpic_planner.jobs.job import run_tasks\n"
         "if __name__ == '__main__':\n"
         "    for index, _ in run_tasks(time.sleep, [(0.01,)] + [(60,)] * 3, workers=2):\n"
         "        print(index, flush=True)\n"
