@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, NDArray, Provenance, Reason, Status
-from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
-from cpic_planner.etc.model import Programme
+from cpic_planner.etc.model import FrameCamera, Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates

@@ -9,32 +9,32 @@ from typing import Any, Self
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, NDArray, Reason, Status
-from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import threshold_array
 from cpic_planner.etc.fidelity import etc_fidelity
-from cpic_planner.etc.frames import FrameChoice, FrameProblem
+from cpic_planner.etc.frames import FrameChoice, FrameProblem, frame_problem
 from cpic_planner.etc.model import (
     ONE_VISIT,
     EtcModel,
+    FrameCamera,
     Programme,
     check_range,
     hole_notes,
     place_status,
     usable_range_arcsec,
 )
-from cpic_planner.etc.modes import with_modes
-from cpic_planner.etc.motion import SearchMotion
-from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
-from cpic_planner.etc.planet import (
+from cpic_planner.etc.noise import Objective, StackNoise, stack_noise, with_modes
+from cpic_planner.etc.programmes import SearchMotion
+from cpic_planner.etc.rates import (
     NEAREST_ARCSEC,
     QUADRANTS,
+    ApertureRates,
     Planets,
+    aperture_rates,
     planet_offsets,
     reference_contrast,
     reference_distance_au,
     reference_notes,
 )
-from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.etc.searches import spread
 from cpic_planner.planets import excluded_by_rv
 from cpic_planner.queries import ReferencePlanet
@@ -112,7 +112,7 @@ class Cases:
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
     ) -> Programme:
-        """Return a programme with what modes change where it has these frames (`cpic_planner.etc.modes.with_modes`).
+        """Return a programme with what modes change where it has these frames (`cpic_planner.etc.noise.with_modes`).
 
         Parameters
         ----------

@@ -20,11 +20,18 @@ from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
-from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
-from cpic_planner.etc.motion import motion_factor, programme_days
-from cpic_planner.etc.noise import Objective, StackNoise, error_noise, own_noise, snr_paper, stack_noise
-from cpic_planner.etc.planet import Planets, planets_of
-from cpic_planner.etc.programmes import Programmes, Span
+from cpic_planner.etc.noise import (
+    MODES_LIMITED,
+    Objective,
+    StackNoise,
+    error_noise,
+    modes_obstacle,
+    own_noise,
+    snr_paper,
+    stack_noise,
+)
+from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_days
+from cpic_planner.etc.rates import Planets, planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet

@@ -7,15 +7,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, NDArray
-from cpic_planner.etc.camera import FrameCamera
+from cpic_core import FloatArray, NDArray
 from cpic_planner.etc.cases import BandCases, Cases, FixedFrames
 from cpic_planner.etc.chances import Chances
 from cpic_planner.etc.detection_law import SearchLaw, band_law
-from cpic_planner.etc.frames import FrameProblem, best_exposure_s
-from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme
-from cpic_planner.etc.motion import SearchMotion, motion_factor
-from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, residuals, white_term
+from cpic_planner.etc.frames import FrameProblem, best_exposure_s, frame_problem
+from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme
+from cpic_planner.etc.noise import Objective, StackNoise, residuals, white_term
+from cpic_planner.etc.programmes import SearchMotion, motion_factor
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from simulator.detectors import FrameTerm
@@ -286,7 +285,7 @@ class Wanted:
             if not laws or place is None or self.averaging is None:
                 at_rest = np.broadcast_arrays(own, speckled)[0]
             else:
-                parts = np.broadcast_arrays(place, speckled, light, effective_of(programme, self.averaging))
+                parts = np.broadcast_arrays(place, speckled, light, programme.effective(self.averaging))
                 half = np.empty(parts[0].shape)
                 for i, law in enumerate(laws):
                     band = ... if len(laws) == 1 else (..., i, slice(None), slice(None))
@@ -309,57 +308,13 @@ class Wanted:
         """Return the probabilities of a detection in a programme."""
         assert self.separation_arcsec is not None  # of a detection
         assert self.averaging is not None
-        visits, paid = effective_of(programme, self.averaging), motion_factor(self.motion, programme, visit_s)
+        visits, paid = programme.effective(self.averaging), motion_factor(self.motion, programme, visit_s)
         shape = noise.significance.shape
         light, place, visits, paid = (
             np.broadcast_to(part, shape) for part in (self.light_share(visit_s), self.separation_arcsec, visits, paid)
         )
         every = [
-            Chances.of(law, of_band(noise, i), place[i], light[i], visits[i], paid[i])
-            for i, law in enumerate(self.laws)
+            Chances.of(law, noise.at(i), place[i], light[i], visits[i], paid[i]) for i, law in enumerate(self.laws)
         ]
         found = Chances(*(np.stack([getattr(one, name) for one in every]) for name in ("blind", "known_place")))
         return found.where(np.isfinite(self.level))
-
-
-def of_band(noise: StackNoise, index: Any) -> StackNoise:
-    """Return the noise of some of the cases, without its terms."""
-    names = ("signal_e", "quiet", "white", "speckle", "errors", "snr", "significance")
-    parts = {name: np.broadcast_to(getattr(noise, name), noise.snr.shape)[index] for name in names}
-    return StackNoise(**parts, _terms=dict)
-
-
-def effective_of(programme: Programme, law: ProgrammeLaw) -> FloatArray:
-    """Return the number of independent wavefronts behind the noise of a programme.
-
-    Parameters
-    ----------
-    programme : Programme
-    law : ProgrammeLaw
-        Which says how long wavefronts remember each other.
-    """
-    own = law.independent(programme.visits, programme.gap_s)
-    alike = programme.reference_visits is programme.visits
-    return effective_visits(own, own if alike else law.independent(programme.reference_visits, programme.gap_s))
-
-
-def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArray:
-    """Return the number of pairs of visits whose mean difference has tails like that of science and reference visits.
-
-    Parameters
-    ----------
-    visits, reference_visits : array_like
-        Independent wavefronts of the science frames and of the reference frames, at least 1.
-
-    Returns
-    -------
-    ndarray
-        ``(1/V + 1/R)^2 / [2 (1/V^3 + 1/R^3)]``: V for R = V, and V/2 for a library of many reference visits.
-
-    Notes
-    -----
-    The light of the wavefront's errors is exponential in a visit. Means of V and of R such variates differ by one of
-    excess kurtosis ``6 (1/V^3 + 1/R^3) / (1/V + 1/R)^2``; that of n pairs of visits, each a Laplace variate, has 3/n.
-    """
-    science, reference = 1.0 / np.asarray(visits, float), 1.0 / np.asarray(reference_visits, float)
-    return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))

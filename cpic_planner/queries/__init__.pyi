@@ -50,8 +50,6 @@ from cpic_planner.queries.images import (
 from cpic_planner.queries.rank import (
     DEFAULT_YEARS as DEFAULT_YEARS,
     FILTERS as FILTERS,
-    MAX_PLANETS as MAX_PLANETS,
-    N_PLANETS as N_PLANETS,
     FilteredQuestion as FilteredQuestion,
     KnownQuestion as KnownQuestion,
     RankedQuestion as RankedQuestion,

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 from pydantic import model_validator
 
 from cpic_core import InputError, is_file, read_text, unguarded
-from cpic_planner.planets import PopulationConfig, load_population
+from cpic_planner.planets import MAX_PLANETS, N_PLANETS, PopulationConfig, load_population
 from cpic_planner.queries import shared
 from cpic_planner.queries.base import called, check_visits
 from cpic_planner.queries.changes import InstrumentParts, read_instrument
@@ -87,11 +87,6 @@ class VisibilityQuestion(shared.CatalogQuestion):
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
     )
-
-
-N_PLANETS = 4000
-"""Planets that a ranking draws."""
-MAX_PLANETS = 1_000_000
 
 
 def read_exclusions(given: Any) -> tuple[str, ...]:

@@ -10,11 +10,10 @@ from cpic_core import InputError
 from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.known_completeness import CountedPlanets
-from cpic_planner.ranking.optimiser import best_in_band
+from cpic_planner.ranking.completeness import CountedPlanets
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, detection_statuses, limits_of, setting_fields
 from cpic_planner.ranking.order import RankSetting, rank_targets
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, under_others
-from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget, RankResult
 from cpic_planner.targets import Targets

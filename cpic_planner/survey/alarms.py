@@ -112,7 +112,7 @@ def background_alarms(
     if rule.rule == "expected":
         needed = etc.threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
     else:
-        light, visits = etc.light_share(model, band, separation, visit_s), etc.effective_of(made, rates.speckle)
+        light, visits = etc.light_share(model, band, separation, visit_s), made.effective(rates.speckle)
         where = separation, etc.speckled_share(noise), etc.lit_share(noise, light), visits
         law = etc.band_law(model, band)
         needed = rule.half_factor * law.half(*where, at_place=rule.rule == "known_place")

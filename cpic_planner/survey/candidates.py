@@ -10,7 +10,7 @@ from cpic_planner.etc import EtcModel, Programme, aperture_rates, best_in_visit,
 from cpic_planner.planets import StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed

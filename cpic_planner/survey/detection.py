@@ -206,7 +206,7 @@ def pair_signals(
             margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
             snr[put] = noise.snr[real]
             light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
-            visits = etc.effective_of(made, rates.speckle)
+            visits = made.effective(rates.speckle)
             shares = etc.speckled_share(noise), etc.lit_share(noise, light)
             where = etc.own_share(noise), separation[at], *shares, visits
             # At a known place the orbit is followed.

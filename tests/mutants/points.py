@@ -41,8 +41,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "cpic_planner/survey/visibility/calendar.py": (),
     "cpic_planner/survey/visibility/limb.py": (),
     "cpic_planner/survey/visibility/config.py": (),
-    "cpic_planner/ranking/known_completeness.py": (),
-    "cpic_planner/ranking/in_zone.py": (),
+    "cpic_planner/ranking/completeness.py": (),
 }
 
 PARTNER = {

@@ -20,8 +20,8 @@ from cpic_planner.etc import (
 )
 from cpic_planner.etc.cases import band_cases
 from cpic_planner.etc.frames import best_in_visit, least_time
-from cpic_planner.etc.planet import planets_of
 from cpic_planner.etc.questions import groups_of
+from cpic_planner.etc.rates import planets_of
 from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.planets import star_masses_msun
 from cpic_planner.queries import MAX_VISITS, Strategy
