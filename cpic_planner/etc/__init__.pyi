@@ -9,10 +9,10 @@ from cpic_planner.etc.budget import (
     without_speckles as without_speckles,
 )
 from cpic_planner.etc.cases import (
-    BandCases as BandCases,
+    Cases as Cases,
     FixedFrames as FixedFrames,
-    band_cases as band_cases,
-    etc_result as etc_result,
+    cases_by_camera as cases_by_camera,
+    cases_of as cases_of,
     fixed_frames as fixed_frames,
 )
 from cpic_planner.etc.chances import (
@@ -57,7 +57,6 @@ from cpic_planner.etc.frames import (
     least_time as least_time,
     smooth_least_visit_s as smooth_least_visit_s,
 )
-from cpic_planner.etc.groups import Group as Group
 from cpic_planner.etc.model import (
     ONE_VISIT as ONE_VISIT,
     EtcModel as EtcModel,
@@ -99,7 +98,7 @@ from cpic_planner.etc.questions import (
     TRIAL_CONTRAST as TRIAL_CONTRAST,
     contrast_limit as contrast_limit,
     contrast_limits as contrast_limits,
-    groups_of as groups_of,
+    etc_result as etc_result,
     signal_to_noise as signal_to_noise,
     times_of as times_of,
 )
@@ -122,6 +121,3 @@ from cpic_planner.etc.rates import (
     reflected_contrast as reflected_contrast,
 )
 from cpic_planner.etc.searches import whole_steps as whole_steps
-from cpic_planner.etc.together import (
-    CameraCases as CameraCases,
-)
