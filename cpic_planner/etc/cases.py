@@ -158,9 +158,11 @@ class Cases:
     @functools.cached_property
     def motion(self) -> SearchMotion | None:
         """Price that a search pays for the motion of the planets; None where it knows their places."""
+        if self.model.strategy.search != "blind":
+            return None
         pairs = zip(self.bands, self.separation_arcsec, strict=True)
-        every = [SearchMotion.asked(self.model, self.targets, band, place) for band, place in pairs]
-        return SearchMotion.stacked(every, self.shape[1:])
+        every = (SearchMotion.of(self.model, self.targets, band, place) for band, place in pairs)
+        return SearchMotion.stacked([one.spread(self.shape[1:]) for one in every])
 
     @functools.cached_property
     def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:

@@ -15,7 +15,7 @@ A blind search goes through orbits of planets that move, and its threshold pays 
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -24,14 +24,14 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s, peak_visit_s, smooth_least_visit_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme, check_range
-from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
+from cpic_planner.etc.searches import CaseArrays, around_lowest, first_root, lowest_whole, spread
 from cpic_planner.planets import OrbitSearch, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
 
 
 @dataclass(frozen=True, eq=False)
-class SearchMotion:
+class SearchMotion(CaseArrays):
     """The cost of the motion of planets to a blind search at places of stars; made by `of`.
 
     Attributes
@@ -71,24 +71,6 @@ class SearchMotion:
         around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
         of_star = targets.distance_pc[around], _masses_msun(targets)[around], model.metrics[band].lambda_d_arcsec
         return cls(model, OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=_level(strategy.sigma)))
-
-    @classmethod
-    def asked(cls, model: EtcModel, targets: Targets, band: str, separation_arcsec: ArrayLike) -> Self | None:
-        """Return the same where the search of the model's strategy is blind, else None; parameters as of `of`."""
-        return cls.of(model, targets, band, separation_arcsec) if model.strategy.search == "blind" else None
-
-    @classmethod
-    def stacked(cls, parts: Sequence["SearchMotion | None"], shape: tuple[int, ...]) -> "SearchMotion | None":
-        """Return the motion in several bands, each of a shape, along a new first axis; None where there is none."""
-        there = [part for part in parts if part is not None]
-        if not there:
-            return None
-        first, *others = (part.search for part in there)
-        return SearchMotion(there[0].model, first.stacked(others, shape))
-
-    def at(self, index: Any) -> Self:
-        """Return the motion at some of the places."""
-        return type(self)(self.model, self.search.at(index))
 
     def factor(self, programme: Programme, visit_s: ArrayLike) -> FloatArray:
         """Return the factor on the significance that a search asks for, at least 1.

@@ -21,6 +21,7 @@ import scipy
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc.model import EtcModel, check_range
+from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, Instrument, Scene
@@ -234,7 +235,7 @@ EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
 
 
 @dataclass(frozen=True)
-class ApertureRates:
+class ApertureRates(CaseArrays):
     """Rates inside one aperture; all arrays broadcast against each other.
 
     Attributes

@@ -13,11 +13,10 @@ from catalogs import (
     KnownPlanetTable,
     load_known_planets,
     stability_limit,
-    star_key,
     velocity_limit,
 )
 from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
-from cpic_planner.planets.masses import MJUP_IN_MSUN, catalogue_masses_msun, least_mass, listed_stars
+from cpic_planner.planets.masses import MJUP_IN_MSUN, catalogue_masses_msun, catalogue_name, least_mass
 from cpic_planner.queries import EXCLUSIONS
 
 GIANT_MJUP = 0.1
@@ -76,8 +75,7 @@ class StarLimits:
         known : KnownPlanetTable, optional
             Where the known giants are; the shipped table by default.
         """
-        listed = listed_stars()
-        own = [listed.get(star_key(name), (name, np.nan))[0] for name in names]
+        own = [catalogue_name(name) or name for name in names]
         star_mass = np.nan_to_num(catalogue_masses_msun(names), nan=1.0)
         n, k = len(names), len(VELOCITY_AXES_AU)
         found = np.tile(np.array([_UNKNOWN_MJUP, 2.0 * _UNKNOWN_MJUP, 0.0])[:, None, None], (1, n, k))

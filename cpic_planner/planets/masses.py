@@ -4,7 +4,7 @@ Planets follow Chen & Kipping 2017, ApJ 834, 17.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -108,24 +108,31 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
 
 def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
     """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
-    keys = [star_key(name) for name in names]
+    listed = [catalogue_name(name) for name in names]
     # Published parameters change masses, not names: they are not read for stars that no catalogue holds.
-    listed = listed_stars() if _listed_keys().intersection(keys) else {}
-    return np.array([listed.get(key, ("", np.nan))[1] for key in keys], float)
+    masses = _masses() if any(listed) else {}
+    return np.array([np.nan if name is None else masses[name] for name in listed], float)
+
+
+def catalogue_name(name: str) -> str | None:
+    """Return the name in the embedded catalogue of the star that has some name; None for a star that is not in it."""
+    return name if name in _names() else _names_by_key().get(star_key(name))
 
 
 @functools.cache
-def _listed_keys() -> frozenset[str]:
-    """Return the `star_key` of every star of the embedded catalogue."""
-    return frozenset(map(star_key, load_stars(updates=False).column("name").tolist()))
+def _names() -> frozenset[str]:
+    return frozenset(load_stars(updates=False).column("name").tolist())
 
 
 @functools.cache
-def listed_stars() -> Mapping[str, tuple[str, float]]:
-    """Return the name and mass of every star of the embedded catalogue, by `star_key`."""
+def _names_by_key() -> dict[str, str]:
+    return {star_key(name): name for name in _names()}
+
+
+@functools.cache
+def _masses() -> dict[str, float]:
     stars = load_stars()
-    names, masses = stars.column("name").tolist(), stars.column("mass_msun").tolist()
-    return {star_key(name): (name, mass) for name, mass in zip(names, masses, strict=True)}
+    return dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
 
 
 def star_masses_msun(

@@ -7,9 +7,7 @@ are on known orbits, which the stack follows: they cost nothing.
 
 import functools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -171,8 +169,7 @@ def _squares(steps: FloatArray) -> FloatArray:
     return 1.0 + 2.0 * math.sqrt(2.0) * steps + math.pi / 2.0 * steps**2
 
 
-@dataclass(frozen=True, eq=False)
-class OrbitSearch:
+class OrbitSearch(NamedTuple):
     """A search that knows no place, around stars; arrays broadcast. Made by `of`.
 
     Attributes
@@ -230,18 +227,6 @@ class OrbitSearch:
         radius = place * distance
         speed = _SPEED_AU_DAY * np.sqrt(mass / radius) / (distance * width)
         return cls(speed, _SPEED_AU_DAY**2 * mass / radius**2 / (distance * width), **how)
-
-    def stacked(self, others: Sequence["OrbitSearch"], shape: tuple[int, ...]) -> "OrbitSearch":
-        """Return this search and others, each of a shape, along a new first axis."""
-
-        def together(name: str) -> FloatArray:
-            return np.stack([np.broadcast_to(getattr(one, name), shape) for one in (self, *others)])
-
-        return type(self)(together("speed"), together("bend"), self.gap_h, self.duty, self.sigma)
-
-    def at(self, index: Any) -> Self:
-        """Return the search at some of the places."""
-        return type(self)(self.speed[index], self.bend[index], self.gap_h, self.duty, self.sigma)
 
     def span_days(self, visits: ArrayLike, visit_time_s: ArrayLike) -> FloatArray:
         """Return the days from the begin of the first visit to the end of the last.

@@ -36,7 +36,7 @@ from cpic_planner.targets import Targets, named_among, rank_sample, sample_text
 from simulator.config import AlbedoSpec, Instrument, checked_utc, unit_of
 from simulator.imaging import PsfMetrics, Zone
 from simulator.products import mjd_of
-from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_law
+from simulator.signal import programme_law
 from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
 
 # Arrays of one step stay below 10 MB each: numbers of star-planet pairs to place, and to work out together.
@@ -202,7 +202,9 @@ def faintest_contrast(
     library = model.library_noise(band, star)
     fine = low + (high - low) * (np.arange(N_RINGS)[:, None] + np.linspace(0.0, 1.0, _FINE + 1)) / N_RINGS
     width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-    least = _least(programme_law(metrics, model.instrument.drift, fine, width, ratio, model.timing))
+    law_of = programme_law(metrics, model.instrument.drift, fine, width, ratio, model.timing)
+    # Its parts all fall and grow with the two variances that it has.
+    least = etc.mapped(lambda part: part.min(axis=-1), law_of)
     bright, large = _least_shares(metrics, fine, (x, y))
     sky, charge = rates.sky_e_s * bright * large, rates.dark_e_s * large
     dark = replace(
@@ -241,17 +243,6 @@ def _least_shares(
         ratio = 1.0 if isinstance(there, float) else np.minimum(there.min(axis=-1) / value(*middle), 1.0)
         found.append(ratio)
     return found[0], found[1]
-
-
-def _least(law: ProgrammeLaw) -> ProgrammeLaw:
-    """Return the least of a law along the last axis: its parts all fall and grow with the two variances that it has."""
-
-    def least(part: SpeckleLaw) -> SpeckleLaw:
-        return SpeckleLaw(*(np.asarray(k).min(axis=-1) for k in part))
-
-    science, reference, common = map(least, law[:3])
-    turned = None if law.turned is None else least(law.turned)
-    return law._replace(science=science, reference=reference, common=common, turned=turned)
 
 
 def rectangles(star: IntArray) -> Iterator[tuple[IntArray, IntArray, BoolArray]]:

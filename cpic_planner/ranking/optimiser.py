@@ -18,7 +18,6 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner import etc
-from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
 from cpic_planner.targets import Targets
@@ -38,7 +37,7 @@ _RUNAWAY = 0.02
 
 
 @dataclass(frozen=True)
-class Outlook:
+class Outlook(etc.CaseArrays):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Attributes
@@ -133,7 +132,7 @@ class Outlook:
         def last(part: ArrayLike) -> FloatArray:
             return np.asarray(part, float)[..., None]
 
-        crossed, light = (_deeper(part).scaled(last(of_star)) for part in parts)
+        crossed, light = (etc.mapped(last, part).scaled(last(of_star)) for part in parts)
         frame_s = last(exposure_s + problem.camera.readout_s)
         moving = None if motion is None else motion.at((..., None))
         return cls(
@@ -153,20 +152,12 @@ class Outlook:
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
+        return self._combined(lambda part: part[stars] if part.ndim and len(part) > 1 else part)
 
-        def some(part: Any) -> Any:
-            if isinstance(part, tuple):
-                return type(part)(*map(some, part))
-            if isinstance(part, etc.SearchMotion):
-                return part.at(stars)
-            return part[stars] if isinstance(part, np.ndarray) and part.ndim and len(part) > 1 else part
-
-        return type(self)(*(some(getattr(self, item.name)) for item in fields(self)))
-
-    def at(self, stars: IntArray, columns: IntArray) -> Self:
+    def picked(self, stars: IntArray, columns: IntArray) -> Self:
         """Return some of the places of some stars; parameters as of `picked`."""
         shape = np.broadcast_shapes(self.level.shape, self.white.shape)[:2]
-        return type(self)(*(picked(getattr(self, item.name), shape, stars, columns) for item in fields(self)))
+        return self._combined(lambda part: picked(part, shape, stars, columns))
 
     def drifting(self, factor: ArrayLike) -> Self:
         """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
@@ -339,32 +330,27 @@ class Outlook:
         return _largest(lambda k: self.drifting(k[:, None, None]).in_time(time_s)[0].min(axis=1), len(self.white))
 
 
-def picked(part: Any, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> Any:
+def picked(part: FloatArray, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> FloatArray:
     """Return some of the places of some stars; an axis of length 1 stays where it can.
 
     Parameters
     ----------
-    part : object
-        Arrays that broadcast to ``shape`` and may have further axes, alone or in named tuples, rates or motions; what
-        is none stays.
+    part : ndarray
+        Broadcasts to ``shape`` and may have further axes.
     shape : tuple of int
         ``(n_star, n_place)``.
     stars : ndarray of int, shape (n,)
     columns : ndarray of int, shape (n, k) or (1, k)
         Places of each of those stars.
     """
-    if isinstance(part, np.ndarray) and part.ndim > 1:
-        if part.shape[1] == 1:
-            return part[stars] if len(part) > 1 else part
-        if len(part) == len(columns) == 1:
-            return part[:, columns[0]]
-        whole = part if part.shape[:2] == shape else np.broadcast_to(part, shape + part.shape[2:])
-        return whole[stars[:, None], columns]
-    if isinstance(part, tuple):
-        return type(part)(*(picked(item, shape, stars, columns) for item in part))
-    if isinstance(part, etc.ApertureRates | etc.SearchMotion | OrbitSearch):
-        return type(part)(*(picked(getattr(part, item.name), shape, stars, columns) for item in fields(part)))
-    return part
+    if np.ndim(part) < 2:
+        return part
+    if part.shape[1] == 1:
+        return part[stars] if len(part) > 1 else part
+    if len(part) == len(columns) == 1:
+        return part[:, columns[0]]
+    whole = part if part.shape[:2] == shape else np.broadcast_to(part, shape + part.shape[2:])
+    return whole[stars[:, None], columns]
 
 
 def programme_of(model: etc.EtcModel, visits: ArrayLike, visit_s: ArrayLike) -> etc.Programme:
@@ -390,17 +376,6 @@ def nearby(visits: FloatArray) -> FloatArray:
     place = np.searchsorted(VISITS, visits)
     low, high = VISITS[np.maximum(place - 1, 0)], VISITS[np.minimum(place + 1, len(VISITS) - 1)]
     return np.asarray(np.rint(low[..., None] + (high - low)[..., None] * _NEARBY))
-
-
-def _deeper(law: ProgrammeLaw) -> ProgrammeLaw:
-    """Return a law whose arrays have one more axis, for programmes."""
-
-    def deeper(part: SpeckleLaw) -> SpeckleLaw:
-        return SpeckleLaw(*(np.asarray(k, float)[..., None] for k in part))
-
-    science, reference, common = map(deeper, law[:3])
-    turned = None if law.turned is None else deeper(law.turned)
-    return law._replace(science=science, reference=reference, common=common, turned=turned)
 
 
 def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:
@@ -451,7 +426,7 @@ def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus
 
 
 @dataclass(frozen=True)
-class Places:
+class Places(etc.CaseArrays):
     """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
 
     model: etc.EtcModel
@@ -462,10 +437,9 @@ class Places:
     rates: etc.ApertureRates
     motion: etc.SearchMotion | None
 
-    def at(self, stars: IntArray, columns: IntArray) -> Self:
+    def picked(self, stars: IntArray, columns: IntArray) -> Self:
         """Return some of the separations of some stars; parameters as of `picked`."""
-        parts = (getattr(self, item.name) for item in fields(self))
-        return type(self)(*(picked(part, self.contrast.shape, stars, columns) for part in parts))
+        return self._combined(lambda part: picked(part, self.contrast.shape, stars, columns))
 
     def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
         """Return what the solver of the frames of a visit needs."""
@@ -830,7 +804,7 @@ def best_in_band(
     best, outlook = search.lowest(
         every, lambda outlook: outlook.in_time(time_s), lambda outlook, visits: outlook.in_time(time_s, visits)
     )
-    chosen = search.places.at(every, best)
+    chosen = search.places.picked(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
@@ -849,7 +823,7 @@ def _least_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
     best, outlook = search.lowest(every, Outlook.for_level, Outlook.for_level)
-    chosen = search.places.at(every, best)
+    chosen = search.places.picked(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
@@ -939,12 +913,13 @@ class _Search:
         elements = model.metrics[band].resolution_elements(place)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
-        motion = etc.SearchMotion.asked(model, self.targets, band, np.broadcast_to(place, contrast.shape))
+        blind, everywhere = model.strategy.search == "blind", np.broadcast_to(place, contrast.shape)
+        motion = etc.SearchMotion.of(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
     def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:
         """Return what decides programmes of some stars at some separations; ``dark``: with no background."""
-        return self.places.at(stars, columns).outlook(self.snr, dark=dark)
+        return self.places.picked(stars, columns).outlook(self.snr, dark=dark)
 
     @functools.cached_property
     def coarse(self) -> Outlook:
@@ -971,7 +946,7 @@ class _Search:
         """
         n = len(self.grid)
         steps = np.arange(0, n, STRIDE)[None, :]
-        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.at(stars, steps // STRIDE)
+        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.picked(stars, steps // STRIDE)
         if n == 1:
             return np.zeros((len(stars), 1), int), coarse
         rough, visits = cost(coarse)[:2]
@@ -985,7 +960,7 @@ class _Search:
         else:
             close = finer(fine, nearby(np.take_along_axis(visits, column[:, None], axis=1)))[0]
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
-        found = fine.at(np.arange(len(stars)), best)
+        found = fine.picked(np.arange(len(stars)), best)
         return np.take_along_axis(around, best, axis=1), found
 
     def _changed(
