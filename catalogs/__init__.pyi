@@ -1,3 +1,13 @@
+from catalogs.archives import (
+    RefreshError as RefreshError,
+    StoredTable as StoredTable,
+    TapService as TapService,
+    data_dir as data_dir,
+    file_name as file_name,
+    parse_refreshed as parse_refreshed,
+    set_aside as set_aside,
+    stored_tables as stored_tables,
+)
 from catalogs.bands import (
     Band as Band,
     band_from_file as band_from_file,
@@ -5,11 +15,13 @@ from catalogs.bands import (
     load_bands as load_bands,
 )
 from catalogs.binaries import (
+    POSITION_ERROR as POSITION_ERROR,
     POSITION_ERROR_ARCSEC as POSITION_ERROR_ARCSEC,
     BinaryOrbit as BinaryOrbit,
     StabilityLimit as StabilityLimit,
     binary_orbits as binary_orbits,
     stability_limit as stability_limit,
+    stars_at as stars_at,
 )
 from catalogs.catalogue import (
     NAMED_TABLES as NAMED_TABLES,
@@ -28,9 +40,20 @@ from catalogs.coordinates import (
     tangent_offset as tangent_offset,
 )
 from catalogs.curves import length_nm as length_nm, read_curve as read_curve
-from catalogs.exoplanet_archive import PLANETS_QUERY as PLANETS_QUERY, archive_url as archive_url
-from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, star_key as star_key
-from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source
+from catalogs.exoplanet_archive import (
+    PLANETS_QUERY as PLANETS_QUERY,
+    RefreshedPlanets as RefreshedPlanets,
+    archive_url as archive_url,
+    planets_ecsv as planets_ecsv,
+    refresh_planets as refresh_planets,
+)
+from catalogs.known_planets import (
+    KnownPlanetTable as KnownPlanetTable,
+    load_known_planets as load_known_planets,
+    parse_planets as parse_planets,
+    split_source as split_source,
+    star_key as star_key,
+)
 from catalogs.names import StarMatch as StarMatch, resolve_star as resolve_star
 from catalogs.nomenclature import CONSTELLATIONS as CONSTELLATIONS, GREEK as GREEK
 from catalogs.orbits import (
@@ -40,41 +63,22 @@ from catalogs.orbits import (
     eccentric_anomaly as eccentric_anomaly,
     orbit_places as orbit_places,
 )
-from catalogs.own_tables import (
-    OwnTables as OwnTables,
-    Taken as Taken,
-    possible_columns as possible_columns,
-    tables_read as tables_read,
-    taken_for as taken_for,
-)
-from catalogs.planet_refresh import (
-    RefreshedPlanets as RefreshedPlanets,
-    parse_planets as parse_planets,
-    planets_ecsv as planets_ecsv,
-    refresh_planets as refresh_planets,
-)
-from catalogs.refresh import (
-    Refreshed as Refreshed,
-    ecsv_text as ecsv_text,
-    parse_refreshed as parse_refreshed,
-    refresh_stars as refresh_stars,
-)
-from catalogs.refreshed_tables import (
-    StoredTable as StoredTable,
-    data_dir as data_dir,
-    file_name as file_name,
-    set_aside as set_aside,
-    stored_tables as stored_tables,
-)
 from catalogs.simbad import (
     Cuts as Cuts,
+    Refreshed as Refreshed,
+    ecsv_text as ecsv_text,
     queries as queries,
+    refresh_stars as refresh_stars,
     service_url as service_url,
 )
 from catalogs.spectra import (
+    HC_ERG_ANGSTROM as HC_ERG_ANGSTROM,
     Albedo as Albedo,
+    GridFlags as GridFlags,
     SpectralLibrary as SpectralLibrary,
     Spectrum as Spectrum,
+    StellarGrid as StellarGrid,
+    bracket as bracket,
     load_albedo as load_albedo,
     load_johnson_v as load_johnson_v,
     load_pickles as load_pickles,
@@ -82,19 +86,17 @@ from catalogs.spectra import (
     load_stellar_grid as load_stellar_grid,
     load_zodi_table as load_zodi_table,
 )
-from catalogs.spectral_types import parse_spectral_type as parse_spectral_type, stellar_parameters as stellar_parameters
-from catalogs.star_columns import ADDED_FLAGS as ADDED_FLAGS, QUANTITIES as QUANTITIES
-from catalogs.star_places import POSITION_ERROR as POSITION_ERROR, stars_at as stars_at
-from catalogs.stars import StarTable as StarTable, load_stars as load_stars
-from catalogs.stellar_grid import (
-    HC_ERG_ANGSTROM as HC_ERG_ANGSTROM,
-    GridFlags as GridFlags,
-    StellarGrid as StellarGrid,
-    bracket as bracket,
+from catalogs.stars import (
+    ADDED_FLAGS as ADDED_FLAGS,
+    QUANTITIES as QUANTITIES,
+    StarTable as StarTable,
+    load_stars as load_stars,
 )
 from catalogs.stellar_physics import (
     luminosity_from_v as luminosity_from_v,
+    parse_spectral_type as parse_spectral_type,
     radius_from_luminosity as radius_from_luminosity,
+    stellar_parameters as stellar_parameters,
 )
 from catalogs.table_cells import (
     CONVENTIONS as CONVENTIONS,
@@ -114,7 +116,13 @@ from catalogs.table_files import (
     parse_table as parse_table,
     read_bytes as read_bytes,
 )
-from catalogs.tap_client import RefreshError as RefreshError, TapService as TapService
+from catalogs.user_tables import (
+    OwnTables as OwnTables,
+    Taken as Taken,
+    possible_columns as possible_columns,
+    tables_read as tables_read,
+    taken_for as taken_for,
+)
 from catalogs.velocity_limits import (
     VELOCITY_AXES_AU as VELOCITY_AXES_AU,
     VelocityLimit as VelocityLimit,

@@ -11,10 +11,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
-from catalogs.known_planet_columns import STATUSES
-from catalogs.published_parameters import PublishedParameters, parameters_vintage, published_parameters
+from catalogs.known_planets import STATUSES
 from catalogs.shipped import shipped_rows, shipped_words
-from catalogs.stars import StarTable, load_stars, with_updates
+from catalogs.stars import (
+    PublishedParameters,
+    StarTable,
+    load_stars,
+    parameters_vintage,
+    published_parameters,
+    with_updates,
+)
 from catalogs.table_cells import LeftOut, Use
 from cpic_core import InputError, in_unit
 
@@ -48,7 +54,7 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     ----------
     updates : bool
         Whether companions follow the orbits of `catalogs.binaries`, and temperatures are those of
-        `catalogs.published_parameters`.
+        `catalogs.stars`.
     """
     entry = _entry("stars.csv")
     laid_over = f"; {orbits_vintage()}; {parameters_vintage()}" if updates else ""
@@ -185,7 +191,7 @@ def open_catalogue(source: str | Path = "snapshot", *, strict: bool = False) -> 
         sample = "every FGK star of the snapshot with parallax >= 25 mas"
         return Catalogue(table, "snapshot" if updates else "simbad_2012", vintage, sample)
     if source == "latest":
-        from catalogs.refreshed_tables import latest_table
+        from catalogs.archives import latest_table
 
         source = latest_table("simbad", key="catalog", instead="snapshot", command="cpic catalog refresh")
     return _from_file(source, strict)
@@ -235,8 +241,8 @@ def catalogue_of_star(
     InputError
         For a spectral type that gives no temperature, or neither of the two.
     """
-    from catalogs.spectral_types import stellar_parameters
-    from catalogs.user_table import ASSUMED_PC, named_star
+    from catalogs.stellar_physics import stellar_parameters
+    from catalogs.user_tables import ASSUMED_PC, named_star
 
     v_mag = in_unit("v_mag", v_mag, "mag")
     teff_k, distance_pc = in_unit("teff_k", teff_k, "K"), in_unit("distance_pc", distance_pc, "pc")
@@ -258,13 +264,13 @@ def data_credits(provenance: str) -> tuple[str, ...]:
 
 
 def _from_file(path: str | Path, strict: bool) -> Catalogue:
-    from catalogs.own_tables import tell
     from catalogs.table_files import parse_table, read_bytes
+    from catalogs.user_tables import tell
 
     file = read_bytes(path)
     digest = f"{file.name} {file.sha256[:_DIGITS]}"
     if file.data.startswith(b"# %ECSV") and _is_refreshed(file.data):
-        from catalogs.refresh import parse_refreshed
+        from catalogs.archives import parse_refreshed
 
         table, meta = parse_refreshed(file.data.decode("utf-8", "replace"), file.name)
         whole = int(meta["counts"]["stars"])
@@ -275,7 +281,7 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
         origin = f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})"
         sample = f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas"
         return Catalogue(with_updates(table), "refreshed", origin, sample, notes)
-    from catalogs.user_table import user_table
+    from catalogs.user_tables import user_table
 
     raw = parse_table(file)
     made = user_table(raw, strict=strict)
@@ -293,7 +299,7 @@ def _elsewhere(service: str) -> str:
 
 
 def _is_refreshed(data: bytes) -> bool:
-    from catalogs.refresh import FORMAT_KEY
+    from catalogs.archives import FORMATS
 
     header = [line for line in data.splitlines() if line.startswith(b"#")]
-    return any(line.lstrip(b"# -{").startswith(FORMAT_KEY.encode()) for line in header)
+    return any(line.lstrip(b"# -{").startswith(FORMATS["simbad"].encode()) for line in header)

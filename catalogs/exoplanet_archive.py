@@ -9,22 +9,43 @@ confirmed solution of the same period does, the orbit (period, time, eccentricit
 and reference) is the whole one of the newest such publication, so that elements of two fits are never mixed; the row is
 flagged. Errors are half the width of the published interval; the archive's 0 for an error means that none is given.
 Columns: https://exoplanetarchive.ipac.caltech.edu/docs/API_PS_columns.html; Akeson et al. 2013, PASP 125, 989.
+
+A refresh asks, checks and compares with the shipped table; `catalogs.known_planets` says how a refreshed one is used.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
-from catalogs.archive_answers import asked_columns, read_answer
+from catalogs.archives import (
+    Refresh,
+    RefreshError,
+    TapService,
+    ask,
+    asked_columns,
+    ecsv_of,
+    loss_refused,
+    read_answer,
+)
 from catalogs.coordinates import separation_arcsec
-from catalogs.known_planet_columns import COLUMNS, flags_of, reference_text, settle
-from catalogs.known_planet_table import planet_key
+from catalogs.known_planets import (
+    COLUMNS,
+    NUMBERS,
+    TABLE_COLUMNS,
+    KnownPlanetTable,
+    flags_of,
+    load_known_planets,
+    planet_key,
+    reference_text,
+    settle,
+)
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
-from catalogs.stars import StarTable
+from catalogs.stars import StarTable, load_stars
 from catalogs.table_cells import Row
 from catalogs.table_files import RawTable
-from catalogs.tap_client import RefreshError, TapService
 from cpic_core import InputError
 
 URL_VARIABLE = "CPIC_ARCHIVE_URL"
@@ -48,7 +69,7 @@ class ArchivePlanets:
     Parameters
     ----------
     rows : list of dict
-        One planet each, by columns of `catalogs.known_planet_columns.COLUMNS`, sorted by star and planet.
+        One planet each, by columns of `catalogs.known_planets.COLUMNS`, sorted by star and planet.
     counts : mapping of str to int
         Solutions and planets at each step.
     left_out : mapping of str to str
@@ -262,3 +283,151 @@ def believe(where: str, name: str, value: float) -> None:
     believed = COLUMNS[name]
     if not believed.low <= value <= believed.high:
         raise InputError(f"{where} {name}", value, unit=believed.unit, allowed=believed.allowed)
+
+
+_LICENCE = "public facts (NASA Exoplanet Archive); star names as in the embedded catalogue"
+CREDIT = "NASA Exoplanet Archive, table ps (Akeson et al. 2013, PASP 125, 989)"
+SIGMAS = 3.0
+"""An element has moved if it differs by more than this many combined errors, and by more than `LEAST`."""
+LEAST = 0.05
+"""Least difference that counts: of period and semi-major axis as a fraction, of the eccentricity itself."""
+_ELEMENTS = {
+    "period_days": "period_err_days",
+    "semi_major_axis_au": "semi_major_axis_err_au",
+    "eccentricity": "eccentricity_err",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefreshedPlanets(Refresh):
+    """A refreshed table of planets with its story, and remarks on the archive's columns and values.
+
+    Its changes are those of `compare_planets`.
+    """
+
+    rows: list[Row]
+    notes: tuple[str, ...]
+
+
+def refresh_planets(
+    service: TapService,
+    *,
+    step: Callable[[str], None] = lambda text: None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> RefreshedPlanets:
+    """Ask the NASA Exoplanet Archive for the planets of catalogue stars.
+
+    Parameters
+    ----------
+    service : TapService
+        Where and how patiently to ask.
+    step : callable
+        Called with a word when a piece of work is done (twice).
+    tell : callable
+        Called with a sentence when a failure is tried again.
+
+    Raises
+    ------
+    RefreshError
+        If the service fails or its answer cannot be right.
+    """
+    url, when = archive_url(service), datetime.now(UTC).replace(microsecond=0)
+    answer = ask(service, url, PLANETS_QUERY, narrower=NARROWER, tell=tell)
+    step("planets")
+    planets, shipped = read_archive(answer, load_stars()), load_known_planets()
+    step("table")
+    changes = compare_planets(planets, shipped)
+    what = "counted planets of the shipped table"
+    refusal = loss_refused(len(changes["gone"]), int(shipped.counted.sum()), what)
+    story: dict[str, Any] = {"kind": "archive", "queried_utc": when, "url": url, "queries": (PLANETS_QUERY,)}
+    return RefreshedPlanets(**story, **vars(planets), changes=changes, refusal=refusal)
+
+
+def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> dict[str, Any]:
+    """Return what differs from a table of planets.
+
+    Parameters
+    ----------
+    planets : ArchivePlanets
+        What the archive says.
+    shipped : KnownPlanetTable
+        The table with which it is compared; planets of it that are not counted are neither new nor gone nor moved.
+
+    Returns
+    -------
+    dict
+        ``same``, the number of counted planets in both of which no element differs; ``added``, planets that the shipped
+        table does not have; ``gone``, counted ones that the archive does not have, with the reason where it is known;
+        ``orbit_moved``, elements of orbits that differ: ``planet``, ``element`` (with its unit in its name),
+        ``before``, ``before_err``, ``now``, ``now_err`` and ``sigmas``, the difference over the combined error; an
+        error that is not given, and the ratio to none, is None.
+
+    Notes
+    -----
+    Period, semi-major axis and eccentricity are compared: one has moved if the difference is more than `SIGMAS` times
+    both errors, added in quadrature, and more than `LEAST`, which decides alone where no error is given. Of a planet
+    with several published orbits all must differ.
+    """
+    names = shipped.text("planet")
+    old = dict(zip(map(planet_key, shipped.text("star"), names), range(len(shipped)), strict=True))
+    new = {planet_key(row["star"], row["planet"]): row for row in planets.rows}
+    counted = {key: row for key, row in old.items() if shipped.counted[row]}
+    moved = {key: _moved(row, shipped.orbits_of(counted[key])) for key, row in new.items() if key in counted}
+    left_out = {planet_key(name.rpartition(" ")[0], name): why for name, why in planets.left_out.items()}
+    gone = {names[row]: left_out.get(key, "not in the answer") for key, row in counted.items() if key not in new}
+    return {
+        "same": sum(not found for found in moved.values()),
+        "added": [row["planet"] for key, row in new.items() if key not in old],
+        "gone": gone,
+        "orbit_moved": [item for found in moved.values() for item in found],
+    }
+
+
+def _moved(row: Row, orbits: KnownPlanetTable) -> list[dict[str, Any]]:
+    """Return the elements of a row that have moved from those of all the orbits of its planet."""
+    found = []
+    for name, error in _ELEMENTS.items():
+        now, now_err = row.get(name), row.get(error)
+        values, errors = (orbits.number(column).tolist() for column in (name, error))
+        differing = [
+            difference(name, before, before_err, now, now_err)
+            for before, before_err in zip(values, errors, strict=True)
+            if now is not None
+        ]
+        if differing and all(differing):
+            found.append({"planet": row["planet"], "element": name} | differing[0])
+    return found
+
+
+def difference(element: str, before: float, before_err: float, now: float, now_err: float | None) -> dict[str, Any]:
+    """Return two values of an element and by how many combined errors they differ; empty if it has not moved.
+
+    Parameters
+    ----------
+    element : str
+        ``period_days``, ``semi_major_axis_au`` or ``eccentricity``.
+    before, before_err, now, now_err : float
+        Values and their errors; nan, or None of the last, where there is none.
+    """
+    known = [error for error in (before_err, now_err) if error is not None and error == error]
+    error, apart = math.hypot(*known), abs(now - before)
+    scale = 1.0 if element == "eccentricity" else abs(before)
+    if not (apart > LEAST * scale and apart > SIGMAS * error):  # never where one is nan
+        return {}
+    values = {"before": before, "before_err": before_err if before_err == before_err else None}
+    return values | {"now": now, "now_err": now_err, "sigmas": apart / error if error > 0.0 else None}
+
+
+def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
+    """Return a refreshed table of planets as ECSV 1.0: units of every column, and its story in the header.
+
+    Parameters
+    ----------
+    made : RefreshedPlanets
+        What to write.
+    versions : mapping of str to str
+        Software that made it.
+    """
+    values = {name: [row.get(name, math.nan if name in NUMBERS else "") for row in made.rows] for name in TABLE_COLUMNS}
+    about = {"notes": list(made.notes), "licence": _LICENCE, "credit": CREDIT}
+    return ecsv_of(made, [COLUMNS[name] for name in TABLE_COLUMNS], values, versions, **about)

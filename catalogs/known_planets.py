@@ -1,5 +1,7 @@
 """Known planets: published orbits of companions of catalogue stars, and what each of them lacks.
 
+The shipped tables and a user's own have the same columns. Names of the NASA Exoplanet Archive are accepted as headings.
+
 Two tables are shipped: the confirmed planets of the NASA Exoplanet Archive, as of 2019-05-31, of stars in the
 catalogue; and what has changed since, kept by hand with a date and a source in every row, which is laid over it.
 Arguments of periastron are those of the star's orbit, as radial velocities have them; the planet's own is 180 degrees
@@ -9,42 +11,325 @@ A row that is laid over another one of the same planet replaces its whole orbit,
 are never mixed; what it does not say about the planet's status stays. A row with a status and no orbit changes the
 status alone. Where publications disagree, a planet has several rows, each a whole orbit with a weight: together they
 are a mixture, from which draws take one orbit each.
+
+A refreshed table stands beside the shipped one as the base that ``latest`` names, and the updates kept by hand are laid
+over it like over the table of 2019, with one difference: an orbit of theirs only where its row is newer than the last
+change of the archive's own row. What they say of a planet's status stays whatever the date, for the archive has no word
+for refuted: a planet that they refute is not counted again because the archive touched its row.
 """
 
 import functools
+import html
 import math
 import re
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from catalogs.known_planet_columns import (
-    COLUMNS,
-    FLAGS,
-    GIVEN_FLAGS,
-    STANDING,
-    STATUSES,
-    flags_of,
-    reference_text,
-    settle,
-)
-from catalogs.known_planet_table import (
-    NUMBERS,
-    TABLE_COLUMNS,
-    TEXTS,
-    KnownPlanetTable as KnownPlanetTable,
-    planet_key,
-    star_key as star_key,
-)
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
-from catalogs.own_tables import is_strict, keep, tell
 from catalogs.shipped import shipped_digest, shipped_rows, shipped_words
-from catalogs.table_cells import ROW_OUT, Row, Rows, heading, read_rows
+from catalogs.stars import FrozenTable
+from catalogs.table_cells import ROW_OUT, Columns, LeftOut, Row, Rows, Use, columns_of, heading, read_rows
 from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
-from cpic_core import InputError, check_flag, listed
+from catalogs.user_tables import is_strict, keep, tell
+from cpic_core import ArrayLike, InputError, NDArray, check_flag, listed
+
+COLUMNS = Columns(*columns_of("planets"), table="planets")
+"""Every column by its name, in the order of the shipped file."""
+STANDING = ("status", "status_reference", "updated", "note")
+"""Columns that say how sure a planet is."""
+UPDATES_ONLY = ("solution_weight", *STANDING)
+"""Columns that the table of 2019 does not have, and what is laid over it may."""
+INPUT_ONLY = tuple(column.name for column in columns_of("planets", only="input"))
+"""Columns that a table of a user's own may have; reading turns them into the others."""
+STATUSES = shipped_words("planet_statuses")
+"""Meaning of each status."""
+COUNTED = tuple(shipped_words("planet_statuses", "counted"))
+"""Statuses of the planets that rankings, plans, what-ifs and scenes have; the others are only listed."""
+CANDIDATE = "candidate"
+"""Status of those that are counted as well when asked for."""
+FLAGS = shipped_words("planet_flags")
+"""What each flag means."""
+GIVEN_FLAGS = tuple(shipped_words("planet_flags", "given"))
+"""Flags that a table states; the others follow from what is missing."""
+
+
+def flags_of(row: Mapping[str, float], given: tuple[str, ...] = (), *, exact: bool = False) -> tuple[str, ...]:
+    """Return the flags of one planet, in the order of `FLAGS`.
+
+    Parameters
+    ----------
+    row : mapping of str to float
+        Numbers by column; nan or absent where missing.
+    given : tuple of str
+        Flags that the table states.
+    exact : bool
+        Whether a number without an error is exact, the time of periastron or conjunction too: so it is in a row of a
+        user's own. A row of an archive does not state the error, and its phase is unknown without.
+    """
+    there = {name for name, value in row.items() if math.isfinite(value)}
+    return _flags_of(frozenset(there.union(given, ("exact",) * exact)))
+
+
+@functools.lru_cache(maxsize=10_000)
+def _flags_of(given: frozenset[str]) -> tuple[str, ...]:
+    """Return the flags of a row that has these numbers and flags; of the many rows of a table most have the same."""
+    there = set(given)
+    for flag, needs, lacks in _flag_rules():
+        if needs <= there and lacks.isdisjoint(there):
+            there.add(flag)
+    return tuple(name for name in FLAGS if name in there)
+
+
+@functools.cache
+def _flag_rules() -> tuple[tuple[str, frozenset[str], frozenset[str]], ...]:
+    """Return flags, each with what a row must have and must not have; later rules may ask for flags of earlier ones."""
+    rows = shipped_rows("planet_flag_rules.csv")
+    return tuple((row["flag"], frozenset(row["needs"].split()), frozenset(row["lacks"].split())) for row in rows)
+
+
+_KINDS = shipped_words("mass_kinds")
+"""Kinds of the archive's best mass by its provenance: a true or a minimum mass, or one from a radius."""
+
+
+def settle(numbers: dict[str, float], kind: str, where: str) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Turn the archive's best mass and its limits into columns of ours.
+
+    Parameters
+    ----------
+    numbers : dict of str to float
+        What a row gives, by column of `COLUMNS`; errors above 0.
+    kind : str
+        The archive's provenance of the best mass; ``""`` if the table has none.
+    where : str
+        The row, for messages.
+
+    Returns
+    -------
+    dict, tuple of str
+        Numbers without the archive's own columns, and the flags that follow.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind of mass.
+
+    Notes
+    -----
+    An inclination of exactly 90 degrees without an error is an assumption of the fit: it is left out, and the mass
+    taken as m sin i, as is a mass that is a lower limit. A mass that the archive has from a radius is left out.
+    """
+    found, flags = dict(numbers), []
+    best, error = found.pop("best_mass_mjup", None), found.pop("best_mass_err_mjup", None)
+    limit, eccentric = found.pop("best_mass_limit", 0.0), found.pop("eccentricity_limit", 0.0)
+    if found.pop("controversial", 0.0):
+        flags.append("controversial")
+    if eccentric > 0.0:
+        flags.append("eccentricity_upper_limit")
+    if best is None:
+        return found, tuple(flags)
+    if kind not in _KINDS:
+        raise InputError(f"{where} column best_mass_kind", kind or "missing", allowed=", ".join(_KINDS))
+    name = _KINDS[kind]
+    if found.get("inclination_deg") == 90.0 and "inclination_err_deg" not in found:
+        del found["inclination_deg"]
+        flags.append("edge_on_assumed")
+        name = name and "msini"
+    if limit:
+        flags.append("mass_upper_limit" if limit > 0.0 else "mass_lower_limit")
+        name = name if limit > 0.0 else name and "msini"
+    if name:
+        found.pop(f"{name}_err_mjup", None)
+        found[f"{name}_mjup"] = best
+        if error is not None:
+            found[f"{name}_err_mjup"] = error
+        if name == "msini":
+            found = {key: value for key, value in found.items() if key not in ("mass_mjup", "mass_err_mjup")}
+    return found, tuple(flags)
+
+
+@functools.lru_cache(maxsize=10_000)
+def reference_text(link: str) -> str:
+    """Return ``Benedict et al. 2006 (2006AJ....132.2206B)`` of a link to a bibliography; other text as it is."""
+    words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", link)).split())
+    bibcode = re.search(r"(?:bibcode=|abs/)([^\s>\"/]+)", link)
+    code = html.unescape(bibcode[1]).replace("%26", "&") if bibcode else ""
+    return f"{words} ({code})" if code else words
+
+
+TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
+TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")
+NUMBERS = tuple(name for name in TABLE_COLUMNS if name not in TEXTS)
+PLACE_DEG = 3.0
+"""Error of the angles of an orbit within which its planet's place is known: a resolution element at 1 arcsec."""
+
+
+@dataclass(frozen=True)
+class KnownPlanetTable(FrozenTable):
+    """An immutable table of planets.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Read-only arrays of equal length: those of `catalogs.known_planets.COLUMNS` less ``INPUT_ONLY``;
+        float64 with nan where missing, or text.
+    label : str
+        What messages call the table.
+    provenance : str
+        One line for results: what it is, its vintage or file name, the first digits of its sha256.
+    notes : tuple of str
+        Remarks on the reading, for its owner.
+    solutions : mapping of str to KnownPlanetTable
+        All published orbits of the planets that have several, by the name of the planet, each orbit a row with its
+        ``solution_weight``. In ``columns`` these planets have the orbit of the largest weight.
+    candidates : bool
+        Whether candidates are counted as well.
+    unused : tuple of str
+        Headings of a user's file that were not used; its planets have the flag ``columns_not_used``.
+    uses : tuple of Use
+        What each column of a user's file was taken for.
+    left_out : tuple of LeftOut
+        Rows and cells of it that were not used.
+    """
+
+    label: str
+    provenance: str
+    notes: tuple[str, ...] = ()
+    solutions: Mapping[str, "KnownPlanetTable"] = field(default_factory=dict)
+    candidates: bool = False
+    unused: tuple[str, ...] = ()
+    uses: tuple[Use, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+
+    def number(self, name: str) -> NDArray[np.float64]:
+        """Return a column of numbers (read-only)."""
+        if name not in NUMBERS:
+            raise InputError("column", name, allowed=", ".join(NUMBERS))
+        return np.asarray(self.columns[name], np.float64)
+
+    def text(self, name: str) -> list[str]:
+        """Return a column of texts."""
+        if name not in TEXTS:
+            raise InputError("column", name, allowed=", ".join(TEXTS))
+        return [str(cell) for cell in self.columns[name]]
+
+    def flags(self, row: int) -> tuple[str, ...]:
+        """Return the flags of one planet."""
+        return tuple(filter(None, str(self.columns["flags"][row]).split(";")))
+
+    def select(self, rows: ArrayLike) -> "KnownPlanetTable":
+        """Return the table of the rows of a mask, or of row numbers in their order."""
+        index = np.asarray(rows)
+        index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
+        columns = {name: cells[index] for name, cells in self.columns.items()}
+        return replace(self, columns=columns, notes=())
+
+    def orbits_of(self, row: int) -> "KnownPlanetTable":
+        """Return the published orbits of one planet, each a row: one, or several with their weights."""
+        return self.solutions.get(str(self.columns["planet"][row])) or self.select([row])
+
+    def with_candidates(self) -> "KnownPlanetTable":
+        """Return the table in which candidates are counted like confirmed planets."""
+        return replace(self, candidates=True, provenance=f"{self.provenance}, candidates counted")
+
+    @functools.cached_property
+    def counted(self) -> NDArray[np.bool_]:
+        """Tell which planets are counted: those whose status is not ``refuted``, nor ``candidate`` unless asked for."""
+        return np.isin(self.columns["status"], (*COUNTED, CANDIDATE) if self.candidates else COUNTED)
+
+    @functools.cached_property
+    def listed_by_star(self) -> Mapping[str, tuple[int, ...]]:
+        """Rows of all planets of each star, counted or not, by `star_key` of its name."""
+        found: dict[str, list[int]] = {}
+        for row, name in enumerate(self.text("star")):
+            found.setdefault(star_key(name), []).append(row)
+        return MappingProxyType({key: tuple(rows) for key, rows in found.items()})
+
+    @functools.cached_property
+    def by_star(self) -> Mapping[str, tuple[int, ...]]:
+        """Rows of the counted planets of each star that has any, by `star_key` of its name."""
+        counted = {key: tuple(row for row in rows if self.counted[row]) for key, rows in self.listed_by_star.items()}
+        return MappingProxyType({key: rows for key, rows in counted.items() if rows})
+
+    @functools.cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """Tell which planets have a place on the sky: phase, inclination and node are known, within `PLACE_DEG` deg.
+
+        Planets with several published orbits have none. The errors of the angles are added in quadrature, that of the
+        phase as it is a period after the time given.
+        """
+        lacking = {"phase_unknown", "several_orbits"}
+        dated = np.array([lacking.isdisjoint(self.flags(row)) for row in range(len(self))], bool)
+        times = [self.number(f"{what}_err_days") for what in ("conjunction", "periastron")]
+        time_days = np.where(np.isfinite(self.number("conjunction_jd")), *times)
+        turns = [days / self.number("period_days") for days in (time_days, self.number("period_err_days"))]
+        angles_deg = [self.number(f"{what}_err_deg") for what in ("inclination", "node")]
+        angles_deg += [360.0 * turn for turn in turns]
+        error_deg = np.sqrt(np.sum(np.square(np.nan_to_num(angles_deg, nan=0.0)), axis=0))
+        known = np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
+        return np.asarray(dated & known & (error_deg <= PLACE_DEG))
+
+    def rows_of(self, star: str) -> tuple[int, ...]:
+        """Return the rows of a star's counted planets, by any of its names; empty if it has none."""
+        return self.by_star.get(star_key(star), ())
+
+    def listed_rows_of(self, star: str) -> tuple[int, ...]:
+        """Return the rows of all planets of a star, those that are not counted too, by any of its names."""
+        return self.listed_by_star.get(star_key(star), ())
+
+    def row_of(self, name: str) -> int:
+        """Return the row of a planet, counted or not, by its name: any name of its star, and its letter.
+
+        Raises
+        ------
+        InputError
+            If there is no such planet.
+        """
+        star, _, letter = " ".join(name.split()).rpartition(" ")
+        rows = self.listed_rows_of(star)
+        planets = self.text("planet")
+        for row in rows:
+            if planets[row].rpartition(" ")[2] == letter:
+                return row
+        hint = f"of this star: {', '.join(planets[row] for row in rows)}" if rows else ""
+        raise InputError("planet", name, allowed=f"a planet of {self.label}", hint=hint)
+
+
+@functools.lru_cache(maxsize=100_000)
+def star_key(name: str) -> str:
+    """Return one key for all names of a star: that of its name in the embedded catalogue, where it is in there.
+
+    Examples
+    --------
+    >>> from catalogs.known_planets import star_key
+    >>> star_key("HD 22049") == star_key("epsilon Eridani") == star_key("eps Eri")
+    True
+    """
+    key = designation_key(name)
+    known = snapshot_aliases().get(key, (name, 0))[0]
+    return key if known == name else designation_key(known)
+
+
+def planet_key(star: str, planet: str) -> tuple[str, str]:
+    """Return one key for all names of a planet: that of its star, and the last word of its own name.
+
+    Parameters
+    ----------
+    star, planet : str
+        Any name of the star, and any of the planet; the last word of the latter is its letter.
+
+    Examples
+    --------
+    >>> from catalogs.known_planets import planet_key
+    >>> planet_key("HD 22049", "HD 22049 b") == planet_key("eps Eri", "epsilon Eridani b")
+    True
+    """
+    return star_key(star), planet.split()[-1].casefold()
+
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -82,7 +367,7 @@ def load_known_planets(
     source : str or Path
         ``"snapshot"``: the archive's table of 2019 with the updates that are shipped; ``"archive_2019"``: without them;
         ``"latest"``: the newest table of the archive that ``cpic catalog refresh --planets`` left in the data folder,
-        with the updates that are newer (`catalogs.planet_refresh.newer_updates`).
+        with the updates that are newer (`newer_updates`).
         A table file with the columns that ``cpic catalog columns`` lists is laid over the snapshot: planets of the
         same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table of 2019, ``"none+FILE"``
         takes the file alone. Headings of the archives are understood.
@@ -177,8 +462,7 @@ def _base(base: str) -> tuple[Sequence[Row], KnownPlanetTable]:
 
 def _latest() -> tuple[Sequence[Row], KnownPlanetTable]:
     """Return the newest refreshed table with the updates that are newer; read anew each time."""
-    from catalogs.planet_refresh import newer_updates, parse_planets
-    from catalogs.refreshed_tables import latest_table
+    from catalogs.archives import latest_table
 
     command = "cpic catalog refresh --planets"
     path = latest_table("archive", key="known_planets", instead="snapshot, archive_2019", command=command)
@@ -199,6 +483,56 @@ def read_planets(file: TableBytes) -> list[Row]:
         If it cannot be used, naming file, row, column, value, unit and range.
     """
     return _rows_of_file(parse_table(file), known=())[0]
+
+
+def parse_planets(file: TableBytes) -> tuple[list[Row], str]:
+    """Return the rows of a refreshed table of planets, and the day on which the archive was asked.
+
+    Parameters
+    ----------
+    file : TableBytes
+        ECSV as `catalogs.planets_ecsv` writes it.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, of another version, or another table.
+    """
+    from catalogs.archives import parse_ecsv
+
+    meta = parse_ecsv(file.data.decode("utf-8", "replace"), file.name, "archive").meta
+    rows, whole = read_planets(file), meta.get("counts", {}).get("planets")
+    if len(rows) != whole:
+        raise InputError(file.name, f"{len(rows)} planets", allowed=f"{whole}, as it was written with")
+    return rows, str(meta.get("queried_utc", ""))[:10]
+
+
+def newer_updates(archive: Sequence[Row], updates: Iterable[Row]) -> list[Row]:
+    """Return what of the updates kept by hand is laid over the archive's rows.
+
+    Parameters
+    ----------
+    archive : sequence of Row
+        The refreshed table.
+    updates : iterable of Row
+        The updates, each with a date.
+
+    Returns
+    -------
+    list of Row
+        Planets that the archive lacks, unless the row has no orbit; of the others the whole row where it is newer than
+        the archive's, else its status alone, where that is not ``confirmed``.
+    """
+    dates = {planet_key(row["star"], row["planet"]): row.get("updated", "") for row in archive}
+    found = []
+    for row in updates:
+        date = dates.get(planet_key(row["star"], row["planet"]))
+        with_orbit = any(name in row for name in ("period_days", "semi_major_axis_au"))
+        if with_orbit and (date is None or row["updated"] > date):
+            found.append(row)
+        elif date is not None and row.get("status", "confirmed") != "confirmed":
+            found.append({name: row[name] for name in ("star", "planet", *STANDING) if name in row})
+    return found
 
 
 def _updated() -> str:

@@ -9,26 +9,241 @@ Values are read from ``data/stars.csv``; units and descriptions are in ``data/co
 its ``*_src`` column says ``missing``.
 
 Stars and companions stand where their sources saw them: alpha Cen B where Hipparcos did in 1991;
-`catalogs.star_places` moves them to a date. ``close_companion`` is SIMBAD's flag, by which the paper counts its sample.
-Published temperatures are laid over the base table, and over refreshed tables (:mod:`catalogs.published_parameters`);
-a table of one's own is never touched.
+`catalogs.binaries` moves them to a date. ``close_companion`` is SIMBAD's flag, by which the paper counts its sample.
+
+Published temperatures of single stars are laid over the base table, and over refreshed tables; a table of one's own is
+never touched. ``stellar_parameters.csv`` is kept by hand: one row is what one publication says of one star,
+temperature, perhaps gravity, metallicity and limb-darkened angular diameter, with the publication, where it was read
+and when. A star with rows takes the median of their temperatures, to which the table's own value counts where it is
+measured too, and the medians of their gravities and metallicities. Where a diameter was measured, luminosity is that of
+diameter and temperature of the same row, which is the bolometric flux; elsewhere that of V, and the radius follows.
+
+Rows are interferometry and benchmarks, spectroscopy beside them, and spectroscopy of stars that else have a colour
+only; a star without rows has not been found there. A mean or median of the PASTEL catalogue may contain other rows of
+its star. The diameters of psi Dra A, HD 16160 and 5 Ser and the H-band spectrum of HD 16160 (Olander et al. 2025,
+4607 K) are left out: they contradict colour and spectroscopy by over 200 K.
 """
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from statistics import median
 from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
-from catalogs.frozen_table import FrozenTable
+from catalogs import stellar_physics as physics
 from catalogs.nomenclature import designation_key
-from catalogs.published_parameters import updated_columns
-from catalogs.shipped import shipped_lines, shipped_words
-from catalogs.star_columns import COLUMNS
+from catalogs.shipped import shipped_digest, shipped_lines, shipped_objects, shipped_words
+from catalogs.stellar_physics import is_composite, is_giant, luminosity_class
+from catalogs.table_cells import Column, Columns, columns_of
 from cpic_core import ArrayLike, InputError, NDArray
+
+COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
+"""Columns of a star table, in the order of the shipped file."""
+QUANTITIES = Columns(*columns_of("stars", only="own"), table="stars")
+"""Every column that a user's table may give, by its name."""
+
+FLAGS = shipped_words("star_flags", "shipped")
+"""Words of the column quality_flags in the shipped table, and what each means."""
+ADDED_FLAGS = shipped_words("star_flags", "added")
+"""Words that only refreshed tables and tables of a user's own have."""
+
+CLOSE_COMPANION_ARCSEC = 10.0
+"""A companion nearer than this is a close one."""
+_LOW_PARALLAX_SNR = 50.0
+# SIMBAD's codes of object types.
+_VARIABLE_TYPES = "V* V*? BY* RS* dS* gD* Fl* Er* Pu* TT* BS* a2* Ce* LP* El* Ro* WU* Al* EB*"
+_BINARY_TYPES = "SB* El* WU* EB*"
+
+
+def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
+    """Return the flags that spectral type, SIMBAD object type (old or new code) and identifier call for.
+
+    Parameters
+    ----------
+    sp_type : str
+        Spectral type.
+    object_type : str
+        SIMBAD's code of the type of object, "" if unknown.
+    simbad_id : str
+        SIMBAD's main identifier.
+    """
+    checks = {
+        "variable": object_type in _VARIABLE_TYPES.split() or simbad_id.startswith("V*"),
+        "spectroscopic_binary": object_type in _BINARY_TYPES.split(),
+        "double_entry": object_type == "**",
+    }
+    return {name for name, applies in checks.items() if applies}.union(_type_flags(sp_type))
+
+
+@functools.lru_cache(maxsize=10_000)
+def _type_flags(sp_type: str) -> frozenset[str]:
+    """Return the flags that a spectral type calls for; a table has few types and many stars."""
+    checks = {
+        "giant": is_giant(sp_type),
+        "no_class": not luminosity_class(sp_type),
+        "composite_spectrum": is_composite(sp_type),
+        "peculiar": bool(re.search(r"p|m", sp_type[1:])),
+    }
+    return frozenset(name for name, applies in checks.items() if applies)
+
+
+def parallax_flags(parallax_mas: float, parallax_err_mas: float) -> set[str]:
+    """Return the flags that a parallax and its error (nan if unknown) call for.
+
+    Parameters
+    ----------
+    parallax_mas, parallax_err_mas : float
+        Parallax and its standard error, mas; nan if unknown.
+    """
+    if not math.isfinite(parallax_err_mas):
+        return {"parallax_unknown_error"}
+    low = parallax_err_mas > 0.0 and parallax_mas / parallax_err_mas < _LOW_PARALLAX_SNR
+    return {"low_parallax_snr"} if low else set()
+
+
+_FILE = "stellar_parameters.csv"
+_DECIMALS = {column.name: column.decimals for column in COLUMNS}
+_READ = ["sp_type", "v_mag", "b_v_mag", "distance_pc", "teff_k", "teff_k_src", "log_g", "log_g_src", "metallicity"]
+_READ += ["mass_msun", "mass_msun_src", "quality_flags"]
+_DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
+
+
+@dataclass(frozen=True)
+class PublishedParameters:
+    """The parameters that one publication gives of one star; nan for those that it does not give.
+
+    Parameters
+    ----------
+    star : str
+        Name as in the star table.
+    teff_k, teff_err_k : float
+        Effective temperature and its error, K.
+    log_g, metallicity : float
+        log10 of the surface gravity (cm/s2) and [Fe/H], dex.
+    angular_diameter_mas : float
+        Limb-darkened angular diameter, mas, from which the temperature follows.
+    reference, read_in : str
+        Publication, and the public copy in which the numbers were read.
+    date : str
+        When they were read, YYYY-MM-DD.
+    """
+
+    star: str
+    teff_k: float
+    teff_err_k: float
+    log_g: float
+    metallicity: float
+    angular_diameter_mas: float
+    reference: str
+    read_in: str
+    date: str
+
+
+@functools.cache
+def published_parameters() -> Mapping[str, tuple[PublishedParameters, ...]]:
+    """Return the rows of ``stellar_parameters.csv`` by star, in the order of the file. It is read once per process."""
+    found: dict[str, list[PublishedParameters]] = {}
+    for row in shipped_objects(_FILE, PublishedParameters):
+        found.setdefault(row.star, []).append(row)
+    return {star: tuple(items) for star, items in found.items()}
+
+
+@functools.cache
+def parameters_vintage() -> str:
+    """Return in one line what is laid over: the number of stars, the file, and the first digits of its checksum."""
+    return f"temperatures of {len(published_parameters())} stars from {_FILE} {shipped_digest(_FILE)}"
+
+
+def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a star table that change where its stars have published parameters.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        All columns of the table, by name. Stars without published parameters keep what they have.
+    """
+    medians = physics.measured_medians(columns)
+    changed: dict[str, list[Any]] = {}
+    for index, star in enumerate(columns["name"].tolist()):
+        if star in published_parameters():
+            old = {name: columns[name][index].item() for name in _READ}
+            of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
+            for name, value in _row(old, published_parameters()[star], of_type_k).items():
+                shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
+                changed.setdefault(name, columns[name].tolist())[index] = shown
+    return {name: np.array(cells) for name, cells in changed.items()}
+
+
+def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:
+    """Return the cells of one star that change; `of_type_k` is the temperature that stars of its type have."""
+    own = [old["teff_k"]] if old["teff_k_src"].startswith("measured") else []
+    temperatures = [row.teff_k for row in rows] + own
+    teff_k = median(temperatures)
+    new = dict(old) | {"teff_k": teff_k, "teff_k_src": _source(len(temperatures), rows)}
+    for name in ("log_g", "metallicity"):
+        if given := [row for row in rows if math.isfinite(getattr(row, name))]:
+            new |= {name: median(getattr(row, name) for row in given), f"{name}_src": _source(len(given), given)}
+    fluxes = [
+        physics.luminosity_from_diameter(row.angular_diameter_mas, old["distance_pc"], row.teff_k)
+        for row in rows
+        if math.isfinite(row.angular_diameter_mas)
+    ]
+    derived = (physics.GRAVITY_SOURCE, physics.MASS_SOURCE)
+    known = {name: (new[name], src) for name in ("log_g", "mass_msun") if (src := new[f"{name}_src"]) not in derived}
+    if fluxes:
+        known["luminosity_lsun"] = median(fluxes), _DIAMETER_SOURCE
+    new |= physics.bulk_columns(new, known)
+    from_colour = physics.colour_temperature(old["b_v_mag"], new["metallicity"])[0]
+    disagrees = physics.temperatures_disagree(teff_k, [*temperatures, from_colour, of_type_k])
+    flags = set(old["quality_flags"].split(";")) - {"teff_disagreement", ""}
+    new["quality_flags"] = ";".join(sorted(flags | ({"teff_disagreement"} if disagrees else set())))
+    return {name: value for name, value in new.items() if value != old.get(name)}
+
+
+def _source(number: int, rows: Iterable[PublishedParameters]) -> str:
+    """Return the words of a ``*_src`` column for the median of so many values."""
+    return f"measured:median of {number} published values ({_FILE}: {'; '.join(row.reference for row in rows)})"
+
+
+_PLAIN = (dict, MappingProxyType)
+
+
+@dataclass(frozen=True)
+class FrozenTable:
+    """An immutable table: its mappings cannot be changed, nor the arrays of its columns.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Arrays of equal length; they become read-only.
+    """
+
+    columns: Mapping[str, NDArray[np.generic]]
+
+    def __post_init__(self) -> None:
+        for values in self.columns.values():
+            values.flags.writeable = False
+        for name, value in self._values().items():
+            if isinstance(value, _PLAIN):
+                object.__setattr__(self, name, MappingProxyType(dict(value)))
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(next(iter(self.columns.values())))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to worker processes as plain data (a mapping proxy does not pickle)."""
+        values = self._values().values()
+        return (type(self), tuple(dict(value) if isinstance(value, _PLAIN) else value for value in values))
+
+    def _values(self) -> dict[str, object]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
 
 _KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64, "text": np.str_}
 _READERS: dict[str, Callable[[str], Any]] = {"int": int, "bool": int, "float": lambda text: float(text or math.nan)}
@@ -181,7 +396,7 @@ def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColum
     Parameters
     ----------
     values : mapping of str to sequence
-        One sequence per column of :data:`catalogs.star_columns.COLUMNS`, of equal length.
+        One sequence per column of :data:`catalogs.stars.COLUMNS`, of equal length.
     label : str
         What messages call the table.
     own : OwnColumns, optional

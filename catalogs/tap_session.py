@@ -1,4 +1,4 @@
-"""Ask a TAP service with pyvo, one question at a time, in a process that `catalogs.tap_client` starts and ends.
+"""Ask a TAP service with pyvo, one question at a time, in a process that `catalogs.archives` starts and ends.
 
 ``python -m catalogs.tap_session`` reads questions from its standard input and writes answers to its standard output,
 each a line of JSON. An answer is read whole, within one limit of size, and comes back as plain columns or as words for
@@ -25,8 +25,8 @@ from pyvo.dal.tap import TAPQuery, TAPResults
 from urllib3.exceptions import ProtocolError
 from urllib3.response import HTTPResponse
 
+from catalogs.archives import IDLE_S, TapService, is_here, may_be_asked
 from catalogs.table_files import TableBytes, raw_column, remarks, votable_document
-from catalogs.tap_client import IDLE_S, TapService, is_here, may_be_asked
 from cpic_core import InputError
 
 _LEFT_ALONE_S = 60

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.known_planet_table import star_key
+from catalogs.known_planets import star_key
 from catalogs.shipped import shipped_rows
 from catalogs.stars import load_stars
 from cpic_core import ArrayLike, FloatArray, real_array

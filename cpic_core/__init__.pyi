@@ -6,6 +6,7 @@ from cpic_core.cache import (
 )
 from cpic_core.discs import disc_overlap as disc_overlap, overlap_weights as overlap_weights
 from cpic_core.errors import (
+    ClusterError as ClusterError,
     InputError as InputError,
     listed as listed,
     one_line as one_line,

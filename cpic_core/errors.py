@@ -1,4 +1,4 @@
-"""The one error class for bad input: it names key, value, unit and allowed range in one line."""
+"""The error class for bad input, which names key, value, unit and allowed range in one line, and that of clusters."""
 
 from collections.abc import Sequence
 from unicodedata import category
@@ -112,3 +112,7 @@ class InputError(ValueError):
 
 def _rebuild(key: str, value: object, unit: str, allowed: str, hint: str) -> InputError:
     return InputError(key, value, unit=unit, allowed=allowed, hint=hint)
+
+
+class ClusterError(RuntimeError):
+    """The cluster, not a task, ended the run; what was handed over until then is good."""

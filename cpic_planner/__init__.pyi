@@ -28,7 +28,7 @@ from cpic_planner.etc.from_rates import (
 )
 from cpic_planner.planets.population import load_population as load_population
 from cpic_planner.queries.shared import ReferencePlanet as ReferencePlanet, Strategy as Strategy
-from cpic_planner.survey.strategy_file import load_strategies as load_strategies
+from cpic_planner.survey.strategy import load_strategies as load_strategies
 from cpic_planner.targets import load_targets as load_targets
 from cpic_planner.version import __version__ as __version__
 from simulator import (

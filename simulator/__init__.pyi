@@ -20,8 +20,8 @@ from simulator.imaging.external import ExternalPsf as ExternalPsf, load_psf as l
 from simulator.imaging.psf import Psf as Psf, single_band_psf as single_band_psf
 from simulator.imaging.written_table import write_coronagraph_table as write_coronagraph_table
 from simulator.knobs import Knobs as Knobs
-from simulator.observing.calibration import Calibration as Calibration, calibrate as calibrate
 from simulator.observing.observation import Observation as Observation, observe as observe
+from simulator.observing.sequence import Calibration as Calibration, calibrate as calibrate
 from simulator.passbands import Passbands as Passbands
 from simulator.products import check_level0 as check_level0, write_level0 as write_level0
 from simulator.target import (

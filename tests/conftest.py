@@ -133,7 +133,7 @@ def data_folder(tmp_path, monkeypatch):
 @pytest.fixture
 def nothing_is_lost(monkeypatch):
     """A refreshed table may lack any number of known rows: those of the tests are small."""
-    monkeypatch.setattr("catalogs.refreshed_tables.MOST_LOST", 1.0)
+    monkeypatch.setattr("catalogs.archives.MOST_LOST", 1.0)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-from cpic_planner.api.keywords import model_of as model_of
+from cpic_planner.api.functions import model_of as model_of
 from cpic_planner.api.one_star import (
     Answered as Answered,
     answered as answered,

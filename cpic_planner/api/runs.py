@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from catalogs import Catalogue
 from cpic_core import InputError
 from cpic_planner import queries, results
-from cpic_planner.api.keywords import model_of, stars_named, takes
+from cpic_planner.api.functions import model_of, stars_named, takes
 from cpic_planner.confirm import AskedStar, curve_job, roc_job
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Job, run
@@ -307,8 +307,7 @@ def visibility_of(
     InputError
         For an unknown star, one without coordinates, or a time out of range.
     """
-    from cpic_planner.survey.visibility import load_visibility
-    from cpic_planner.survey.visibility.calendar import visibility_result
+    from cpic_planner.survey.visibility import load_visibility, visibility_result
 
     config, mission = load_visibility(question.limits), question.instrument.mission
     start_utc = checked_utc("start_utc", question.start_utc or queries.observed_utc(question))
@@ -355,7 +354,7 @@ def star_visibility(question: queries.VisibilityQuestion) -> results.VisibilityR
 def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult:
     """Compare survey strategies over the same synthetic universes.
 
-    Without ``out`` nothing is kept. Values of ``vary`` carry a unit or an x, see `cpic_planner.survey.sweeps.varied`.
+    Without ``out`` nothing is kept. Values of ``vary`` carry a unit or an x, see `cpic_planner.survey.strategy.varied`.
 
     Returns
     -------
@@ -377,7 +376,7 @@ def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult
     """
     from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt, with_exact_calendars, with_universe
 
-    config = with_universe(load_strategies(question.strategies), question.shared(), question.share_of_time)
+    config = with_universe(load_strategies(question.strategies), question.universe(), question.share_of_time)
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     config = with_exact_calendars(config) if question.exact else config
     config = with_doubt(config, question.doubt)

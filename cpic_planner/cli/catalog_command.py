@@ -1,32 +1,65 @@
-"""``cpic catalog``: what the shipped and refreshed tables are, and which columns one of a user's own may have."""
+"""``cpic catalog``: the shipped and refreshed tables, new ones from the archives, and columns of a user's own."""
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import partial
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 import catalogs
-from catalogs import POSITION_ERROR_ARCSEC, data_dir
-from cpic_core import InputError, listed, visible
+from catalogs import (
+    POSITION_ERROR_ARCSEC,
+    Cuts,
+    Refreshed,
+    RefreshedPlanets,
+    RefreshError,
+    TableBytes,
+    TapService,
+    data_dir,
+    ecsv_text,
+    file_name,
+    parse_planets,
+    parse_refreshed,
+    planets_ecsv,
+    refresh_planets,
+    refresh_stars,
+    set_aside,
+)
+from cpic_core import InputError, at_home, check_writable, listed, visible, write_named
 from cpic_planner import report
-from cpic_planner.cli.asking import Commands, RejectsOption, check_rejects, write_rejects
-from cpic_planner.cli.options import JsonOption, Output, console, help_alone, print_json
-from cpic_planner.cli.progress import heard
+from cpic_planner.cli.command import (
+    JsonOption,
+    Output,
+    RejectsOption,
+    check_rejects,
+    console,
+    error_line,
+    note,
+    place_of,
+    print_json,
+    say,
+    write_rejects,
+)
+from cpic_planner.cli.progress import progress
+from cpic_planner.version import DISTRIBUTION, __version__
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
-    from catalogs import StoredTable
+    from catalogs import Cuts, StoredTable, TapService
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
-app = Commands(help=HELP, invoke_without_command=True)
 
 _SHOWN = 6
 """Other headings of a column that are shown."""
@@ -40,11 +73,6 @@ class TableKind(StrEnum):
     PLANETS = "planets"
 
 
-app.callback(invoke_without_command=True)(help_alone)
-
-
-@app.command("info")
-@heard
 def info(as_json: JsonOption = False) -> None:
     """Show the tables: the snapshot's vintage, counts, sources and licences, and refreshed ones of stars and planets.
 
@@ -99,8 +127,6 @@ def _about(item: StoredTable) -> dict[str, Any]:
     return {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": size}
 
 
-@app.command("columns")
-@heard
 def columns(
     file: Annotated[
         Path | None, typer.Argument(metavar="[FILE]", help="A table of your own, of stars or of planets.")
@@ -205,3 +231,277 @@ def table(screen: Console, title: str, headings: tuple[str, ...], rows: Iterable
     for row in rows:
         grid.add_row(*(Text(report.displayable(screen, visible(cell))) for cell in row))
     screen.print(grid)
+
+
+_EMBEDDED = Path(catalogs.__file__).resolve().parent
+_SOFTWARE = ("pyvo", "astroquery", "astropy", "numpy")
+
+Listener = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Written:
+    """A refreshed table on disk, of stars or of planets."""
+
+    path: Path
+    sha256: str
+    made: Refreshed | RefreshedPlanets
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
+        made = self.made
+        return {
+            "schema_version": 1,
+            "kind": "catalog_refresh" if isinstance(made, Refreshed) else "planets_refresh",
+            "file": str(self.path),
+            "sha256": self.sha256,
+            "set_aside": made.refusal,
+            "queried_utc": made.queried_utc.isoformat(),
+            "service": made.url,
+            "queries": list(made.queries),
+            "counts": dict(made.counts),
+            "changes_to_snapshot": dict(made.changes),
+            "left_out": dict(made.left_out),
+            **({"cuts": asdict(made.cuts)} if isinstance(made, Refreshed) else {"notes": list(made.notes)}),
+        }
+
+
+def target_path(out: str | Path | None) -> Path:
+    """Return where a refreshed table goes: ``out``, or the data folder (the name then has the date of the query).
+
+    Raises
+    ------
+    InputError
+        If ``out`` does not end in ``.ecsv``, lies in the installed package, is a folder, or cannot be written.
+    """
+    if out is None:
+        check_writable(data_dir(), key="CPIC_DATA_DIR", folder=True)
+        return data_dir()
+    path = at_home(out)
+    if path.suffix != ".ecsv":
+        raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
+    if path.resolve().is_relative_to(_EMBEDDED):
+        raise InputError("--out", str(out), allowed="a place outside the package: its own table never changes")
+    check_writable(path, key="--out")
+    return path
+
+
+def refresh_catalog(
+    *,
+    planets: bool = False,
+    out: str | Path | None = None,
+    service: TapService | None = None,
+    cuts: Cuts | None = None,
+    step: Listener = lambda text: None,
+    tell: Listener = lambda text: None,
+) -> Written:
+    """Ask an archive and write its stars or planets as one ECSV file, all or nothing.
+
+    Parameters
+    ----------
+    planets : bool
+        Ask the NASA Exoplanet Archive for planets of catalogue stars, not SIMBAD for stars.
+    out : str or Path, optional
+        File to write, replaced when it is there; by default a dated file in the data folder (`catalogs.data_dir`),
+        where ``--catalog latest`` or ``--known-planets latest`` finds it. A table that lacks too much is set aside
+        beside it.
+    service : TapService, optional
+        Where and how patiently to ask.
+    cuts : Cuts, optional
+        Which stars.
+    step, tell : callable
+        Told of finished steps, and of failures that are tried again.
+
+    Raises
+    ------
+    RefreshError
+        If the service fails, its answers cannot be right, or the file cannot be written. Files that were there stay
+        as they are.
+    InputError
+        If ``out`` cannot be a place for it.
+    """
+    path, service = target_path(out), service or TapService()
+    versions = {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
+    made: Refreshed | RefreshedPlanets
+    # What cannot be read back is not worth writing.
+    if planets:
+        made = refresh_planets(service, step=step, tell=tell)
+        text = planets_ecsv(made, versions)
+        parse_planets(TableBytes("the new table", text.encode(), ""))
+    else:
+        made = refresh_stars(service, cuts or Cuts(), step=step, tell=tell)
+        text = ecsv_text(made, versions)
+        parse_refreshed(text, "the new table")
+    path = path / file_name(made.queried_utc, made.kind) if out is None else path
+    path = set_aside(path) if made.refusal else path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_named(path, text, key="--out")
+    except OSError as error:
+        hint = "choose another place with --out or CPIC_DATA_DIR"
+        raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
+    return Written(path, hashlib.sha256(text.encode()).hexdigest(), made)
+
+
+_NAMES_SHOWN = 8
+_DIFFERENCES = {
+    "same": "the same",
+    "added": "added",
+    "removed": "removed",
+    "gone": "gone",
+    "v_mag_changed": "V differs by 0.05 mag or more",
+    "parallax_changed": "parallax differs by 1 % or more",
+    "orbit_moved": "orbit moved out of its errors",
+}
+_ELEMENTS = {"period_days": "period (d)", "semi_major_axis_au": "semi-major axis (au)", "eccentricity": "eccentricity"}
+
+
+def refresh(
+    planets: Annotated[
+        bool, typer.Option("--planets", help="Ask the NASA Exoplanet Archive for known planets, not SIMBAD for stars.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Write FILE.ecsv [default: dated, in the data folder].")
+    ] = None,
+    v_mag_max: Annotated[
+        float | None,
+        typer.Option(
+            "--v-mag-max", help="Faintest V of the stars; rankings end at 7, the rest is a reserve [default: 7.5]."
+        ),
+    ] = None,
+    parallax_min_mas: Annotated[
+        float | None, typer.Option("--parallax-min-mas", help="Smallest parallax of the stars [default: 25].")
+    ] = None,
+    url: Annotated[
+        str,
+        typer.Option(
+            "--url",
+            help="TAP service [default: $CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the "
+            "archive's].",
+        ),
+    ] = "",
+    timeout_s: Annotated[
+        float, typer.Option("--timeout-s", help="Most time for one answer, from connecting to reading its last cell.")
+    ] = 180.0,
+    retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
+    maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,
+    plain_http: Annotated[
+        bool,
+        typer.Option(
+            "--plain-http", help="Allow plain http, which anybody on the way can alter, elsewhere than on this machine."
+        ),
+    ] = False,
+    other_hosts: Annotated[bool, typer.Option("--other-hosts", help="Follow redirects to another host.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Ask SIMBAD for the nearby F, G and K stars, or the NASA Exoplanet Archive for their known planets.
+
+    This is the only command that uses the network. It writes one dated ECSV file into the data folder
+    (CPIC_DATA_DIR moves it), or --out, whole or not at all, and shows what differs from the shipped table; that and
+    earlier files stay as they are. Use it with --catalog latest, or --catalog FILE; planets with --known-planets
+    latest, over which the shipped updates are laid where they are newer.
+
+    A table that lacks more than a tenth of what was known is set aside under another name for you to look at, and is
+    never the latest. Companions are not part of SIMBAD's answer: they are taken over from the snapshot for the stars
+    that it has.
+
+    Examples:
+
+      cpic catalog refresh
+
+      cpic catalog refresh --planets
+
+      cpic catalog refresh --dry-run
+
+      cpic catalog refresh --out stars.ecsv --v-mag-max 6 --json
+
+      cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
+    """
+    from catalogs import Cuts, RefreshError, TapService
+    from cpic_planner.cli.catalog_command import refresh_catalog
+
+    service = TapService(
+        url=url,
+        timeout_s=timeout_s,
+        retries=retries,
+        maxrec=maxrec,
+        plain_http=plain_http,
+        other_hosts=other_hosts,
+    )
+    given = {"v_mag_max": v_mag_max, "parallax_min_mas": parallax_min_mas}
+    chosen = {name: value for name, value in given.items() if value is not None}
+    if planets and chosen:
+        option, value = next(iter(chosen.items()))
+        raise InputError(f"--{option.replace('_', '-')}", value, allowed="not with --planets: it cuts a table of stars")
+    cuts = Cuts(**chosen)
+    if dry_run:
+        _show_plan(out, service, None if planets else cuts, as_json=as_json)
+        return
+    try:
+        with progress("asking the archive" if planets else "asking SIMBAD", total=2 if planets else 3) as step:
+            done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=note)
+    except RefreshError as error:
+        raise typer.Exit(error_line(str(error), 1)) from None
+    if as_json:
+        print_json(done.summary())
+    else:
+        _show_result(done, console())
+    if done.made.refusal:
+        option = "--known-planets" if planets else "--catalog"
+        remedy = f"set aside as {done.path}; if it is right, use it with {option} FILE"
+        raise typer.Exit(error_line(f"{done.made.refusal} {remedy}", 1))
+
+
+def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_json: bool) -> None:
+    """Show what would be asked: about stars within cuts, or about planets where there are none."""
+    from catalogs import PLANETS_QUERY, archive_url, queries, service_url
+    from cpic_planner.cli.catalog_command import target_path
+
+    place = target_path(out)
+    where = str(place) if out is not None else f"{place}, dated file"
+    plan = {
+        "service": archive_url(service) if cuts is None else service_url(service),
+        "queries": [PLANETS_QUERY] if cuts is None else list(queries(cuts)),
+        "out": where,
+    }
+    if as_json:
+        print_json(plan)
+        return
+    say(f"would ask {plan['service']}:")
+    for query in plan["queries"]:
+        say(f"\n  {query}")
+    say(f"\nand write {where}")
+
+
+def _show_result(done: Written, screen: Console) -> None:
+    """Print counts, differences from the shipped table, and where the file is."""
+    made = done.made
+    name, what = ("SIMBAD", "stars") if made.kind == "simbad" else ("NASA Exoplanet Archive", "planets")
+    rows = [(step, str(count)) for step, count in made.counts.items()]
+    table(screen, f"{name} of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
+    moved = made.changes.get("orbit_moved", ())
+    changes = dict(made.changes) | {"orbit_moved": list(dict.fromkeys(item["planet"] for item in moved))}
+    cells = []
+    for key in made.changes:
+        names = [] if key == "same" else list(changes[key])
+        shown = ", ".join(names[:_NAMES_SHOWN]) + (", ..." if names[_NAMES_SHOWN:] else "")
+        cells.append((_DIFFERENCES[key], str(changes[key] if key == "same" else len(names)), shown))
+    heads = ("", what, "first of them (--json lists all, with reasons)")
+    table(screen, "Compared with the shipped table", heads, cells)
+    if moved:
+        columns = ("planet", "element", "shipped", "archive", "combined errors")
+        table(screen, "Orbits that moved", columns, map(_moved, moved))
+    report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
+    if not done.made.refusal:
+        report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
+
+
+def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of an element of an orbit that moved."""
+    values = [
+        f"{item[name]:g}" + (f" ± {error:g}" if (error := item[f"{name}_err"]) is not None else "")
+        for name in ("before", "now")
+    ]
+    sigmas = "none given" if item["sigmas"] is None else f"{item['sigmas']:.1f}"
+    return (item["planet"], _ELEMENTS[item["element"]], *values, sigmas)

@@ -8,29 +8,16 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
-from cpic_planner.cli import (
-    catalog_command,
-    etc_command,
-    image_commands,
-    instrument_command,
-    known_command,
-    rank_command,
-    refresh_command,
-    searched_commands,
-    serve_command,
-    study_commands,
-    upkeep_command,
-)
-from cpic_planner.cli.asking import Commands, late
-from cpic_planner.cli.meant import meant
-from cpic_planner.cli.options import error_line
-from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
+from cpic_planner.cli import catalog_command, run_commands, star_commands, upkeep_command as upkeep
+from cpic_planner.cli.command import Commands, command, error_line, group, late
+from cpic_planner.cli.progress import QuietOption, VerboseOption, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
@@ -134,24 +121,27 @@ def _add(run: Callable[..., None], *more: str) -> None:
     app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
 
 
-_add(image_commands.plan, _DIAL_HELP, _OVERRIDES_HELP)
-_add(rank_command.rank)
-_add(etc_command.etc)
-_add(searched_commands.curve)
-_add(searched_commands.roc)
-_add(known_command.known)
-_add(image_commands.confirm, _DIAL_HELP, _OVERRIDES_HELP)
-_add(image_commands.simulate)
-_add(known_command.visibility)
-_add(study_commands.whatif)
-_add(study_commands.tradeoff)
-app.command("serve")(heard(serve_command.serve))
-app.command("check")(heard(upkeep_command.check))
-catalog_command.app.command("refresh")(heard(refresh_command.refresh))
-app.add_typer(instrument_command.app, name="instrument")
-app.add_typer(catalog_command.app, name="catalog")
-app.add_typer(upkeep_command.app, name="cache")
-app.command("schema")(heard(upkeep_command.schema))
+_add(run_commands.plan, _DIAL_HELP, _OVERRIDES_HELP)
+_add(star_commands.rank)
+_add(star_commands.etc)
+_add(star_commands.curve)
+_add(star_commands.roc)
+_add(star_commands.known)
+_add(run_commands.confirm, _DIAL_HELP, _OVERRIDES_HELP)
+_add(run_commands.simulate)
+_add(star_commands.visibility)
+_add(run_commands.whatif)
+_add(run_commands.tradeoff)
+app.command("serve")(command(upkeep.serve))
+app.command("check")(command(upkeep.check))
+instrument = group(upkeep.INSTRUMENT_HELP, show=upkeep.show, keys=upkeep.keys, diff=upkeep.diff, table=upkeep.table)
+app.add_typer(instrument, name="instrument")
+catalog = group(
+    catalog_command.HELP, info=catalog_command.info, columns=catalog_command.columns, refresh=catalog_command.refresh
+)
+app.add_typer(catalog, name="catalog")
+app.add_typer(group(upkeep.CACHE_HELP, info=upkeep.info, clear=upkeep.clear), name="cache")
+app.command("schema")(command(upkeep.schema))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -220,7 +210,7 @@ def _failed(error: Exception, arguments: Sequence[str]) -> int:
         where = getattr(getattr(error, "ctx", None), "command_path", "cpic")
         said = shortened(message()).replace("Value error, ", "")
         if (option := getattr(error, "option_name", None)) is not None and hasattr(error, "possibilities"):
-            hint = meant(option, error.ctx.command, arguments)  # type: ignore[attr-defined]
+            hint = suggestion(option, error.ctx.command, arguments)  # type: ignore[attr-defined]
             said = f"No such option: {option}{f' ({hint})' if hint else ''}"
         return error_line(f"{said} (see {where} --help)" if said else f"see {where} --help", 2)
     if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
@@ -243,3 +233,63 @@ def _drop_output() -> None:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+
+_WORDS = {
+    "--limit": "top first head rows n number count lines max",
+    "--top": "limit first head n number count targets rows max",
+    "--out": "o output outdir output-dir output-file save write file dir directory folder",
+    "--plot": "figure fig image picture png pdf svg draw",
+    "--format": "csv ecsv latex tex markdown md form style",
+    "--json": "js machine-readable",
+    "--score": "sort order by rank-by sort-by order-by metric",
+    "--stars": "star target targets name names only",
+    "--exposure-s": "exptime exp-time exposure-time texp dit integration",
+    "--frames": "ndit n-frames exposures n-exposures",
+    "--em-gain": "gain emgain",
+    "--workers": "j jobs threads cores processes procs parallel cpus n-jobs",
+    "--instrument": "telescope config camera",
+    "--catalog": "table input catalogue stars-file",
+    "--date": "epoch when at mjd utc",
+    "--v-mag-max": "mag-limit max-mag vmax limiting-magnitude faintest",
+    "--v-mag": "mag vmag magnitude v",
+    "--distance-pc": "parallax dist distance",
+    "--planet-radius-rjup": "radius size",
+    "--semi-major-axis-au": "sma a semimajor-axis",
+    "--separation-arcsec": "sep rho angle",
+    "--seed": "random random-seed random-state rng",
+    "--realisations": "realizations trials repeats",
+    "--time": "hours duration t total-time",
+    "--force": "overwrite clobber",
+    "--band": "filter filters wavelength",
+    "--planets": "draws samples n-planets",
+}
+"""Names that options have in tools of the field and elsewhere, with the options that they mean here."""
+
+
+def suggestion(name: str, command: Any, arguments: Sequence[str]) -> str:
+    """Return the options that an unknown one may stand for, in words; empty if none is near.
+
+    Parameters
+    ----------
+    name : str
+        As it was written, with its dashes.
+    command : click.Command
+        The command that does not have it.
+    arguments : sequence of str
+        What was written, with the value of the option.
+    """
+    from cpic_planner.queries import SHORT_KEYS
+
+    known = [flag for param in command.params for flag in (*param.opts, *param.secondary_opts) if flag[:2] == "--"]
+    word = name.strip("-").lower().replace("_", "-")
+    found = [flag for flag, words in _WORDS.items() if flag in known and word in words.split()]
+    if (key := word.replace("-", "_")) in SHORT_KEYS and "--set" in known:
+        after = [*arguments[arguments.index(name) + 1 :], ""] if name in arguments else [""]
+        given = [text.partition("=")[2] for text in arguments if text.startswith(f"{name}=")] or after
+        value = given[0] if given[0] and not given[0].startswith("-") else "x2"
+        found.append(f"--set {key}={value}")
+    begun = [flag for flag in known if flag.startswith(f"--{word}-")]
+    near = get_close_matches(word, [flag[2:] for flag in known], n=2, cutoff=0.7)
+    options = list(dict.fromkeys([*found, *begun, *(f"--{flag}" for flag in near if not found)]))[:3]
+    return f"did you mean {' or '.join(options)}?" if options else ""

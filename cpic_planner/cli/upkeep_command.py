@@ -1,31 +1,122 @@
-"""The commands ``cpic cache``, ``cpic schema`` and ``cpic check``."""
+"""The commands about the package itself: ``cpic instrument``, ``cache``, ``schema``, ``check`` and ``serve``."""
 
+from __future__ import annotations
+
+import importlib.util
 import os
 import sys
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.asking import Commands
-from cpic_planner.cli.options import JsonOption, Output, help_alone, print_json, say
-from cpic_planner.cli.progress import heard
+from cpic_planner.cli.command import JsonOption, Output, note, place_of, print_json, say
 
-app = Commands(
-    help="Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables "
-    "CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); "
-    "what was not used for longest is removed first.",
-    invoke_without_command=True,
-)
-app.callback(invoke_without_command=True)(help_alone)
+INSTRUMENT_HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
+CACHE_HELP = """Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables
+CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); what was
+not used for longest is removed first."""
+NameArgument: TypeAlias = Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Preset name or YAML file.")]
+SetOption: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a value, as drift.visit_nm=0.1nm.")
+]
+KeyOption: TypeAlias = Annotated[
+    str, typer.Option("--key", metavar="KEY", help="Only keys that begin so, or match it: drift, bands.*.qe.")
+]
 
 
-@app.command("info")
-@heard
+def _show_values(
+    output: Output, layout: str, name: str, changes: list[str] | None, key: str, other: str | None = None
+) -> None:
+    """Show the values of an instrument, or those in which it differs from another."""
+    from cpic_planner.queries import called_as, changed_instrument, instrument_rows, instrument_title
+    from cpic_planner.results import InstrumentResult
+
+    with called_as({"changes": "--set", "key": "--key"}):
+        one = changed_instrument(name, changes or ())
+        two = None if other is None else changed_instrument(other, ())
+        title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
+        result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
+    output.show(result, partial(report.print_instrument, result, layout))
+
+
+def show(output: Output, name: NameArgument = "cpic_default", changes: SetOption = None, key: KeyOption = "") -> None:
+    """Show every value of an instrument, with its source and how sure it is (P published, I inferred, A assumed).
+
+    Examples:
+
+      cpic instrument show
+
+      cpic instrument show as_published --key drift
+
+      cpic instrument show --set drift=0.1nm --key drift --json
+    """
+    _show_values(output, "key value unit confidence source", name, changes, key)
+
+
+def keys(output: Output, key: Annotated[str, typer.Argument(metavar="[KEY]", help="As --key of show.")] = "") -> None:
+    """List the keys that --set and --simulator-overrides take, with short names and the values of the default.
+
+    Examples:
+
+      cpic instrument keys
+
+      cpic instrument keys drift
+    """
+    _show_values(output, "key short_name value unit", "cpic_default", None, key)
+
+
+def diff(
+    output: Output,
+    name: NameArgument,
+    other: Annotated[str, typer.Argument(metavar="[OTHER]", help="The one that it is compared with.")] = "cpic_default",
+    changes: SetOption = None,
+    key: KeyOption = "",
+) -> None:
+    """List the values in which an instrument differs from another; --set changes the first.
+
+    Examples:
+
+      cpic instrument diff as_published
+
+      cpic instrument diff cpic_default --set throughput=x0.7
+    """
+    _show_values(output, "key value other unit", name, changes, key, other)
+
+
+def table(
+    name: NameArgument = "cpic_default",
+    band: Annotated[str, typer.Option("--band", metavar="BAND", help="Band of the table.")] = "",
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="CSV file to write.")] = Path("coronagraph.csv"),
+    changes: SetOption = None,
+) -> None:
+    """Write what the coronagraph of an instrument does by separation: a table that coronagraph.table reads.
+
+    Examples:
+
+      cpic instrument table --band F662 --out f662.csv
+
+      cpic instrument table cpic_2q --band F520 --set wavefront.jitter_mas=10 --out f520.csv
+    """
+    from cpic_planner.queries import called_as, changed_instrument
+    from simulator import write_coronagraph_table
+
+    with called_as({"changes": "--set"}):
+        instrument = changed_instrument(name, changes or ())
+    if not band:
+        raise InputError("--band", "missing", allowed=", ".join(instrument.bands))
+    try:
+        with called_as({"path": "--out"}):
+            write_coronagraph_table(instrument, band, out)
+    except OSError as error:
+        raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
+    note(f"wrote {place_of(out)}")
+
+
 def info(as_json: JsonOption = False) -> None:
     """Show folder, entries, size and its limit (example: cpic cache info)."""
     cache = cache_info()
@@ -36,8 +127,6 @@ def info(as_json: JsonOption = False) -> None:
     say(f"{cache.folder}: {size} (CPIC_CACHE_DIR moves it, CPIC_CACHE_MAX_MB limits it)")
 
 
-@app.command("clear")
-@heard
 def clear() -> None:
     """Remove every entry (example: cpic cache clear)."""
     was = clear_cache()
@@ -110,3 +199,59 @@ def check(
     Output("json" if as_json else "table").show(result, partial(report.print_check, result))
     if errors or (strict and findings):
         raise typer.Exit(1)
+
+
+_NEEDED = ("starlette", "uvicorn")
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option("--host", help="Address that the server is bound to: this machine alone, unless said.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port.")] = 8765,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option("--allow-host", metavar="NAME", help="Answer under this name too; repeat for several."),
+    ] = None,
+    jobs: Annotated[
+        Path | None,
+        typer.Option(
+            "--jobs", metavar="DIR", help="Folder of jobs and their results. [default: one in the cache folder]"
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--folder", metavar="DIR", help="Show the plans, what-ifs and rankings beneath this folder."),
+    ] = None,
+) -> None:
+    """Serve the calculator and the priorities to web browsers, until interrupted.
+
+    The address of an answer is its question, with the fields of the question as parameters:
+    /etc?target=tau+Cet&snr=5 is cpic etc "tau Cet" --snr 5, and with &format=json it gives the very bytes of --json;
+    csv, ecsv, latex and markdown are those of --format. /etc.svg is its figure. /priorities is cpic rank.
+
+    /jobs simulates images of a star, one job after the other in a process of its own; questions and results of jobs
+    are kept in --jobs DIR, and what a stopped server leaves undone the next one finishes. /runs shows what cpic plan,
+    whatif, confirm and rank wrote beneath --folder DIR, as it was written. /commands has what is not run for visitors,
+    with its expected cost. /openapi.json describes all for programs.
+
+    Only this machine is served by default. Behind a proxy say under which name it is asked: --allow-host NAME.
+    Requests name no files, have at most 4 kB of address and 20 kB of body, and arrive in 10 s or are refused. Answers
+    take a minute or are refused. Of questions that are no jobs nothing is kept but their answers, in memory.
+
+    It needs starlette and uvicorn: pip install "cpic-planner[web]".
+
+    Examples:
+
+      cpic serve
+
+      cpic serve --folder my-plans --jobs my-jobs
+
+      cpic serve --host 0.0.0.0 --port 80 --allow-host cpic.example.org
+    """
+    if any(importlib.util.find_spec(name) is None for name in _NEEDED):
+        raise InputError("cpic serve", "not installed", allowed='after pip install "cpic-planner[web]"')
+    from cpic_planner.web import serve as run
+
+    address = f"http://{f'[{host}]' if ':' in host else host}:{port}/etc"
+    run(host, port, allow_host or (), jobs=jobs, folder=folder, ready=partial(note, f"{address} (Ctrl-C ends it)"))

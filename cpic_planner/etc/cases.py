@@ -347,7 +347,7 @@ class Cases:
             "quadrant": QUADRANTS[quadrant_of(x, y)] if inside else None,
             "roll_deg": self.targets.roll_deg,
             "reference_library": model.strategy.reference_library.name,
-            "centring": "temporal",
+            "centring": model.strategy.centring,
             "annulus_lambda_d": model.strategy.annulus_lambda_d,
             "flags": tuple(notes),
         }

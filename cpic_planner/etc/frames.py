@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, InputError
 from cpic_planner.etc.model import FrameCamera, Programme, best_gain
 from cpic_planner.etc.noise import PLAIN, Objective, own_noise, residuals, white_term
 from cpic_planner.etc.photon_counting import CountingLight, counting_probabilities, reference_pixel
@@ -186,6 +186,9 @@ def frame_problem(
     )
     counting = None
     if strategy.mode == "photon_counting":
+        if camera.of_past:
+            allowed = "off: what frames leave in the next one is not known for frames of counted photons"
+            raise InputError(f"switches.{camera.added[0][0]}", True, allowed=allowed)
         pixels = rates.noise_fraction * factor * rates.aperture_pixels
         law = counting_probabilities(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
         parts = _broadcast(

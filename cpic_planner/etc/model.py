@@ -19,7 +19,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status, digest_of, file_state
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
-from cpic_planner.registry import LibraryNoise, StarSettings
+from cpic_planner.registry import LibraryNoise
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2
@@ -28,6 +28,7 @@ from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw, Wells
 
 if TYPE_CHECKING:
+    from cpic_planner.queries.shared import ReferenceStar
     from simulator.signal import BandModes
 
 _N_RATIOS, _N_GAINS, _N_PARTS = 3000, 300, 30
@@ -91,6 +92,11 @@ class FrameCamera(Wells):
     def rate_e_s(self) -> float:
         """Electrons of a pixel that come with time besides light and dark current."""
         return float(self._rest.rate_e_s)
+
+    @property
+    def of_past(self) -> float:
+        """Electrons that come back for each that the frames before collected, all of the same light."""
+        return self._rest.of_past
 
     @property
     def amplifier_e(self) -> float:
@@ -296,7 +302,13 @@ class Programme(CaseArrays):
             Science visits instead of those of the strategy, which has one where it does not say how many.
         visit_time_s : array_like
             Wall time of a visit; without it visits know nothing of each other.
+
+        Raises
+        ------
+        InputError
+            For a reduction of which no closed form is known.
         """
+        strategy.check_predicted()
         library, number = strategy.reference_library, (strategy.visits or 1) if visits is None else visits
         many = np.asarray(number, float)
         references = np.asarray(library.reference_visits(strategy.reference_visits, many), float)
@@ -497,7 +509,7 @@ class EtcModel:
         """Return the noise of the library that the strategy names, for science stars of these rates."""
         column = self.passbands.names.index(band)
 
-        def rate_e_s(star: StarSettings) -> NDArray[np.float64]:
+        def rate_e_s(star: "ReferenceStar") -> NDArray[np.float64]:
             temperature = star.teff_k, star.log_g, star.metallicity
             rates = self.passbands.star_rate_e_s(star.v_mag, *temperature, self.instrument.telescope.area_cm2)
             return np.asarray(rates[..., column], float)

@@ -120,15 +120,16 @@ def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, Fr
         "cic": FrameTerm(charge_e=area * camera.cic_e),
         "read_noise": FrameTerm(output_e2=area * camera.read_noise_e**2),
         "rounding": FrameTerm(output_e2=area * camera.rounding_e**2),
-    } | {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
+    } | {name: added.over(area, rates.background_e_s, rates.smear_e) for name, added in camera.added}
 
 
 def reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: ArrayLike) -> FrameTerm:
     """Return everything that the reference frames of a science frame add."""
     pixels, ratio = rates.reference_scale * rates.aperture_pixels, np.asarray(reference_ratio, float)
+    again = 1.0 + camera.of_past
     return FrameTerm(
-        (rates.reference_light_e_s + pixels * camera.rate_e_s) / ratio,
-        (rates.reference_smear_e + pixels * camera.charge_e) / ratio,
+        (again * rates.reference_light_e_s + pixels * camera.rate_e_s) / ratio,
+        (again * rates.reference_smear_e + pixels * camera.charge_e) / ratio,
         pixels * camera.read_variance_e2 / ratio,
     )
 
@@ -144,7 +145,7 @@ def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = 
         Says what modes leave of it.
     """
     share = rates.source_noise_fraction * rates.variance_factor * programme.own_factor
-    return np.asarray(camera.light_factor * share * rates.planet_e_s)
+    return np.asarray(camera.light_factor * share * (1.0 + camera.of_past) * rates.planet_e_s)
 
 
 def error_noise(rates: ApertureRates, camera: FrameCamera, strategy: Strategy, programme: Programme) -> FloatArray:

@@ -6,7 +6,7 @@ reference planet is what the numbers of a ranked star refer to.
 
 A planet with a separation and no position angle stands on the diagonal of a dark quadrant, the upper right one if it is
 dark. Around a star whose companion lights the hole it stands in the quadrant that holds least of that light. The noise
-of a measurement is that of the whole annulus (`simulator.signal.companions`), nearly the same for all quadrants; but
+of a measurement is that of the whole annulus (`simulator.signal.light`), nearly the same for all quadrants; but
 the scatter of the planet's own aperture is least there.
 """
 
@@ -564,7 +564,7 @@ def _smear(
     """Return the light that smears into apertures while the frame is shifted into the store: there is no shutter.
 
     Every pixel passes under the light of its column for ``line_shift_s`` a row: it collects ``line_shift_s`` times the
-    light of all other rows, once a frame (`simulator.camera.emccd`). Calibration takes the mean off; the noise stays.
+    light of all other rows, once a frame (`simulator.camera.camera`). Calibration takes the mean off; the noise stays.
     The planet, dust around the star and dark current are left out: they add less than 2e-3 s of their own light.
     """
     shift, metrics = model.camera(band).line_shift_s, model.metrics[band]

@@ -1,6 +1,9 @@
 from cpic_planner.jobs.chain import check_tree as check_tree
-from cpic_planner.jobs.engine import check_address as check_address
-from cpic_planner.jobs.folder import DamagedPartError as DamagedPartError, RunFolder as RunFolder
+from cpic_planner.jobs.folder import (
+    LIST_NAME as LIST_NAME,
+    DamagedPartError as DamagedPartError,
+    RunFolder as RunFolder,
+)
 from cpic_planner.jobs.job import (
     Cost as Cost,
     Finished as Finished,
@@ -9,6 +12,7 @@ from cpic_planner.jobs.job import (
     RunSettings as RunSettings,
     Task as Task,
     Unkept as Unkept,
+    check_address as check_address,
     estimate as estimate,
     pace as pace,
     run as run,

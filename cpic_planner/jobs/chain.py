@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from cpic_core import InputError, differing_words, open_file, parse_json, read_file
+from cpic_planner.jobs.folder import LIST_NAME, DamagedListError, WrittenFiles, has_list
 from cpic_planner.jobs.job import RECORD
-from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list
 from simulator.products import Finding, check_level0
 
 _MOST_BYTES = 1_000_000_000

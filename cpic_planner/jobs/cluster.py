@@ -5,31 +5,48 @@ with it, whether or not it was to blame, so here such a task is run once more wi
 its workers then as well is named in one error, after everything else has finished. A scheduler that goes takes all
 tasks with it (and, in Dask, its workers): the client waits for one at the same address and sends again what is not
 finished. A result is handed over when it has arrived here and never asked for again, so nothing is counted twice.
-Workers that are not what this process is get nothing to do (`cpic_planner.jobs.handshake`).
+
+Workers say what they are before they do anything, and those of other code, data or libraries are refused; only the
+processor may differ. The client asks every worker of a given scheduler, at the start and when one joins. A worker that
+gets a task before it was asked, as our own do, compares the fingerprints itself.
 
 Only a few tasks a worker are in flight, so that the scheduler never holds the arguments of a long run.
 """
 
 import contextlib
 import logging
+import os
+import subprocess
+import sys
+import tempfile
 import time
 import uuid
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from distributed import Client
-from distributed.protocol.pickle import dumps
+import dask
+from distributed import Client, LocalCluster, get_worker
+from distributed.protocol.pickle import dumps, loads
 from distributed.scheduler import KilledWorker, NoValidWorkerError, NoWorkerError
 from distributed.security import Security
 
-from cpic_core import InputError, fingerprint
-from cpic_planner.jobs import handshake
-from cpic_planner.jobs.engine import ClusterError
+from cpic_core import (
+    THREAD_VARIABLES,
+    ClusterError,
+    Fingerprint,
+    InputError,
+    differing_words,
+    fingerprint,
+    numeric_context,
+)
+from cpic_planner.version import __version__
 
 _LOG = logging.getLogger(__name__)
+_REGISTER_S = 120  # for a worker to find the scheduler
+_VAIN = 8  # workers in the place of each one, without a result meanwhile
 _ANSWER_S = 20.0  # for a scheduler that should be there
 _ATTEMPT_S = 5.0  # for one attempt to reach a scheduler that has gone: Dask's own attempts grow ever rarer
 _NOBODY = (NoWorkerError, NoValidWorkerError)
@@ -41,6 +58,187 @@ _IN_FLIGHT = 4  # tasks sent out for every thread of the cluster
 _FRUITLESS = 10  # losses of the scheduler in a row without a single result between them
 _DEATHS_ALONE = 4  # of workers with one and the same task alone in flight, after which the task is to blame
 _ENOUGH_BLAMED = 3  # such tasks, after which the run ends: it may be all of them
+
+
+class ForeignWorkerError(ClusterError):
+    """A worker has other code, data or libraries than the client."""
+
+
+@dataclass(frozen=True)
+class Introduced:
+    """The words in which a worker introduces itself."""
+
+    version: str
+    fingerprint: Fingerprint
+
+    def differences(self) -> list[str]:
+        """Say how it differs from this process, the processor apart, each in a few words."""
+        other = fingerprint().differences(self.fingerprint)
+        return other if self.version == __version__ else [f"version {self.version} (here {__version__})", *other]
+
+
+def introduced() -> Introduced:
+    """Return what this process is."""
+    return Introduced(__version__, fingerprint())
+
+
+def call(asked: str, load: bytes, common: tuple[Any, ...]) -> tuple[str, Any]:
+    """Do a task that came as bytes, where this process is what the client is.
+
+    Parameters
+    ----------
+    asked : str
+        Fingerprint of the client.
+    load : bytes
+        Function and arguments, pickled.
+    common : tuple
+        Leading arguments.
+
+    Returns
+    -------
+    tuple
+        Fingerprint of this process, and what the task returned.
+
+    Raises
+    ------
+    ForeignWorkerError
+        If more than the processor differs.
+    """
+    function, args = unpacked(asked, load)
+    with numeric_context():
+        return str(fingerprint()), function(*common, *args)
+
+
+def unpacked(asked: str, load: bytes) -> Any:
+    """Return what came as bytes; parameters and errors are those of `call`."""
+    if other := set(differing_words(asked, str(fingerprint()))) - {"processor"}:
+        raise ForeignWorkerError(_foreign(get_worker().address, [f"other {word}" for word in sorted(other)]))
+    return loads(load)
+
+
+def refuse_foreign(client: Any, workers: Collection[str], scheduler: str | None) -> None:
+    """Refuse workers that differ in more than the processor; one that does not answer is asked by its first task.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    workers : collection of str
+        Their addresses.
+    scheduler : str or None
+        Address of the scheduler that the caller named; None for workers that we started.
+
+    Raises
+    ------
+    InputError, ForeignWorkerError
+        Naming the first one, and what it has otherwise; the second for our own workers.
+    """
+    ask = {"workers": list(workers), "on_error": "return", "callback_timeout": _ANSWER_S}
+    try:
+        answers = client.sync(client._run, introduced, **ask)
+    except TimeoutError:  # a busy machine; losses of the scheduler are other errors
+        return
+    for address, answer in sorted(answers.items()):
+        if isinstance(answer, OSError):  # it has gone
+            continue
+        # Code without this module cannot answer.
+        other = answer.differences() if isinstance(answer, Introduced) else [f"other code ({answer})".splitlines()[0]]
+        if other and scheduler is not None:
+            allowed = "a scheduler whose workers have this code and these libraries"
+            raise InputError("--scheduler", scheduler, allowed=allowed, hint=_foreign(address, other))
+        if other:
+            raise ForeignWorkerError(f"{_foreign(address, other)}: were files changed while the run went on?")
+
+
+def _foreign(address: str, other: list[str]) -> str:
+    return f"worker {address} has {', '.join(other)}"
+
+
+@contextlib.contextmanager
+def quiet_dask() -> Iterator[None]:
+    """Use Dask's settings for our runs."""
+    settings = {
+        "distributed.admin.log-format": "%(name)s %(message)s",
+        "distributed.comm.timeouts.connect": "20s",
+        "distributed.admin.large-graph-warning-threshold": "1GiB",
+    }
+    # What its loggers report of losses is told here in one line each.
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    with dask.config.set(settings):
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)
+
+
+@contextlib.contextmanager
+def local_cluster(workers: int) -> "Iterator[tuple[str, LocalWorkers]]":
+    """Yield the address of a scheduler and its workers, single-threaded processes that end with this one."""
+    where: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+    with (
+        LocalCluster(n_workers=0, processes=True, silence_logs=logging.CRITICAL, **where) as cluster,
+        tempfile.TemporaryDirectory(prefix="cpic-workers-", ignore_cleanup_errors=True) as scratch,
+    ):
+        crew = LocalWorkers(cluster.scheduler_address, workers, scratch)
+        try:
+            crew.replace_dead()
+            yield cluster.scheduler_address, crew
+        finally:
+            crew.close()
+
+
+class LocalWorkers:
+    """Worker processes of one scheduler; one that dies, at whatever moment, is followed by another.
+
+    Dask's own nannies do not replace a worker that is killed while it starts.
+    """
+
+    def __init__(self, address: str, n_workers: int, scratch: str) -> None:
+        worker = [sys.executable, "-P", "-m", "cpic_planner.jobs.worker", str(os.getpid()), scratch, address]
+        limits = ["--nthreads=1", "--memory-limit=0", "--host=127.0.0.1", f"--death-timeout={_REGISTER_S}"]
+        self._command = [*worker, *limits, "--no-nanny", "--no-dashboard"]
+        # What can be imported here can be there; threads are set before the libraries load.
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        own = {"PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}
+        self._environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1") | own
+        self._processes: list[subprocess.Popen[bytes] | None] = [None] * n_workers
+        self._replaced = 0
+
+    def replace_dead(self) -> None:
+        """Start a worker in every place that has none.
+
+        Raises
+        ------
+        ClusterError
+            If that happens again and again without a result.
+        """
+        for place, process in enumerate(self._processes):
+            status = None if process is None else process.poll()
+            if process is not None and status is None:
+                continue
+            if process is not None:
+                self._replaced += 1
+                _LOG.info("worker %d ended with status %s: starting another", place + 1, status)
+            if self._replaced > _VAIN * len(self._processes) + _VAIN:
+                raise ClusterError(f"{self._replaced} workers ended without a result, the last with status {status}")
+            # A session of its own: a Ctrl-C in the terminal is for the parent to answer.
+            self._processes[place] = subprocess.Popen(
+                self._command, env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
+            )
+
+    def fruitful(self) -> None:
+        """Note that workers bring results."""
+        self._replaced = 0
+
+    def close(self) -> None:
+        """End all workers at once: their tasks have no side effects."""
+        for process in filter(None, self._processes):
+            process.kill()
+        for process in filter(None, self._processes):
+            process.wait()
 
 
 @dataclass(frozen=True)
@@ -115,20 +313,10 @@ class _LostError(Exception):
     """The scheduler no longer knows our tasks."""
 
 
-class Workers(Protocol):
-    """Workers that belong to the run: somebody else looks after those of a given scheduler."""
-
-    def replace_dead(self) -> None:
-        """Start others for those that ended."""
-
-    def fruitful(self) -> None:
-        """Note that workers bring results."""
-
-
 def run_on(
-    address: str, work: Work, patience_s: float, own: Workers | None, met: Callable[[str], None]
+    address: str, work: Work, patience_s: float, own: LocalWorkers | None, met: Callable[[str], None]
 ) -> Iterator[tuple[int, Any]]:
-    """Run all tasks on the cluster of the scheduler at ``address``; see `cpic_planner.jobs.engine.run_tasks`."""
+    """Run all tasks on the cluster of the scheduler at ``address``; see `cpic_planner.jobs.job.run_tasks`."""
     queue = TaskQueue(len(work.arguments))
     losses = 0
     link = _Link(address, work, _first_client(address), own, met)
@@ -213,7 +401,7 @@ class _Link:
     address: str
     work: Work
     client: Any
-    own: Workers | None
+    own: LocalWorkers | None
     met: Callable[[str], None]
     flying: dict[int, Any] = field(default_factory=dict)
     room: int = _IN_FLIGHT
@@ -251,7 +439,7 @@ class _Link:
         """Ask workers what they are, those that said it only if ``again``; raises where one is to be refused."""
         if new := workers if again else workers - self._greeted:
             with self._lossy():
-                handshake.refuse_foreign(self.client, new, self.address if self.own is None else None)
+                refuse_foreign(self.client, new, self.address if self.own is None else None)
         self._greeted = workers
 
     def send(self, index: int) -> None:
@@ -262,10 +450,10 @@ class _Link:
             if self.work.common and self._common is None:
                 # A task of its own: workers take its result from one another, and what dies with one is made again.
                 self._common = self.client.submit(
-                    handshake.unpacked, self._asked, dumps(self.work.common), key=self._key("common")
+                    unpacked, self._asked, dumps(self.work.common), key=self._key("common")
                 )
             common = () if self._common is None else self._common
-            self.flying[index] = self.client.submit(handshake.call, self._asked, load, common, key=self._key("task"))
+            self.flying[index] = self.client.submit(call, self._asked, load, common, key=self._key("task"))
 
     def _key(self, kind: str) -> tuple[str, int]:
         self._sent += 1

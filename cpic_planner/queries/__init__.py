@@ -1,6 +1,6 @@
 """Questions that can be asked: one frozen model for each command.
 
-A field of a question is declared once (`cpic_planner.queries.fields.asked`). The options of the command, the keywords
+A field of a question is declared once (`cpic_planner.queries.question.asked`). The options of the command, the keywords
 of the Python function, the JSON Schema, the YAML file and the hash of a run all derive from it.
 """
 

@@ -1,26 +1,186 @@
 """The questions of ``cpic rank``, ``cpic known`` and ``cpic visibility``.
 
-Which stars promise most, where the known planets are at a date, and when stars can be seen from the orbit.
+Which stars promise most, where the known planets are at a date, and when stars can be seen from the orbit. Instruments
+that a ranking may be under: laws of the numbers that are inferred or assumed, and draws by them.
 """
 
 import inspect
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from cpic_core import InputError, is_file, read_text, unguarded
-from cpic_planner.planets import MAX_PLANETS, N_PLANETS, PopulationConfig, load_population
+from cpic_core import FloatArray, InputError, faults_by_line, is_file, read_text, stream, unguarded
+from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, load_population, read_law
 from cpic_planner.queries import shared
-from cpic_planner.queries.base import called, check_visits
-from cpic_planner.queries.changes import InstrumentParts, read_instrument
-from cpic_planner.queries.ensemble import Ensemble, EnsembleChoice, load_ensemble
+from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
 from cpic_planner.queries.etc import KnownPlanetsQuestion
-from cpic_planner.queries.fields import asked, asked_visit_time
+from cpic_planner.queries.question import asked, asked_visit_time, called, check_visits
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
-from simulator.config import AlbedoValue, Instrument, MeasuredAlbedo, load_instrument, preset_names
+from simulator.config import (
+    AlbedoValue,
+    FrozenModel,
+    Instrument,
+    MeasuredAlbedo,
+    load_instrument,
+    preset_names,
+    preset_tree,
+    unit_of,
+    validate,
+)
+
+CONTRAST, OCCURRENCE = "contrast", "planets_per_star"
+"""Keys of numbers that no key of an instrument has: mean raw contrast of the dark hole, and the population's rate."""
+_WIDTH = ".width_nm"  # of bands: it changes the light, and optics stay those of the nominal width
+PACKAGE, DEFAULT = "cpic_planner", "default"
+_READ = BeforeValidator(lambda value: None if value is None else read_law(value))
+LawValue = Annotated[Law | None, _READ]
+
+
+class Doubt(FrozenModel):
+    """Law of one number that is not known.
+
+    Attributes
+    ----------
+    label : str
+        What the number is, in words.
+    value, factor : Law
+        Law of the number itself, or of a factor on the instrument's; one of the two.
+    through : {"rates", "contrast", "images"}
+        How it enters a ranking: only numbers of ``rates`` are drawn, the others' effect is that of the contrast, or
+        on images alone.
+    source : str
+        Where the law is from.
+    """
+
+    label: Annotated[str, Field(min_length=1)]
+    value: LawValue = None
+    factor: LawValue = None
+    through: Literal["rates", "contrast", "images"] = "rates"
+    source: Annotated[str, Field(min_length=1)]
+
+    def _check_values(self) -> None:
+        if (self.value is None) == (self.factor is None):
+            raise InputError("value", "given with factor" if self.value else "missing", allowed="one of value, factor")
+
+    @property
+    def law(self) -> Law:
+        """Law of the number or of the factor."""
+        return self.value or self.factor  # type: ignore[return-value]
+
+    def text(self, key: str, drawn: float) -> str:
+        """Return a drawn value of a key in words: a factor with an x, a number with its unit."""
+        number = f"{drawn:.0f}" if 1e3 <= drawn < 1e5 else f"{drawn:.3g}"
+        return with_unit(number, unit_of(key)) if self.factor is None else f"x{number}"
+
+
+class Ensemble(FrozenModel):
+    """Laws of all numbers of an instrument that are not known.
+
+    Attributes
+    ----------
+    name, description : str
+    numbers : dict of str to Doubt
+        By key of the instrument, which may hold ``*`` (all that it means are drawn together), ``drift``, `CONTRAST` or
+        `OCCURRENCE`.
+    fixed : dict of str to str
+        Inferred or assumed choices that are not drawn, with the reason.
+    """
+
+    name: str = ""
+    description: str = ""
+    numbers: dict[str, Doubt]
+    fixed: dict[str, str] = Field(default_factory=dict)
+
+    def _check_values(self) -> None:
+        for key, doubt in self.drawn.items():
+            if is_optical(key) and not key.endswith(_WIDTH):
+                hint = "optics are not measured anew for every instrument: their numbers enter by the contrast"
+                raise InputError(f"numbers.{key}.through", doubt.through, allowed="contrast, images", hint=hint)
+        if not self.drawn:
+            raise InputError("numbers", "none", allowed="at least one number that is drawn")
+
+    @property
+    def drawn(self) -> dict[str, Doubt]:
+        """The numbers that are drawn."""
+        return {key: doubt for key, doubt in self.numbers.items() if doubt.through == "rates"}
+
+    def says(self, key: str) -> str:
+        """Return what it says of a key of the instrument: the key of its law or of its reason, empty for nothing."""
+        keys = (*self.numbers, *self.fixed)
+        if key in ("drift.visit_nm", "drift.walk_nm_per_sqrt_hour") and "drift" in self.numbers:
+            return "drift"
+        return next((item for item in keys if fnmatchcase(key, item)), "")
+
+
+def load_ensemble(source: Ensemble | Mapping[str, Any] | str | Path | None = None) -> Ensemble:
+    """Load an ensemble.
+
+    Parameters
+    ----------
+    source : Ensemble, mapping, str, Path or None
+        Preset name, YAML path or mapping; ``None`` is the preset ``default``. A file or mapping holds what differs
+        from its ``base`` (a preset, ``default`` if absent); null takes a number out: it is then known.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        Naming key, value and what is allowed of the first fault.
+    """
+    if isinstance(source, Ensemble):
+        return source
+    with faults_by_line(source):
+        return _read(source)
+
+
+def _read(source: Mapping[str, Any] | str | Path | None) -> Ensemble:
+    keys = (*Ensemble.model_fields, "base")
+    tree, _ = preset_tree("ensemble", DEFAULT if source is None else source, keys=keys, package=PACKAGE)
+    base = tree.pop("base", None if source in (None, DEFAULT) else DEFAULT)
+    if base is not None:
+        under = load_ensemble(str(base)).model_dump(exclude_none=True)
+        own = tree.get("numbers") or {}
+        if not isinstance(own, Mapping):
+            raise InputError("ensemble.numbers", own, allowed="a mapping of keys to laws")
+        numbers = {key: item for key, item in {**under["numbers"], **own}.items() if item is not None}
+        tree = {**under, **tree, "numbers": numbers}
+    return validate(Ensemble, tree, where="ensemble")
+
+
+@dataclass(frozen=True)
+class EnsembleChoice:
+    """An ensemble, how many instruments are drawn, and the seed of the draws."""
+
+    ensemble: Ensemble
+    n_instruments: int
+    seed: int
+
+    def shares(self) -> dict[str, FloatArray]:
+        """Return uniform numbers for each number that is drawn, one for each instrument.
+
+        A Latin hypercube (McKay et al. 1979, Technometrics 21, 239): each of n equal parts of every law is drawn from
+        once. Each number has a stream of its own, so that a number more or less changes no other.
+        """
+        n = self.n_instruments
+        found = {}
+        for key in self.ensemble.drawn:
+            random = stream(self.seed, "ensemble", key)
+            found[key] = (random.permutation(n) + random.random(n)) / n
+        return found
+
+    def draws(self) -> dict[str, FloatArray]:
+        """Return the drawn values or factors of each number, one for each instrument."""
+        return {key: self.ensemble.numbers[key].law.quantile(share) for key, share in self.shares().items()}
+
 
 DEFAULT_YEARS = 5.0
 
@@ -105,13 +265,15 @@ def read_exclusions(given: Any) -> tuple[str, ...]:
     return tuple(name for name in EXCLUSIONS if name in names)
 
 
-def asked_exclusions(default: tuple[str, ...] | None = EXCLUSIONS, **settings: Any) -> Any:
+Exclusions = Annotated[tuple[str, ...], BeforeValidator(read_exclusions)]
+
+
+def asked_exclusions(**settings: Any) -> Any:
     """Declare the field of what excludes planets; ``settings`` as of `asked`."""
     return asked(
-        default,
+        EXCLUSIONS,
         "What excludes planets of the population: rv (radial velocities would have shown them), stability (a companion "
         "star leaves them no orbit), known_giants (a known giant stands there), or none. Repeat for several.",
-        read=read_exclusions,
         accepts="str or sequence of str",
         **settings,
     )
@@ -136,7 +298,7 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
         le=MAX_PLANETS,
         option="--planets",
     )
-    exclusions: shared.Texts = asked_exclusions()
+    exclusions: Exclusions = asked_exclusions()
 
     def check_planets(self) -> None:
         """Refuse a population, and what excludes its planets, beside known planets."""

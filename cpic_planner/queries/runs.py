@@ -1,21 +1,236 @@
-"""The question of ``cpic plan``: which of the best targets do simulated images confirm.
+"""The questions of ``cpic confirm``, ``plan``, ``whatif`` and ``tradeoff``: runs that write a folder."""
 
-The question of ``cpic whatif``: which survey strategy finds most.
-
-The question of ``cpic tradeoff``: speed against accuracy on this machine.
-"""
-
+import os
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
+from catalogs import resolve_star
 from cpic_core import InputError
-from cpic_planner.queries.base import Question, called
-from cpic_planner.queries.fields import asked, asked_changes
-from cpic_planner.queries.images import ImageQuestion
-from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
+from cpic_planner.queries import shared
+from cpic_planner.queries.changes import (
+    Change,
+    SimulatorOverrides,
+    changed,
+    read_instrument,
+)
+from cpic_planner.queries.question import Parts, Question, asked, asked_changes, asked_visit_time, called, check_visits
+from cpic_planner.queries.rank import Exclusions, RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, TablesQuestion, Texts
+from simulator.config import FrozenModel, Real, Scene, Utc, checked_utc, load_scene
+from simulator.knobs import Dial, dial_of
+
+REALISATIONS = 8
+"""Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
+
+
+class ImageQuestion(shared.InstrumentQuestion):
+    """The settings that decide images that are measured.
+
+    ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
+    ``simulator_overrides`` alter the images alone.
+    """
+
+    strategy: shared.Strategy = shared.asked_strategy()
+    realisations: int = asked(
+        REALISATIONS,
+        "Simulated observations of every planet and band, each with its own drift and noise.",
+        ge=1,
+        le=shared.MAX_REALISATIONS,
+    )
+    simulator_overrides: SimulatorOverrides = asked(
+        SimulatorOverrides(),
+        "Alter the simulator alone, as throughput=x0.7, companions=on or detector.cic_e=0.05; repeat for several. Or a "
+        "YAML file.",
+        metavar="KEY=VALUE",
+        several=True,
+        option="--simulator-overrides",
+        accepts="mapping, str, Path or sequence",
+    )
+    fidelity: shared.Fidelity | None = asked(None, "Speed against accuracy of the images.", unset="standard")
+    tolerance: float | None = asked(
+        None,
+        "Instead of {fidelity}: the cheapest images whose planet flux and SNR are predicted to be this close to the "
+        "reference, 0 to 0.5.",
+    )
+    seed: shared.Seed = asked(1, "Seed of every random number.")
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        tree = super()._read(tree)
+        if "simulator_overrides" in tree:
+            tree["simulator_overrides"] = SimulatorOverrides.of(tree["simulator_overrides"], tree.get("instrument"))
+        return tree
+
+    @model_validator(mode="after")
+    def _imaged(self) -> Self:
+        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
+        self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
+        refuse_counting(self.strategy, self.dial)
+        return self
+
+    @property
+    def dial(self) -> Dial:
+        """Speed against accuracy."""
+        return dial_of(self.fidelity, self.tolerance)
+
+    def hashed(self) -> dict[str, Any]:
+        """Return what decides numbers; the dial by what it does, not by the name that it was given."""
+        tree = super().hashed()
+        del tree["fidelity"], tree["tolerance"]
+        return tree | {"dial": self.dial.model_dump(mode="json")}
+
+    @property
+    def image_settings(self) -> dict[str, Any]:
+        """Settings of `cpic_planner.validation.task.task_of`."""
+        same = {name: getattr(self, name) for name in ("seed", "fidelity", "tolerance", "realisations")}
+        return same | {"overrides": self.simulator_overrides}
+
+
+class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion):
+    """Images of named stars, each with its reference planet at the best separation."""
+
+    KIND: ClassVar[str] = "confirm_targets"
+
+    target: shared.Texts = asked(..., "Star names.", accepts="str or sequence of str")
+    time_s: float = asked(
+        36000.0, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
+    )
+    planet: shared.ReferencePlanet = shared.asked_planet()
+
+
+def audited(dial: Dial, asked_for: bool | None = None) -> bool:
+    """Return whether one more realisation has every effect of single frames, beside those that are drawn as sums.
+
+    Parameters
+    ----------
+    dial : Dial
+    asked_for : bool, optional
+        What was asked for; ``standard`` has an audit and no other setting without.
+
+    Raises
+    ------
+    InputError
+        Where one is asked of the reference.
+    """
+    if asked_for and dial.fidelity == "reference":
+        hint, allowed = "the reference runs every realisation frame by frame", "quick, standard or a tolerance"
+        raise InputError("audit", "given", allowed=allowed, hint=hint)
+    return dial.fidelity == "standard" if asked_for is None else asked_for
+
+
+def refuse_counting(strategy: shared.Strategy, dial: Dial) -> None:
+    """Refuse photon counting frame by frame.
+
+    Raises
+    ------
+    InputError
+        Naming the mode.
+    """
+    if strategy.mode != "analogue" and dial.fidelity == "reference":
+        hint = "photons are counted in sums of frames, not yet frame by frame: quick, standard or a tolerance"
+        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
+
+
+MAX_FRAMES = 4000
+"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
+
+
+class SceneParts(Parts):
+    """Options of a scene."""
+
+    scene: str = asked(..., "Scene: a preset or a YAML file.", argument=True)
+    companions: shared.OnOff | None = asked(
+        None, "Put the scene's companions on the images.", unset="as the scene says"
+    )
+
+    def made(self, base: Any) -> Scene:
+        """Return the scene, with or without its companions."""
+        chosen = _scene(self.scene)
+        return chosen if self.companions is None else chosen.model_copy(update={"companions": self.companions})
+
+
+def _scene(source: str) -> Scene:
+    """Return the scene of a preset or a file; say what to do with the name of a star."""
+    try:
+        return load_scene(source)
+    except InputError as error:
+        if error.key != "scene" or os.path.exists(source):
+            raise
+        try:
+            resolve_star(source)
+        except InputError:
+            raise error from None
+        hint = "this is a star of the catalogue: write a scene with it as cstar, or see cpic plan"
+        raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
+
+
+class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
+    """Everything that decides the confirmation of a scene.
+
+    Frames are given by ``exposure_s`` and ``n_frames`` (of one visit where there is no number of visits), or visits and
+    frames are those of most SNR within ``time_s`` of wall time, as the exposure-time calculator chooses them for the
+    first planet of the scene that is in the dark hole of the band (for one of 1e-8 at the middle of the hole where it
+    has none). A gain that is not given is the best one.
+    ``audit`` None: as `cpic_planner.queries.runs.audited` says.
+    """
+
+    KIND: ClassVar[str] = "confirm"
+
+    scene: Scene = asked(
+        ...,
+        "The scene, with any number of planets and other stars; what `simulator.load_scene` reads.",
+        parts=SceneParts,
+        read=load_scene,
+        accepts="Scene, mapping, str or Path",
+    )
+    date_utc: Utc | None = asked(
+        None,
+        "Date of the observation, UTC: that of the light of the sky; a scene has places of its own.",
+        option="--date",
+        unset="the mission's start",
+    )
+    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
+        None, "Wall time of all visits per band, readouts, reference frames and overheads included.", unset="36000"
+    )
+    visit_time_s: float | None = asked_visit_time()
+    exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
+    n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
+        None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
+    )
+    em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")
+    audit: bool | None = asked(
+        None,
+        "Make one more realisation with every effect of the camera, a part of its frames run one by one.",
+        unset="with {fidelity} standard",
+    )
+    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
+
+    @classmethod
+    def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
+        if "date_utc" in tree:
+            start = Change(key="mission.start_utc", value=checked_utc("date_utc", tree["date_utc"]))
+            tree["instrument"] = changed(read_instrument(tree.get("instrument")), (start,))
+        return super()._read(tree)
+
+    @model_validator(mode="after")
+    def _frames(self) -> Self:
+        for name in ("time_s", "visit_time_s"):
+            if getattr(self, name) is not None and self.n_frames is not None:
+                allowed = f"without {called(name)}"
+                raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
+        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
+        if self.n_frames is not None and self.exposure_s is None:
+            raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
+        timed = self.time_s is not None or self.visit_time_s is not None
+        if self.exposure_s is not None and self.n_frames is None and not timed:
+            allowed = f"together with {called('n_frames')} or {called('time_s')}"
+            raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
+        if self.force and self.out is None:
+            raise InputError("force", "given", allowed=f"together with {called('out')}")
+        audited(self.dial, self.audit)
+        return self
 
 
 class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
@@ -71,13 +286,52 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
         return self
 
 
-_SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
-_FACTS = ("catalog", "known_planets", "candidates", "exclusions", "facts")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", "changes", *_FACTS)
-"""Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
+_FILE = "as the file says"
 
 
-class WhatIfQuestion(RunQuestion, TablesQuestion):
+class UniverseSettings(FrozenModel):
+    """The settings that survey strategies share: calendar, instrument, stars, and number of universes.
+
+    A strategies' file says them (`cpic_planner.survey.strategy.UniverseConfig`), and a question stands above it.
+    """
+
+    start_utc: Utc = asked("2028-01-01T00:00:00", "Start of the survey, UTC.", option="--start", unset=_FILE)
+    date_utc: Utc | None = asked(
+        None,
+        "Date of the places of stars and their companions in all visits, UTC.",
+        option="--date",
+        unset="the begin of the survey",
+    )
+    duration_days: Real = asked(3652.0, "Length of the survey in days.", option="--days", ge=1, le=36525, unset=_FILE)
+    slot_days: Real = asked(30.0, "Step of the calendar in days.", ge=1, le=400, unset=_FILE)
+    instrument: str = asked("cpic_default", "Preset name or YAML file.", read=str, unset=_FILE)
+    changes: Texts = asked_changes(unset=_FILE)
+    visibility: str = asked("default", "Limits of pointing: preset, or YAML file.", read=str, unset=_FILE)
+    catalog: str = asked("snapshot", "Star table: snapshot, latest, simbad_2012, or a file.", read=str, unset=_FILE)
+    known_planets: str = asked(
+        "snapshot",
+        "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "
+        "population; off leaves them out.",
+        read=str,
+        unset=_FILE,
+    )
+    candidates: bool = asked(False, "Count candidates among the known planets too.", unset=_FILE)
+    exclusions: Exclusions = asked_exclusions(unset=f"{_FILE}; all three where it does not")
+    observed: str = asked(
+        "", "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
+    )
+    facts: bool = asked(
+        False,
+        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
+        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
+        unset=f"{_FILE}; not with values that vary",
+    )
+    background: Literal["off", "on"] = asked("off", "Let background stars make false alarms.", unset=_FILE)
+    universes: int = asked(1000, "Synthetic universes.", ge=2, le=10_000_000, unset=f"{_FILE}; 1000 where it does not")
+    seed: shared.Seed = asked(1, "Seed of every random number.", unset=f"{_FILE}; 1 where it does not")
+
+
+class WhatIfQuestion(RunQuestion, TablesQuestion, UniverseSettings):
     """Compare survey strategies over the same synthetic universes.
 
     What is not given of the universe is as the strategies' file says.
@@ -100,39 +354,6 @@ class WhatIfQuestion(RunQuestion, TablesQuestion):
         None,
         "KEY=VALUE,VALUE...: plan every strategy for each value of a number that is not known, play every plan under "
         "each, and say which to take, as drift=0.02nm,0.05nm,0.1nm,0.2nm.",
-    )
-    universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
-    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
-    start_utc: str | None = asked(None, "Start of the survey, UTC.", option="--start")
-    date_utc: str | None = asked(
-        None,
-        "Date of the places of stars and their companions in all visits, UTC.",
-        option="--date",
-        unset="the begin of the survey",
-    )
-    duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
-    slot_days: float | None = asked(None, "Step of the calendar in days.")
-    observed: str | None = asked(
-        None, "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
-    )
-    background: Literal["off", "on"] | None = asked(None, "Let background stars make false alarms.", unset="off")
-    visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
-    catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)
-    instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
-    changes: Texts | None = asked_changes(None, unset="as the file says")
-    known_planets: str | None = asked(
-        None,
-        "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "
-        "population; off leaves them out.",
-        read=str,
-    )
-    candidates: bool | None = asked(None, "Count candidates among the known planets too.", unset="no")
-    exclusions: Texts | None = asked_exclusions(None, unset="all three")
-    facts: bool | None = asked(
-        None,
-        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
-        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
-        unset="as the file says; not with values that vary",
     )
     exact: bool = asked(
         False, "Search for the best calendar of every strategy much longer: minutes each (scheduler.method exact)."
@@ -157,9 +378,9 @@ class WhatIfQuestion(RunQuestion, TablesQuestion):
         accepts="str or Path",
     )
 
-    def shared(self) -> dict[str, Any]:
+    def universe(self) -> dict[str, Any]:
         """Return what is given of the universe that all strategies share."""
-        return {name: getattr(self, name) for name in UNIVERSE if getattr(self, name) is not None}
+        return {name: getattr(self, name) for name in UniverseSettings.model_fields if name in self.model_fields_set}
 
 
 class TradeoffQuestion(Question):

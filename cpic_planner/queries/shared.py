@@ -12,11 +12,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import Catalogue, checked_table_name, load_stars
 from cpic_core import InputError, digest_of, is_file
+from cpic_planner import registry
 from cpic_planner.jobs import check_address
-from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import SkyParts, read_instrument
-from cpic_planner.queries.fields import asked
-from cpic_planner.registry import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
+from cpic_planner.queries.question import Parts, Question, asked, called
 from simulator import config
 from simulator.config import FrozenModel, Instrument, load_instrument
 
@@ -140,6 +139,15 @@ class Reduction(FrozenModel):
         ge=0,
         le=1000,
     )
+    centring: registry.ReductionName = asked(
+        registry.DEFAULT_REDUCTION,
+        "What the subtraction takes off before the modes: "
+        + ", ".join(f"{name}, {entry.meaning}" for name, entry in registry.REDUCTIONS.items())
+        + ". Images measure all of them; the calculator predicts "
+        + ", ".join(name for name, entry in registry.REDUCTIONS.items() if entry.predicted)
+        + " and refuses the others.",
+        exclude_if=lambda name: name == registry.DEFAULT_REDUCTION,
+    )
     choose_modes: bool = asked(
         False,
         "Take {n_modes} as the most: as many are projected out at each planet's place as pay, none where none do. "
@@ -173,7 +181,9 @@ class Reduction(FrozenModel):
         gt=0,
         le=20,
     )
-    library: LibraryName = asked(DEFAULT_LIBRARY, "Where the reference frames of the subtraction come from.")
+    library: registry.LibraryName = asked(
+        registry.DEFAULT_LIBRARY, "Where the reference frames of the subtraction come from."
+    )
     reference_star: ReferenceStar | None = asked(None, "Star of the library of that name.")
     roll_deg: float = asked(30.0, "Angle between the two rolls of {library} roll.", gt=0, le=180, only_with=_OF_ROLL)
     visits: int | None = asked(
@@ -216,9 +226,27 @@ class Reduction(FrozenModel):
         return self
 
     @property
-    def reference_library(self) -> Library:
+    def reference_library(self) -> registry.Library:
         """What the package knows of the library."""
-        return LIBRARIES[self.library]
+        return registry.LIBRARIES[self.library]
+
+    @property
+    def reduction(self) -> registry.Reduction:
+        """How the references are combined and subtracted."""
+        return registry.REDUCTIONS[self.centring]
+
+    def check_predicted(self) -> None:
+        """Refuse a reduction whose noise the calculator has no closed form of.
+
+        Raises
+        ------
+        InputError
+            Naming the reduction.
+        """
+        if not self.reduction.predicted:
+            allowed = ", ".join(name for name, entry in registry.REDUCTIONS.items() if entry.predicted)
+            hint = "no closed form predicts its noise; images of given frames measure it (cpic confirm)"
+            raise InputError("centring", self.centring, allowed=allowed, hint=hint)
 
     def references_of(self, visits: int) -> int:
         """Return the number of reference visits of a programme of so many science visits."""

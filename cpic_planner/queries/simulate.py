@@ -6,9 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator
 
 from cpic_core import InputError
-from cpic_planner.queries.base import Parts
 from cpic_planner.queries.changes import InstrumentParts
-from cpic_planner.queries.fields import asked
+from cpic_planner.queries.question import Parts, asked
 from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, TablesQuestion, several
 from simulator.config import ReferenceScheme, SequenceConfig, SequenceKind
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalogs import KnownPlanetTable, load_known_planets, resolve_star, snapshot_vintage, stars_at
-from catalogs.known_planet_table import NUMBERS, planet_key
+from catalogs.known_planets import NUMBERS, planet_key
 from cpic_core import FloatArray, InputError, check_whole, fingerprint
 from cpic_planner import results
 from cpic_planner.etc import EtcModel, check_range, reflected_contrast

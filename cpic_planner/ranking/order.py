@@ -353,7 +353,7 @@ def rank_targets(
         What completeness refers to; giant planets by default. With known planets it is the probability that the
         observation detects at least one of the star's own at the given date; stars without any have 0.
     score : str
-        Score that orders the stars, a name of `cpic_planner.registry.scores.SCORES`.
+        Score that orders the stars, a name of `cpic_planner.registry.SCORES`.
     chosen : ndarray of bool, shape (n,), optional
         Stars that the rows are about, all by default; the others count for ``rank_in_catalogue`` alone.
     sample : str

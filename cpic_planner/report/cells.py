@@ -6,14 +6,26 @@ Tables on a terminal: columns that give way where it is narrow, and what its enc
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from pydantic import BaseModel
+
 from cpic_core import InputError, visible
 from cpic_planner import results
-from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
-from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
+from cpic_planner.report.words import (
+    LIMITED_BY,
+    MISSING,
+    STATUS_SYMBOLS,
+    VERDICTS,
+    contrast_text,
+    formatted,
+    significant,
+    status_text,
+)
+from cpic_planner.version import __version__
 from simulator.config import nearest
 
 if TYPE_CHECKING:
@@ -22,9 +34,15 @@ if TYPE_CHECKING:
 
 
 _SOON = 9
+
+
 _NEUTRAL = "·"
+
+
 _WITH_UNIT = ("time", "bytes")
 """Formats that write the unit themselves."""
+
+
 _MARKS = re.compile(f"^[→·{''.join(STATUS_SYMBOLS.values())}\\s]+")
 
 
@@ -150,7 +168,7 @@ def row_cells(
             own = _column_cells(results.column_of(kind, name), own, of, page)
         columns.append(replace(own, gives_way=int(way or 0), kind=kind, of=of))
         named.append(name)
-    more = [column for column in results.columns_of(kind) if column.look.console and column.name not in named]
+    more = [column for column in results.columns_of(kind) if column.console and column.name not in named]
     new = (_column_cells(column, None, of, page) for column in more)
     columns[-1:-1] = [replace(cells, gives_way=_SOON, kind=kind, of=of) for cells in new]
     return columns
@@ -189,9 +207,9 @@ def chosen(columns: Sequence[Cells], names: Sequence[str], key: str = "--columns
 
 
 def _taken_cells(item: results.Taken) -> Cells:
-    column, form = item.column, item.column.look.format.partition(" ± ")[0]
+    column, form = item.column, item.column.format.partition(" ± ")[0]
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    heading = column.look.short or f"{column.label} {unit}".strip()
+    heading = column.short or f"{column.label} {unit}".strip()
     look: dict[str, Any] = {"label": column.label, "unit": unit, "legend": column.description}
     return Cells(heading, lambda entry: formatted(item.value(entry), form), column.right, numbers=(item,), **look)
 
@@ -200,12 +218,12 @@ def _column_cells(
     column: results.Column, own: Callable[[Any], Any] | None, of: Callable[[Any], Any], page: bool
 ) -> Cells:
     text = own or _through(of, _cell_text(column, page))
-    form = column.look.format
+    form = column.format
     fields = (column.name, f"{column.name}_error") if " ± " in form else (column.name,)
     unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
-    legend = column.look.meaning.partition(";")[0] if column.look.short and column.right else ""
+    legend = column.description.partition(";")[0] if column.short and column.right else ""
     legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
-    heading = column.label if form in _WITH_UNIT and not column.look.short else column.heading
+    heading = column.label if form in _WITH_UNIT and not column.short else column.heading
     return Cells(heading, text, column.right, 0, column.label, unit, legend, fields, of)
 
 
@@ -215,7 +233,7 @@ def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[
 
 def _cell_text(column: results.Column, page: bool) -> Callable[[Any], str]:
     """Return the value of a column, with its error behind it where the format has one."""
-    form, _, error = column.look.format.partition(" ± ")
+    form, _, error = column.format.partition(" ± ")
 
     def written(value: Any, form: str) -> str:
         power = page and form.startswith(".") and form.endswith("e")
@@ -268,7 +286,7 @@ class Sheet:
     console : Console
     form : str
         ``table``: printed on the console with what stands before it; else kept in ``taken`` for
-        `cpic_planner.report.files.form_text`, with all columns.
+        `cpic_planner.report.cells.form_text`, with all columns.
     columns : sequence of str
         Names of the columns that are asked for; the table then stands alone.
     """
@@ -297,7 +315,11 @@ class Sheet:
 
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
+
+
 _GAP = 2
+
+
 _LAST_COLUMN = 18
 
 
@@ -412,3 +434,147 @@ def explain_symbols(console: Console, statuses: list[str]) -> None:
     used = [status for status in STATUS_SYMBOLS if status in statuses]
     if used and used != ["ok"]:
         print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
+
+
+_LATEX_WIDTH, _LATEX_GAP = 82, 2  # letters of \\footnotesize on a line of an article, and between two columns
+
+
+_POWER = re.compile(r"(\d\.?\d*)e([-+]\d+)")
+
+
+_LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}"}
+
+
+_LATEX |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": r"\ldots{}", "×": r"$\times$", "±": r"$\pm$"}
+
+
+_LATEX |= {
+    "−": "$-$",
+    "″": "$''$",
+    "′": "$'$",
+    "°": r"$^\circ$",
+    "<": "$<$",
+    ">": "$>$",
+    "\u202f": r"\,",
+}
+
+
+_LATEX |= {"≥": r"$\ge$", "≤": r"$\le$", "λ": r"$\lambda$", "⊕": r"$\oplus$", "…": r"\ldots{}"}
+
+
+def form_text(
+    form: str,
+    result: BaseModel,
+    taken: tuple[str, Sequence[Cells], Sequence[Any]],
+    *,
+    columns: Sequence[str] = (),
+    caption: str = "",
+    label: str = "",
+) -> str:
+    """Return a table of the terminal as text of another form.
+
+    Parameters
+    ----------
+    form : str
+        ``csv`` and ``ecsv`` have the fields of the rows, units in the names or the header, numbers in full and empty
+        cells for null; ``latex`` (a ``table`` with the columns that fit a page) and ``markdown`` have the cells of
+        the terminal.
+    result : BaseModel
+        The result that the table is of: it says where its data are from.
+    taken : tuple
+        Title, columns and entries of the table, as `cpic_planner.report.cells.Sheet` keeps them.
+    columns : sequence of str
+        Names of the columns that are asked for; those of the table by default.
+    caption, label : str
+        Of a ``table`` in LaTeX; by default the title with the data and the version, and the kind of result.
+
+    Raises
+    ------
+    InputError
+        For columns that the table does not have.
+    """
+    title, shown, rows = visible(taken[0], "\n"), *taken[1:]
+    shown = chosen(shown, columns) if columns else shown
+    if form in ("latex", "markdown"):
+        shown = [column for column in shown if not column.for_files]
+        cells = [[plain_text(column, row) for column in shown] for row in rows]
+        if form == "latex":
+            label = label or f"tab:{getattr(result, 'kind', 'table')}"
+            return _latex(caption or _caption(title, result), label, shown, cells)
+        heads = [f"{column.label or column.header}{f' ({column.unit})' * bool(column.unit)}" for column in shown]
+        return _markdown(title, heads, [column.right for column in shown], cells)
+    items = {item.column.name: item for column in shown for item in column.taken}
+    if form == "ecsv":
+        meta = {"title": title, "flag_separator": results.FLAG_SEPARATOR}
+        return results.ecsv_text(list(items.values()), rows, meta)
+    table = ({name: item.value(row) for name, item in items.items()} for row in rows)
+    return results.csv_text(tuple(items), table, joined=results.FLAG_SEPARATOR)
+
+
+def offered_text(taken: tuple[str, Sequence[Cells], Sequence[Any]]) -> str:
+    """Return the columns that a table can have, a line each: name, unit, meaning."""
+    lines = []
+    for name, cells in offered(taken[1]).items():
+        column = next(item.column for item in cells.taken if item.column.name == name)
+        unit = f" [{column.unit}]" if column.unit else ""
+        lines.append(f"{name}{unit}{f': {column.description}' if column.description else ''}\n")
+    return "".join(lines)
+
+
+def _caption(title: str, result: BaseModel) -> str:
+    """Return what a table is, of which date and data, and the version that made it, as sentences."""
+    date = str(getattr(result, "date_utc", ""))[:10]
+    said = (
+        *title.split("\n"),
+        f"Date: {date}" if date else "",
+        str(getattr(result, "catalogue", "")).partition(" (")[0],
+    )
+    return " ".join(f"{text.strip().rstrip('.')}." for text in (*said, f"cpic-planner {__version__}") if text.strip())
+
+
+def _markdown(title: str, heads: Sequence[str], right: Sequence[bool], cells: Sequence[Sequence[str]]) -> str:
+    def line(words: Sequence[str]) -> str:
+        return f"| {' | '.join(word.replace('|', chr(92) + '|') for word in words)} |\n"
+
+    rule = line(["---:" if side else "---" for side in right])
+    return f"{title}\n\n{line(heads)}{rule}{''.join(map(line, cells))}"
+
+
+def _latex(caption: str, label: str, columns: Sequence[Cells], cells: Sequence[Sequence[str]]) -> str:
+    heads = [
+        f"{item.header} ({item.unit})" if item.unit and item.header == item.label else item.header for item in columns
+    ]
+    widths = [max(len(line[i]) for line in [heads, *cells]) + _LATEX_GAP for i in range(len(heads))]
+    shown = fitting(columns, widths, _LATEX_WIDTH)
+
+    def line(words: Sequence[str]) -> str:
+        return f"{' & '.join(latex_text(words[i]) for i in shown)} \\\\\n"
+
+    sides = "".join("r" if columns[i].right else "l" for i in shown)
+    look = "\\begin{table}\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n"
+    named = f"\\caption{{{latex_text(caption)}}}\n\\label{{{visible(label)}}}\n"
+    tabular = f"\\begin{{tabular}}{{{sides}}}\n\\hline\n{line(heads)}\\hline\n{''.join(map(line, cells))}\\hline\n"
+    return f"{look}{named}{tabular}\\end{{tabular}}\n\\end{{table}}\n"
+
+
+def latex_text(text: str) -> str:
+    """Return a text for LaTeX: powers of ten, Greek letters and signs in mathematics, the rest escaped."""
+    made = []
+    for part in re.split(r"(\d\.?\d*e[-+]\d+)", visible(text)):
+        power = _POWER.fullmatch(part)
+        if power is not None:
+            made.append(rf"${power[1]}\times10^{{{int(power[2])}}}$")
+            continue
+        made.append("".join(map(_latex_sign, part)))
+    return "".join(made)
+
+
+def _latex_sign(sign: str) -> str:
+    name = unicodedata.name(sign, "")
+    if name.startswith("GREEK SMALL LETTER "):
+        letter = name.rsplit(" ", 1)[1].lower()
+        return "o" if letter == "omicron" else rf"$\{letter}$"
+    if name.startswith(("SUPERSCRIPT", "SUBSCRIPT")):
+        kind = "^" if name.startswith("SUPER") else "_"
+        return f"${kind}{{{unicodedata.normalize('NFKD', sign).replace(chr(0x2212), '-')}}}$"
+    return _LATEX.get(sign, sign)

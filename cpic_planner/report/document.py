@@ -5,17 +5,28 @@ the page. One that makes no block is not shown. Texts are plain, or hold marks (
 markup, so that names from outside stay text.
 """
 
+from __future__ import annotations
+
+import base64
+import functools
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, TypeAlias, TypeVar, Union
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar, Union
 
-from cpic_core import Registry
+from cpic_core import Registry, visible
 from cpic_planner.report.cells import Special, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.words import STATUS_SYMBOLS
 from cpic_planner.results import Result
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
 D = TypeVar("D")
+
+
 T = TypeVar("T")
 
 
@@ -267,7 +278,7 @@ class Group(_Templated):
 
     anchor: str
     title: str
-    blocks: "Sequence[Block]"
+    blocks: Sequence[Block]
 
 
 @dataclass(frozen=True)
@@ -275,7 +286,7 @@ class Fold(_Templated):
     """Blocks that show when asked for, with an anchor where something leads to them."""
 
     summary: str
-    blocks: "Sequence[Block]"
+    blocks: Sequence[Block]
     open: bool = False
     anchor: str = ""
 
@@ -385,3 +396,32 @@ def reproduced_blocks(
 def marked(text: str) -> Inline:
     """Return a text of ours in which backticks stand around what a computer reads."""
     return [code(part) if number % 2 else part for number, part in enumerate(text.split("`"))]
+
+
+def page_html(document: Document) -> str:
+    """Return a document as one HTML file: style, images and the one script that may run are in it, nothing is fetched.
+
+    The script sorts, filters and copies tables; the page says all without it.
+    """
+    environment = templates("cpic_planner.report")
+    script = environment.get_template("page.js").render()
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template("page.html.j2").render(document=document, digest=digest)
+
+
+@functools.cache
+def templates(*packages: str) -> Environment:
+    """Return the templates of packages; of one name that of the first package counts.
+
+    Values are escaped for HTML, and what steers the order or look of signs is made visible.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
+    loader = ChoiceLoader([PackageLoader(package) for package in packages])
+    return Environment(loader=loader, autoescape=True, finalize=_seen, undefined=StrictUndefined, **trimmed)
+
+
+def _seen(value: Any) -> Any:
+    """Return plain text with control characters as escapes; markup of templates as it is."""
+    return visible(value, "\n") if type(value) is str else value

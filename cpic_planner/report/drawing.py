@@ -22,17 +22,32 @@ if TYPE_CHECKING:
 
     from cpic_planner.results import RankedTarget
 
+
 WIDTH_INCHES = 9.0
+
+
 SCREEN_DPI = 100
+
+
 IMAGE_DPI = 130
+
+
 MOST_LABELLED = 12
 """Stars with their names in a figure of all."""
 
+
 # Perceptually even or diverging with a light middle; both are told apart with any colour vision.
 STACK_COLOURS = "viridis"
+
+
 RESIDUAL_COLOURS = "RdBu_r"
+
+
 _MAP_COLOURS = 112
+
+
 _PNG_LEVEL = 6
+
 
 # Okabe-Ito colours: told apart with any colour vision; markers differ as well.
 VERDICT_STYLE: dict[str, tuple[str, str]] = {
@@ -43,10 +58,17 @@ VERDICT_STYLE: dict[str, tuple[str, str]] = {
     "outside_field": ("#CC79A7", "s"),
     "invalid": ("#000000", "x"),
 }
+
+
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#000000", "#9A8700")
+
+
 BAND_STYLE: tuple[tuple[str, str], ...] = tuple(zip(_COLOURS, "os^DvPX*", strict=True))
+
+
 Look: TypeAlias = dict[str, Any]
 """Keywords of matplotlib that say how something is drawn."""
+
 
 _RC: dict[Any, Any] = {  # Matplotlib's own keys are a Literal
     "font.family": ["DejaVu Sans"],
@@ -137,8 +159,12 @@ def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: st
 
 
 _COLOUR = re.compile(rb"(?<=: )#([0-9a-f]{6})(?![0-9a-f])")
+
+
 _DARK_INK, _DARK_PAGE = (0xE4, 0xE7, 0xEA), (0x14, 0x17, 0x1A)
 """Ink and page of ``plan.css`` in dark mode."""
+
+
 _MOST_TINT = 16
 """Largest difference between red, green and blue of what is a grey, of 255."""
 
@@ -355,3 +381,22 @@ def _free_place(
             if not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken):
                 return box[0] + 1, box[1] + 1, ring
     return None
+
+
+_TICKS_ARCSEC = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 2.0)
+
+
+def contrast_axes(axes: Axes) -> None:
+    """Make a plane of separation and contrast, both logarithmic."""
+    axes.set(xscale="log", yscale="log")
+    axes.grid(visible=True)
+    axes.set_xlabel("projected separation (arcsec)")
+    axes.set_ylabel("planet-to-star contrast (flux ratio)")
+
+
+def separation_ticks(axes: Axes, low: float, high: float) -> None:
+    """Set the limits of the axis of separations, arcsec, and write plain numbers at it."""
+    axes.set_xlim(low, high)
+    ticks = [tick for tick in _TICKS_ARCSEC if low <= tick <= high]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_xticks([], minor=True)

@@ -1,46 +1,40 @@
-"""Results as files: the ranking, every measurement of images, targets of survey strategies, visibility.
-
-Tables of the terminal as CSV, ECSV, LaTeX and Markdown.
-"""
+"""Files of results: tables, image panels and HTML reports, each written whole."""
 
 from __future__ import annotations
 
-import re
-import unicodedata
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+import base64
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pydantic import BaseModel
+import numpy as np
 
-from cpic_core import visible
 from cpic_planner import results
-from cpic_planner.registry import SCORES
-from cpic_planner.report.cells import Cells, chosen, fitting, offered, plain_text
-from cpic_planner.version import __version__
-from simulator.knobs import Quantity
+from cpic_planner.etc import EtcModel, contrast_limit
+from cpic_planner.jobs import RunFolder
+from cpic_planner.report.confirm import ConfirmReport, confirm_document, measurements_csv
+from cpic_planner.report.document import page_html
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.image_figures import Mark, MarkKind, Panels
+from cpic_planner.report.plan import PlanReport, plan_document
+from cpic_planner.report.ranking import ranking_csv, ranking_ecsv
+from cpic_planner.report.ranking_figures import HoleEdges, LimitCurve
+from cpic_planner.report.whatif import WhatIfReport, targets_csv, whatif_document
+from cpic_planner.report.words import pretty_name
+from cpic_planner.targets import Targets, find_target
+from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
+from simulator.config import ParametricAlbedo, Scene
+from simulator.target import scene_sources
 
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
 """Names of the files of a report of a plan."""
+
+
 WHATIF_PRODUCTS = ("targets.csv", "report.html")
 """Names of the files of a report of survey strategies."""
+
+
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
-
-_LATEX_WIDTH, _LATEX_GAP = 82, 2  # letters of \\footnotesize on a line of an article, and between two columns
-_POWER = re.compile(r"(\d\.?\d*)e([-+]\d+)")
-_LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_", "$": r"\$", "{": r"\{", "}": r"\}"}
-_LATEX |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": r"\ldots{}", "×": r"$\times$", "±": r"$\pm$"}
-_LATEX |= {
-    "−": "$-$",
-    "″": "$''$",
-    "′": "$'$",
-    "°": r"$^\circ$",
-    "<": "$<$",
-    ">": "$>$",
-    "\u202f": r"\,",
-}
-_LATEX |= {"≥": r"$\ge$", "≤": r"$\le$", "λ": r"$\lambda$", "⊕": r"$\oplus$", "…": r"\ldots{}"}
 
 
 def products_of(bands: Iterable[str]) -> list[str]:
@@ -48,210 +42,188 @@ def products_of(bands: Iterable[str]) -> list[str]:
     return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
-def form_text(
-    form: str,
-    result: BaseModel,
-    taken: tuple[str, Sequence[Cells], Sequence[Any]],
-    *,
-    columns: Sequence[str] = (),
-    caption: str = "",
-    label: str = "",
-) -> str:
-    """Return a table of the terminal as text of another form.
+N_LIMIT_POINTS = 24
+
+
+MAX_LIMITS = 3
+
+
+def limit_curves(plan: results.PlanResult, model: EtcModel, targets: Targets | None = None) -> list[LimitCurve]:
+    """Return the contrast limit against separation for the first confirmed targets, each in its ranked band and time.
+
+    `targets` are the ranked stars; without them the stars are those of the snapshot.
+    """
+    curves = []
+    for target in plan.targets[:MAX_LIMITS]:
+        row = target.ranked
+        if targets is None:
+            star, _ = find_target(target.name, companions=plan.companions, date_utc=plan.date_utc or None)
+        else:
+            star = targets.select(targets.name == target.name)
+        zone = model.metrics[row.band]
+        separations = np.geomspace(zone.hole_inner_corner_arcsec * 1.001, zone.owa_arcsec * 0.999, N_LIMIT_POINTS)
+        time_s, places = row.time_s or plan.time_s, separations.tolist()
+        answers = contrast_limit(model, star, time_s=time_s, separation_arcsec=places, bands=[row.band])
+        good = [(answer.separation_arcsec, answer.value) for answer in answers if answer.value is not None]
+        if good:
+            curves.append(LimitCurve(f"{pretty_name(target.name)}, {row.band}", *np.array(good).T))
+    return curves
+
+
+def hole_edges(model: EtcModel) -> list[HoleEdges]:
+    """Return the corners of each band's zone on the diagonal."""
+    return [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
+
+
+def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Scene | None = None) -> Panels:
+    """Return the images of one finished piece of work, with marks.
 
     Parameters
     ----------
-    form : str
-        ``csv`` and ``ecsv`` have the fields of the rows, units in the names or the header, numbers in full and empty
-        cells for null; ``latex`` (a ``table`` with the columns that fit a page) and ``markdown`` have the cells of
-        the terminal.
-    result : BaseModel
-        The result that the table is of: it says where its data are from.
-    taken : tuple
-        Title, columns and entries of the table, as `cpic_planner.report.cells.Sheet` keeps them.
-    columns : sequence of str
-        Names of the columns that are asked for; those of the table by default.
-    caption, label : str
-        Of a ``table`` in LaTeX; by default the title with the data and the version, and the kind of result.
-
-    Raises
-    ------
-    InputError
-        For columns that the table does not have.
+    model : EtcModel
+    band : str
+    body : mapping
+        What `cpic_planner.validation.confirm.confirm_task` returned.
+    scene : Scene, optional
+        What the images show: its planets, by name where there are several, and its other stars are marked. Without it
+        the one planet that was measured is.
     """
-    title, shown, rows = visible(taken[0], "\n"), *taken[1:]
-    shown = chosen(shown, columns) if columns else shown
-    if form in ("latex", "markdown"):
-        shown = [column for column in shown if not column.for_files]
-        cells = [[plain_text(column, row) for column in shown] for row in rows]
-        if form == "latex":
-            label = label or f"tab:{getattr(result, 'kind', 'table')}"
-            return _latex(caption or _caption(title, result), label, shown, cells)
-        heads = [f"{column.label or column.header}{f' ({column.unit})' * bool(column.unit)}" for column in shown]
-        return _markdown(title, heads, [column.right for column in shown], cells)
-    items = {item.column.name: item for column in shown for item in column.taken}
-    if form == "ecsv":
-        meta = {"title": title, "flag_separator": results.FLAG_SEPARATOR}
-        return results.ecsv_text(list(items.values()), rows, meta)
-    table = ({name: item.value(row) for name, item in items.items()} for row in rows)
-    return results.csv_text(tuple(items), table, joined=results.FLAG_SEPARATOR)
-
-
-def offered_text(taken: tuple[str, Sequence[Cells], Sequence[Any]]) -> str:
-    """Return the columns that a table can have, a line each: name, unit, meaning."""
-    lines = []
-    for name, cells in offered(taken[1]).items():
-        column = next(item.column for item in cells.taken if item.column.name == name)
-        unit = f" [{column.unit}]" if column.unit else ""
-        lines.append(f"{name}{unit}{f': {column.description}' if column.description else ''}\n")
-    return "".join(lines)
-
-
-def _caption(title: str, result: BaseModel) -> str:
-    """Return what a table is, of which date and data, and the version that made it, as sentences."""
-    date = str(getattr(result, "date_utc", ""))[:10]
-    said = (
-        *title.split("\n"),
-        f"Date: {date}" if date else "",
-        str(getattr(result, "catalogue", "")).partition(" (")[0],
+    instrument, metrics = model.instrument, model.metrics[band]
+    images = decode_arrays(body["panels"])
+    nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
+    roll_deg = model.strategy.rolls_deg[0]
+    candidates = body["search"]["candidates"] if body["search"] else ()
+    marks = [] if scene is not None else [Mark(x, y) for x, y in body["planet_offsets_arcsec"][:1]]
+    marks += [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
+    if scene is not None:
+        sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
+        several = sum(source.kind == "planet" for source in sources) > 1
+        for source in sources:
+            label = source.name if several or source.kind == "star" else ""
+            kind: MarkKind = "planet" if source.kind == "planet" else "star"
+            marks.append(Mark(source.x_arcsec, source.y_arcsec, kind, label))
+    return Panels(
+        band=band,
+        science=np.where(nowhere, np.nan, images["science"]),
+        reference=np.where(nowhere, np.nan, images["reference"]),
+        residual=images["residual"],
+        pixel_scale_arcsec=metrics.pixel_scale_arcsec,
+        aperture_radius_arcsec=metrics.aperture_radius_arcsec,
+        zone=metrics.zone,
+        parity=instrument.detector.parity,
+        roll_deg=roll_deg,
+        marks=tuple(marks),
     )
-    return " ".join(f"{text.strip().rstrip('.')}." for text in (*said, f"cpic-planner {__version__}") if text.strip())
 
 
-def _markdown(title: str, heads: Sequence[str], right: Sequence[bool], cells: Sequence[Sequence[str]]) -> str:
-    def line(words: Sequence[str]) -> str:
-        return f"| {' | '.join(word.replace('|', chr(92) + '|') for word in words)} |\n"
+def write_report(
+    folder: RunFolder,
+    plan: results.PlanResult,
+    rank: results.RankResult,
+    model: EtcModel,
+    bodies: Mapping[tuple[str, str], Mapping[str, Any]],
+    targets: Targets,
+    sensitivity: results.SensitivityResult | None = None,
+    known: results.KnownResult | None = None,
+) -> None:
+    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
 
-    rule = line(["---:" if side else "---" for side in right])
-    return f"{title}\n\n{line(heads)}{rule}{''.join(map(line, cells))}"
-
-
-def _latex(caption: str, label: str, columns: Sequence[Cells], cells: Sequence[Sequence[str]]) -> str:
-    heads = [
-        f"{item.header} ({item.unit})" if item.unit and item.header == item.label else item.header for item in columns
-    ]
-    widths = [max(len(line[i]) for line in [heads, *cells]) + _LATEX_GAP for i in range(len(heads))]
-    shown = fitting(columns, widths, _LATEX_WIDTH)
-
-    def line(words: Sequence[str]) -> str:
-        return f"{' & '.join(latex_text(words[i]) for i in shown)} \\\\\n"
-
-    sides = "".join("r" if columns[i].right else "l" for i in shown)
-    look = "\\begin{table}\n\\centering\\footnotesize\\setlength{\\tabcolsep}{3pt}\n"
-    named = f"\\caption{{{latex_text(caption)}}}\n\\label{{{visible(label)}}}\n"
-    tabular = f"\\begin{{tabular}}{{{sides}}}\n\\hline\n{line(heads)}\\hline\n{''.join(map(line, cells))}\\hline\n"
-    return f"{look}{named}{tabular}\\end{{tabular}}\n\\end{{table}}\n"
-
-
-def latex_text(text: str) -> str:
-    """Return a text for LaTeX: powers of ten, Greek letters and signs in mathematics, the rest escaped."""
-    made = []
-    for part in re.split(r"(\d\.?\d*e[-+]\d+)", visible(text)):
-        power = _POWER.fullmatch(part)
-        if power is not None:
-            made.append(rf"${power[1]}\times10^{{{int(power[2])}}}$")
-            continue
-        made.append("".join(map(_latex_sign, part)))
-    return "".join(made)
-
-
-def _latex_sign(sign: str) -> str:
-    name = unicodedata.name(sign, "")
-    if name.startswith("GREEK SMALL LETTER "):
-        letter = name.rsplit(" ", 1)[1].lower()
-        return "o" if letter == "omicron" else rf"$\{letter}$"
-    if name.startswith(("SUPERSCRIPT", "SUBSCRIPT")):
-        kind = "^" if name.startswith("SUPER") else "_"
-        return f"${kind}{{{unicodedata.normalize('NFKD', sign).replace(chr(0x2212), '-')}}}$"
-    return _LATEX.get(sign, sign)
-
-
-_MODEL_COLUMNS = ("fidelity", "region", "epochs")
-_KNOB_COLUMNS = ("pupil_samples", "wavelength_nodes", "pixel_nodes", "precision")
-_ERROR_COLUMNS: tuple[Quantity, ...] = ("planet_flux", "snr")
-MEASUREMENT_COLUMNS: tuple[str, ...] = (
-    "target",
-    "hip",
-    "chosen",
-    *(name for name in results.names_of(results.BandConfirmation) if name != "image"),
-    *_MODEL_COLUMNS,
-    *_KNOB_COLUMNS,
-    *(f"predicted_error_{name}" for name in _ERROR_COLUMNS),
-    *results.names_of(results.AuditRecord, before="audit_"),
-)
-"""Columns, in order: those of `BandConfirmation`, of its `ModellingRecord`, and, with ``audit_`` before their names, of
-`AuditRecord`."""
-
-
-def score_taken(name: str) -> results.Taken:
-    """Return the column of a score in files, with the unit of that score."""
-    (taken,) = results.taken_of(results.RankedTarget, "score")
-    return replace(taken, column=replace(taken.column, unit=SCORES[name].unit))
-
-
-def ranking_csv(rank: results.RankResult, limit: int | None = None) -> str:
-    """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
-
-    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
-    a ``limit`` the first stars alone.
+    `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
+    the first of them.
     """
-    rows = rank.targets[:limit]
-    names = (*results.names_of(results.RankedTarget), *(item.column.name for item in results.own_taken(rows)))
-    return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
+    from cpic_planner.report.plan import panel_pictures, plan_figures
+
+    folder.write("ranking.csv", ranking_csv(rank))
+    folder.write("ranking.ecsv", ranking_ecsv(rank))
+    folder.write("measurements.csv", measurements_csv(plan))
+    panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
+    figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
+    report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
+    folder.write("report.html", page_html(plan_document(report)))
 
 
-def ranking_ecsv(rank: results.RankResult, limit: int | None = None) -> str:
-    """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
+def write_star_images(
+    folder: RunFolder,
+    result: results.StarImagesResult,
+    model: EtcModel,
+    bodies: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Write ``measurements.csv`` and the images of each band as PNG, each whole.
 
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked. With a
-    ``limit`` the first stars alone, and the header says of how many.
+    Parameters
+    ----------
+    folder : RunFolder
+    result : StarImagesResult
+        Of one star.
+    model : EtcModel
+        Of the prediction.
+    bodies : mapping
+        What `cpic_planner.validation.confirm.confirm_task` returned, by star and band.
     """
-    rows = rank.targets[:limit]
-    meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
-    if len(rows) < len(rank.targets):
-        meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
-    columns = [*results.taken_of(results.RankedTarget), *results.own_taken(rows)]
-    score = score_taken(rank.score_name)
-    return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
+    from cpic_planner.report.image_figures import PanelSheet
+
+    folder.write("measurements.csv", measurements_csv(result))
+    sheet = PanelSheet()
+    for target in result.targets:
+        for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
+            picture = sheet.picture(panels_of(model, band, bodies[f"{target.name} {band}"]), target.name)
+            folder.write_bytes(PANELS.format(band=band), _png(picture))
 
 
-def measurements_csv(result: results.PlanResult | results.StarImagesResult | results.ConfirmResult) -> str:
-    """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
-    if isinstance(result, results.ConfirmResult):
-        rows = [_measured(band) | {"target": result.scene} for band in result.bands]
-    else:
-        rows = [
-            _measured(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
-            for target in result.targets
-            for band in target.bands
-        ]
-    return results.csv_text(MEASUREMENT_COLUMNS, rows)
+def _png(picture: Picture) -> bytes:
+    return base64.b64decode(picture.uri.split(",", 1)[1])
 
 
-def _measured(band: results.BandConfirmation) -> dict[str, Any]:
-    cells = results.values_of(band)
-    if (made := band.modelled) is not None:
-        cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}
-        cells |= {name: getattr(made.knobs, name) for name in _KNOB_COLUMNS}
-        cells |= {f"predicted_error_{name}": made.predicted_error.get(name) for name in _ERROR_COLUMNS}
-    return cells | ({} if band.audit is None else results.values_of(band.audit, before="audit_"))
+def write_confirm_report(
+    folder: RunFolder,
+    result: results.ConfirmResult,
+    model: EtcModel,
+    scene: Scene,
+    bodies: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : ConfirmResult
+    model : EtcModel
+        Of the prediction.
+    scene : Scene
+        What the images show.
+    bodies : mapping
+        What `cpic_planner.confirm.scene.confirm_scene` returned beside the result, by band.
+    """
+    from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
+
+    folder.write("measurements.csv", measurements_csv(result))
+    sheet, images = PanelSheet(), {}
+    for band, body in bodies.items():
+        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=scene), result.scene)
+        folder.write_bytes(PANELS.format(band=band), _png(picture))
+    figures = {}
+    spectrum = spectrum_figure(scene, model.instrument, result.bands)
+    if spectrum is not None:
+        figures = {"spectrum": spectrum, "calibration": snr_figure(result)}
+    for fitted in albedo_fits(scene, model.instrument, result.bands):
+        figures[f"Metallicity and clouds of {fitted.light.name}"] = _albedo_picture(fitted)
+    folder.write("report.html", page_html(confirm_document(ConfirmReport(result, figures, images))))
 
 
-def targets_csv(result: results.WhatIfResult) -> str:
-    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
-    rows = []
-    for item in result.strategies:
-        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
-    return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
+def _albedo_picture(fitted: FittedAlbedo) -> Picture:
+    """Return the posterior, with the planet of the scene where it is one of the model's."""
+    from cpic_planner.report.image_figures import albedo_picture
+
+    light, truth = fitted.light, None
+    albedo = light.planet.albedo
+    if isinstance(albedo, ParametricAlbedo) and albedo.clamped_log10_fsed is not None:
+        truth = albedo.log10_mh, albedo.clamped_log10_fsed
+    return albedo_picture(fitted.fit, fitted.model, spectrum=(light.wavelength_nm, light.contrast), truth=truth)
 
 
-def visibility_csv(result: results.VisibilityResult) -> str:
-    """Return visibility as CSV: one line a target and step."""
-    days = ("blocked_by", "visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg")
-    names = ("name", "mjd", *days)
-    rows = (
-        dict(zip(names, (target.name, *step), strict=True))
-        for target in result.targets
-        for step in zip(result.mjd, *(getattr(target.days, name) for name in days), strict=True)
-    )
-    return results.csv_text(names, rows)
+def write_whatif(folder: RunFolder, result: results.WhatIfResult) -> None:
+    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result."""
+    from cpic_planner.report.whatif_figures import whatif_figures
+
+    folder.write("targets.csv", targets_csv(result))
+    folder.write("report.html", page_html(whatif_document(WhatIfReport(result, whatif_figures(result)))))

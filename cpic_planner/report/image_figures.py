@@ -1,35 +1,479 @@
-"""Figures of what images recover, and the parts of reports that show measurements and pictures."""
+"""Figures of images: the stacks behind a measurement, recovered SNR, spectra and atmospheres."""
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from operator import itemgetter
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner import results
-from cpic_planner.report import document as doc, drawing, numbers, words
-from cpic_planner.report.cells import Cells
-from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, band_style, literal, new_figure, save, style
-from cpic_planner.report.numbers import MISSING, contrast_text, decimals
-from cpic_planner.report.panel_figure import PANEL_NOTE, shown_in_both_lights
-from cpic_planner.report.summary import ModelledGroup, ModelledRow, dial_text, error_text, modelled_groups, size_order
-from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, orbits_text, plus_minus, reason_text, status_text
-from cpic_planner.validation import PREDICTION_ERROR
+from cpic_planner.report import drawing
+from cpic_planner.report.drawing import (
+    BAND_STYLE,
+    WIDTH_INCHES,
+    Look,
+    Picture,
+    band_style,
+    literal,
+    new_figure,
+    save,
+    style,
+)
+from cpic_planner.report.words import decimals, power_of_ten, pretty_name, significant
 from simulator.config import Instrument, Scene
-from simulator.target import LitPlanet, spectrum_generator
+from simulator.imaging import Zone
+from simulator.target import LitPlanet, sky_to_detector, spectrum_generator
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap, Normalize
+    from matplotlib.figure import Figure
+
+    from cpic_planner.validation import AlbedoFit, AlbedoModel
+
+
+_IMAGES = ("science", "reference", "residual")
+
+
+MarkKind: TypeAlias = Literal["planet", "star", "candidate"]
+
+
+def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the unit vectors (x, y) on the detector that point to north and to east.
+
+    Parameters
+    ----------
+    parity : {-1, +1}
+        Detector parity; -1 puts east at -x.
+    roll_deg : float
+        Rotation of the sky on the detector.
+    """
+    x, y = sky_to_detector([1.0, 1.0], [0.0, 90.0], roll_deg=roll_deg, parity=parity)
+    return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A place that is marked on the images: a planet, a star of the scene, or what a blind search names.
+
+    Attributes
+    ----------
+    x_arcsec, y_arcsec : float
+        Offset from the star on the detector.
+    kind : {"planet", "star", "candidate"}
+        What it is: candidates are marked on the residual alone.
+    label : str
+        Written beside it; empty for none.
+    """
+
+    x_arcsec: float
+    y_arcsec: float
+    kind: MarkKind = "planet"
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Images of one band: summed science stack, summed reference stack, residual after subtraction.
+
+    Attributes
+    ----------
+    band : str
+        Band name.
+    science, reference, residual : ndarray
+        Equal shapes (y, x), electrons of the summed stack; NaN where there is no value.
+    pixel_scale_arcsec : float
+        Size of a pixel.
+    aperture_radius_arcsec : float
+        Photometric aperture.
+    zone : HoleZone or RingZone
+        The dark quadrants, or the ring.
+    parity : int
+        Detector parity, -1 or +1.
+    roll_deg : float
+        Rotation of the sky on the detector.
+    marks : tuple of Mark
+        What is marked, planets included.
+    """
+
+    band: str
+    science: FloatArray
+    reference: FloatArray
+    residual: FloatArray
+    pixel_scale_arcsec: float
+    aperture_radius_arcsec: float
+    zone: Zone
+    parity: int = -1
+    roll_deg: float = 0.0
+    marks: tuple[Mark, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in _IMAGES:
+            image = np.asarray(getattr(self, name), dtype=np.float64)
+            if image.ndim != 2 or image.shape != np.shape(self.science) or image.size == 0:
+                raise InputError(f"panels.{name}", str(image.shape), allowed="2-D images of equal shape")
+            object.__setattr__(self, name, image)
+        for name in ("pixel_scale_arcsec", "aperture_radius_arcsec"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"panels.{name}", value, unit="arcsec", allowed="finite and above 0")
+        compass(self.parity, self.roll_deg)
+
+    @property
+    def star_pixel(self) -> tuple[float, float]:
+        """Column and row of the star: the middle of the array."""
+        rows, columns = self.science.shape
+        return (columns - 1) / 2.0, (rows - 1) / 2.0
+
+    @property
+    def extent_arcsec(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top edge of the array, arcsec from the star on the detector."""
+        rows, columns = self.science.shape
+        column, row = self.star_pixel
+        edges = np.array([-0.5 - column, columns - 0.5 - column, -0.5 - row, rows - 0.5 - row])
+        left, right, bottom, top = (edges * self.pixel_scale_arcsec).tolist()
+        return left, right, bottom, top
+
+    def inside_hole(self) -> NDArray[np.bool_]:
+        """Return the pixels whose centres lie in one of the dark quadrants, (y, x)."""
+        rows, columns = self.science.shape
+        column, row = self.star_pixel
+        x = np.asarray((np.arange(columns) - column) * self.pixel_scale_arcsec, dtype=np.float64)
+        y = np.asarray((np.arange(rows) - row) * self.pixel_scale_arcsec, dtype=np.float64)
+        return self.zone.covers(y, x)
+
+
+_VIEW_MARGIN = 1.06
+
+
+PANEL_NOTE = (
+    "Images: the first realisation, summed stacks in electrons per pixel. The circle is the photometric aperture at "
+    "the planet, dashed squares bound the dark hole, N and E show the sky on the detector. Both stacks share one "
+    "scale, linear at the noise and logarithmic above, set by the dark hole: brighter light outside it is clipped. The "
+    "residual's scale is set by its noise: a bright planet is clipped. Grey: not drawn, or not used. "
+    "A plus in the residual: a detection of the blind search; diamonds: other stars of the scene."
+)
+
+
+_SIGMA_OF_MAD = 1.4826
+
+
+# Where things stand, in inches: three square panels in a row, a bar below each. Nothing in these pictures changes its
+# size, so that nothing is to be laid out, which would cost more than the drawing.
+_HEIGHT = 3.95
+
+
+_LEFT, _PANEL, _GAP, _BOTTOM = 0.70, 2.67, 0.13, 1.055
+
+
+_BAR_INSET, _BAR_BOTTOM, _BAR, _BAR_END = 0.06, 0.47, 0.09, 0.05
+
+
+_LINE = 0.005  # half of the lines around a panel
+
+
+_TITLES = ("science stack", "reference stack", "residual after subtraction")
+
+
+_PLAIN_POWERS = range(-1, 4)  # numbers of this size are written out, others as multiples of a power of ten
+
+
+def robust_sigma(values: FloatArray) -> float:
+    """Return the standard deviation that the median absolute deviation stands for; 0 for no finite values."""
+    good = values[np.isfinite(values)]
+    return float(_SIGMA_OF_MAD * np.median(np.abs(good - np.median(good)))) if good.size else 0.0
+
+
+def stack_scale(panels: Panels) -> tuple[float, float, float]:
+    """Return lowest and highest displayed value and the linear width of the stretch, one for both stacks (electrons).
+
+    The dark hole alone decides; the linear width is the noise, so that faint light is shown linearly and the rest
+    logarithmically.
+    """
+    hole = panels.inside_hole()
+    both = np.concatenate([panels.science[hole], panels.reference[hole]])
+    good = both[np.isfinite(both)]
+    if good.size == 0:
+        return 0.0, 1.0, 1.0
+    low, high = (float(v) for v in np.percentile(good, [0.5, 99.8]))
+    if not high > low:
+        low, high = low - 0.5, low + 0.5
+    width = robust_sigma((panels.science - panels.reference)[hole]) / np.sqrt(2.0)
+    return low, high, float(max(width, 1e-3 * (high - low)))
+
+
+def residual_limit(panels: Panels) -> float:
+    """Return the half range of the residual panel, electrons: 5 robust sigma of the hole, 7 for a bright planet."""
+    inside = panels.residual[panels.inside_hole()]
+    good = inside[np.isfinite(inside)]
+    peak = float(np.max(np.abs(good))) if good.size else 0.0
+    sigma = robust_sigma(good)
+    limit = float(np.clip(peak, 5.0 * sigma, 7.0 * sigma)) if sigma > 0 else peak
+    return limit if limit > 0 else 1.0
+
+
+def panel_picture(panels: Panels, name: str) -> Picture:
+    """Draw science stack, reference stack and residual side by side.
+
+    Parameters
+    ----------
+    panels : Panels
+    name : str
+        SIMBAD identifier of the star, for the alternative text.
+    """
+    return PanelSheet().picture(panels, name)
+
+
+def in_both_lights(png: bytes) -> bytes:
+    """Return an SVG drawing of a picture of panels; in dark mode all around the images and their bars is turned dark.
+
+    Parameters
+    ----------
+    png : bytes
+        As `PanelSheet` draws it.
+    """
+    boxes = [(place, _LINE, _BOTTOM + _LINE, _PANEL - 2.0 * _LINE) for place in range(len(_TITLES))]
+    boxes += [(place, _BAR_INSET, _BAR_BOTTOM, _BAR) for place in range(len(_TITLES))]
+    kept = ""
+    for left, bottom, wide, high in (_column_box(*box) for box in boxes):
+        kept += f"M{left:.5f} {1.0 - bottom - high:.5f}h{wide:.5f}v{high:.5f}h{-wide:.5f}z"
+    size = f'width="{WIDTH_INCHES:g}in" height="{_HEIGHT:g}in"'
+    image = f'<image width="1" height="1" preserveAspectRatio="none" href="data:image/png;base64,{_base64(png)}"/>'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 1 1" preserveAspectRatio="none">'
+        "<style>path{display:none;fill:#ebe8e5;fill-rule:evenodd;mix-blend-mode:difference}"
+        "@media (prefers-color-scheme:dark){path{display:inline}}</style>"
+        f'{image}<path d="M0 0h1v1h-1z{kept}"/></svg>'
+    ).encode()
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def shown_in_both_lights(picture: Picture) -> Picture:
+    """Return a picture of panels that is in the page itself as a drawing that follows dark mode; others as they are."""
+    kind, _, content = picture.uri.partition(",")
+    if kind != "data:image/png;base64" or not content:
+        return picture
+    return replace(picture, uri=f"data:image/svg+xml;base64,{_base64(in_both_lights(base64.b64decode(content)))}")
+
+
+class PanelSheet:
+    """The frame of such pictures, drawn on again and again: making it takes longer than filling it."""
+
+    def __init__(self) -> None:
+        with style():
+            self._figure = new_figure(_HEIGHT, layout=None)
+            self._columns = [_Column(self._figure, place) for place in range(len(_TITLES))]
+
+    def picture(self, panels: Panels, name: str) -> Picture:
+        """Draw one picture, see `panel_picture`; earlier ones leave nothing behind."""
+        from matplotlib.colors import AsinhNorm, Normalize
+
+        low, high, width = stack_scale(panels)
+        limit = residual_limit(panels)
+        residual = np.where(panels.inside_hole(), panels.residual, np.nan)
+        stretch = AsinhNorm(width, low, high)
+        filled: list[tuple[FloatArray, Normalize, list[float]]] = [
+            (panels.science, stretch, _ticks(stretch)),
+            (panels.reference, stretch, _ticks(stretch)),
+            (residual, Normalize(-limit, limit), _even_ticks(limit)),
+        ]
+        with style():
+            for column, content in zip(self._columns, filled, strict=True):
+                column.fill(panels, *content)
+            picture = save(
+                self._figure,
+                "png",
+                alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
+                f"residual after subtraction{_planets_text(panels)}.",
+                caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
+            )
+        for column in self._columns:
+            column.clear()
+        return picture
+
+
+class _Column:
+    """One panel with the bar of its colours below."""
+
+    def __init__(self, figure: Figure, place: int) -> None:
+        import matplotlib as mpl
+        from matplotlib.ticker import MaxNLocator
+
+        self.searched = place == len(_TITLES) - 1
+        self.ink = "black" if self.searched else "white"
+        colours = drawing.RESIDUAL_COLOURS if self.searched else drawing.STACK_COLOURS
+        palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
+        self.axes = figure.add_axes(_column_box(place, 0.0, _BOTTOM, _PANEL))
+        self.image = self.axes.imshow(np.zeros((1, 1)), origin="lower", cmap=palette, interpolation="nearest")
+        for axis in (self.axes.xaxis, self.axes.yaxis):
+            axis.set_major_locator(MaxNLocator(5, symmetric=True))
+        self.axes.set(title=_TITLES[place], xlabel="x offset (arcsec)", ylabel="" if place else "y offset (arcsec)")
+        self.axes.tick_params(labelleft=place == 0)
+        self.bar = _bar(figure.add_axes(_column_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
+        self.kept = set(self.axes.get_children())
+
+    def fill(self, panels: Panels, image: FloatArray, norm: Normalize, ticks: Sequence[float]) -> None:
+        """Show an image and everything that is marked on it."""
+        self.image.set_data(image)
+        self.image.set_extent(panels.extent_arcsec)
+        self.image.set_norm(norm)
+        view = _VIEW_MARGIN * panels.zone.outer_arcsec
+        self.axes.set(xlim=(-view, view), ylim=(-view, view))
+        labels, power = tick_labels(ticks)
+        self.bar.set_xticks([float(norm(tick)) for tick in ticks], labels)
+        self.bar.set_xlabel(f"{power}electrons per pixel")
+        _marks(self.axes, panels, self.ink, searched=self.searched)
+        _hole(self.axes, panels, self.ink)
+        _compass(self.axes, panels)
+
+    def clear(self) -> None:
+        """Take away what belongs to one picture."""
+        for artist in set(self.axes.get_children()) - self.kept:
+            artist.remove()
+
+
+def _column_box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
+    """Return the left, bottom, width and height of what stands in a column, as fractions of the figure."""
+    left = _LEFT + place * (_PANEL + _GAP) + inset
+    return left / WIDTH_INCHES, bottom / _HEIGHT, (_PANEL - 2.0 * inset) / WIDTH_INCHES, height / _HEIGHT
+
+
+def _bar(axes: Axes, palette: Colormap) -> Axes:
+    """Return the colours of a panel from 0 to 1, with pointed ends: both sides may be clipped."""
+    from matplotlib.patches import Polygon
+
+    outline = [(-_BAR_END, 0.5), (0.0, 0.0), (1.0, 0.0), (1.0 + _BAR_END, 0.5), (1.0, 1.0), (0.0, 1.0)]
+    edge = Polygon(outline, closed=True, fill=False, edgecolor="#444444", linewidth=0.8, clip_on=False)
+    ends = -_BAR_END, 1.0 + _BAR_END
+    ramp = np.linspace(*ends, round((1.0 + 2.0 * _BAR_END) * palette.N))[np.newaxis].clip(0.0, 1.0)
+    drawn = axes.imshow(ramp, cmap=palette, aspect="auto", extent=(*ends, 0.0, 1.0), vmin=0.0, vmax=1.0)
+    axes.add_patch(edge)
+    drawn.set_clip_path(edge)
+    axes.set(xlim=ends, ylim=(0.0, 1.0), yticks=[])
+    axes.spines[:].set_visible(False)
+    return axes
+
+
+def _planets_text(panels: Panels) -> str:
+    """Return where planets are, for those who cannot see it."""
+    at = [
+        f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"
+        for mark in panels.marks
+        if mark.kind == "planet"
+    ]
+    return f"; {', '.join(at)}" if at else "; there is no planet"
+
+
+def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
+    """Draw circles at planets, diamonds at stars, and crosses where a search names a place."""
+    from matplotlib.patches import Circle
+
+    radius, view = panels.aperture_radius_arcsec, _VIEW_MARGIN * panels.zone.outer_arcsec
+    for mark in panels.marks:
+        x, y = mark.x_arcsec, mark.y_arcsec
+        if max(abs(x), abs(y)) > view or (mark.kind == "candidate" and not searched):
+            continue
+        if mark.kind == "planet":
+            axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=ink, linewidth=1.3, path_effects=_halo(ink)))
+        else:
+            shape, size = ("D", 13.0) if mark.kind == "star" else ("+", 11.0)
+            axes.plot(x, y, marker=shape, ms=size, mfc="none", mec=ink, mew=1.3, ls="none", path_effects=_halo(ink))
+        if mark.label:
+            side = -1.0 if x > 0 else 1.0
+            look: Look = {"color": ink, "fontsize": 8.5, "va": "center", "ha": "right" if side < 0 else "left"}
+            place = x + side * 2.3 * radius
+            axes.text(place, y, literal(mark.label), path_effects=_halo(ink), clip_on=True, **look)
+
+
+def _ticks(norm: Any) -> list[float]:
+    """Return the five round values across the range, evenly spread after the stretch."""
+    ends = float(norm.vmin), float(norm.vmax)
+    values = [float(norm.inverse(fraction)) for fraction in (0.06, 0.35, 0.65, 0.94)]
+    step = 10.0 ** np.floor(np.log10(max((ends[1] - ends[0]) / 20.0, 1e-300)))
+    fine = [round(value / step) * step for value in values]
+    return sorted({value for value in fine if ends[0] <= value <= ends[1]})
+
+
+def _even_ticks(limit: float) -> list[float]:
+    """Return round values on both sides of zero."""
+    from matplotlib.ticker import MaxNLocator
+
+    return [float(value) for value in MaxNLocator(5, symmetric=True).tick_values(-limit, limit)[1:-1]]
+
+
+def tick_labels(ticks: Sequence[float]) -> tuple[list[str], str]:
+    """Return the shortest texts that tell the ticks apart, and the power of ten to multiply by (empty for 1)."""
+    largest = max((abs(tick) for tick in ticks), default=0.0)
+    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
+    power = 0 if power in _PLAIN_POWERS else power
+    scaled = np.asarray(ticks, dtype=np.float64) / 10.0**power
+    allowed = 1e-3 * float(np.ptp(scaled)) if scaled.size > 1 else 1e-3 * largest / 10.0**power
+    places = next((n for n in range(7) if np.all(np.abs(scaled - scaled.round(n)) <= allowed)), 7)
+    return [decimals(value, places) for value in scaled.tolist()], f"{power_of_ten(power)} " if power else ""
+
+
+def _halo(ink: str) -> list[Any]:
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.6, foreground="black" if ink == "white" else "white")]
+
+
+def _hole(axes: Axes, panels: Panels, ink: str) -> None:
+    from matplotlib.patches import Circle, Rectangle
+
+    look: Look = {"edgecolor": ink, "linewidth": 0.7, "linestyle": (0, (3, 2)), "alpha": 0.9}
+    zone = panels.zone
+    if zone.mode == "ring":
+        for radius in (zone.inner_arcsec, zone.outer_arcsec):
+            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, **look))
+        return
+    rows, columns = zone.intervals()
+    for bottom, top in rows:
+        for left, right in columns:
+            axes.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
+
+
+def _compass(axes: Axes, panels: Panels) -> None:
+    """Draw north and east arrows from the star, inside the part of the image that the mask's cross hides."""
+    length = max(0.8 * panels.zone.inner_arcsec, 0.12 * panels.zone.outer_arcsec)
+    halo = _halo("white")
+    ink: Look = {"fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": halo}
+    arrow = {"arrowstyle": "->", "color": "white", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0, "path_effects": halo}
+    for (dx, dy), letter in zip(compass(panels.parity, panels.roll_deg), "NE", strict=True):
+        axes.annotate("", xy=(length * dx, length * dy), xytext=(0, 0), arrowprops=arrow)
+        axes.text(1.5 * length * dx, 1.5 * length * dy, letter, color="white", **ink)
+
 
 _LOG_SPAN = 15.0
+
+
 _ROOM = 1.4
 """Room around the points of a logarithmic figure, as a factor."""
+
+
 _MARGIN_NM = 40.0
+
+
 _SHIFT_NM = 4.0
+
+
 _CONTRAST_SPAN = 5.0
+
+
 _POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
 def snr_figure(result: results.PlanResult | results.ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
+    from cpic_planner.validation import PREDICTION_ERROR
+
     every = measurements_of(result)
     items = [item for item in every if item.predicted_snr is not None and item.recovered_snr is not None]
     names = ("predicted_snr", "recovered_snr", "recovered_snr_error")
@@ -143,224 +587,153 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[result
         )
 
 
-MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."
-"""Which files have the measurements and the story of a run."""
+_REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"
 
 
-def instrument_fact(result: results.ImagedResult) -> doc.Inline:
-    """Return which instrument images and predictions are of, and how the images are made."""
-    more = f", {dial_text(result)}. Every default value has its source and confidence in the instrument preset."
-    return [doc.code(result.instrument), more]
+_TRUTH, _BEST, _SPECTRUM = "#D55E00", "#000000", "#7A7A7A"
 
 
-def outcome(band: results.BandConfirmation) -> doc.Mark:
-    """Return the badge of what became of a planet in the images of a band."""
-    if band.status != "ok":
-        return doc.badge(band.status, status_text(band.status))
-    return doc.badge("ok", "detected") if band.detected else doc.badge("unreachable", "not detected")
+# Wavelengths shown beyond the outermost bands.
+_BAND_MARGIN_NM = 40.0
 
 
-def _of(count: int | None, n: int | None) -> str:
-    return MISSING if count is None else f"{count} of {n}"
+_STATUS_TEXT = {
+    "constrained": "both constrained",
+    "not_constrained": "not constrained",
+    "degenerate": "degenerate: fewer bands than parameters",
+}
 
 
-def _predicted_error(band: results.BandConfirmation) -> str:
-    return error_text(band.modelled.predicted_error) if band.modelled else MISSING
+_BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
 
 
-def _contrast_error(band: results.BandConfirmation) -> doc.Inline:
-    if band.contrast_error is None:
-        return MISSING
-    return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
+_PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 
 
-def _position(band: results.BandConfirmation) -> doc.Inline:
-    if band.found_separation_arcsec is None:
-        return MISSING
-    return doc.lines(
-        f"{decimals(band.found_separation_arcsec, 4)} ± {decimals(band.found_separation_error_arcsec, 4)}″",
-        f"PA {decimals(band.found_pa_deg, 2)} ± {decimals(band.found_pa_error_deg, 2)}°",
-    )
-
-
-def _star_flux(band: results.BandConfirmation) -> str:
-    error = "" if band.star_flux_error is None else f" ({numbers.percent_text(band.star_flux_error)})"
-    return STAR_FLUX.get(band.star_flux, band.star_flux) + error if band.star_flux else MISSING
-
-
-def _verdict(band: results.BandConfirmation) -> str:
-    why = band.message or reason_text(band.reason)
-    return plus_minus(band.verdict) + (f": {why}" if why else "")
-
-
-def _quantities() -> list[doc.Column[results.BandConfirmation]]:
-    """Return the rows of the table of measurements, one a quantity."""
-    return doc.row_columns(
-        results.BandConfirmation,
-        "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
-        "predicted_snr recovered_snr etc_ratio predicted_significance recovered_significance threshold n_detected "
-        "search_snr search_threshold n_significant false_detections found true_contrast recovered_contrast "
-        "contrast_error star_flux rdi_throughput rdi_modes_used core_throughput n_background_apertures "
-        "saturated_in_hole saturated_outside verdict",
-        outcome=Cells("", outcome, label="outcome"),
-        realisations=lambda band: doc.lines(
-            numbers.count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
-        ),
-        predicted_error=Cells("", _predicted_error, label="predicted error of the images", unit="beside the reference"),
-        n_detected=lambda band: _of(band.n_detected, band.realisations),
-        n_significant=lambda band: _of(band.n_significant, band.realisations),
-        found=Cells("", _position, label="found at", unit="first realisation that finds it"),
-        contrast_error=Cells("", _contrast_error, label="its error", unit="one observation; mean"),
-        star_flux=_star_flux,
-        verdict=_verdict,
-    )
-
-
-def measure_table(
-    name: str, bands: Sequence[results.BandConfirmation], caption: str, chosen: str | None = None
-) -> doc.Table:
-    """Return what was predicted and measured, a row a quantity and a column a band.
+def albedo_figure(
+    fit: AlbedoFit,
+    model: AlbedoModel,
+    *,
+    truth: tuple[float, float] | None = None,
+    spectrum: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Figure:
+    """Draw the posterior of metallicity and clouds, and the measured contrasts.
 
     Parameters
     ----------
-    name : str
-        Target or planet.
-    bands : sequence of BandConfirmation
-    caption : str
-        What the table is of.
-    chosen : str, optional
-        Band whose column is shaded.
+    fit : AlbedoFit
+    model : AlbedoModel
+        What was fitted.
+    truth : (log10_mh, log10_fsed), optional
+        Marked where it is known.
+    spectrum : (wavelength_nm, contrast), optional
+        The planet's true contrast against wavelength, shapes (n,).
+
+    Raises
+    ------
+    InputError
+        If the spectrum's columns do not fit each other.
     """
-
-    def column(band: results.BandConfirmation) -> doc.Column[doc.Column[results.BandConfirmation]]:
-        picked = band.band == chosen
-        heading: doc.Inline = [band.band, " ", doc.small("(chosen)")] if picked else band.band
-        return doc.Column(heading, lambda quantity: quantity.value(band), look="pick" if picked else "")
-
-    def named(quantity: doc.Column[results.BandConfirmation]) -> doc.Inline:
-        return [quantity.heading, " ", doc.small(f"({quantity.unit})")] if quantity.unit else quantity.heading
-
-    first: doc.Column[doc.Column[results.BandConfirmation]] = doc.Column("Quantity", named, look="row left")
-    text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
-    if any(band.search_threshold is not None for band in bands):
-        text = f"{text} {words.prose()['two_statistics']}"
-    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
+    line = None if spectrum is None else _columns(spectrum)
+    with style():
+        figure = new_figure(4.5)
+        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+        _posterior(left, fit, truth)
+        _contrasts(right, fit, model, line)
+        figure.draw_without_rendering()
+    return figure
 
 
-def _audit_columns() -> list[doc.Column[tuple[results.BandConfirmation, results.AuditRecord]]]:
-    return doc.row_columns(
-        results.AuditRecord,
-        "band:row frames_run frames_in_all predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
-        "false_detections hits rejected_fraction saturated_in_hole saturated_outside",
-        of=itemgetter(1),
-        band=Cells("", lambda case: case[0].band, right=False, label="band"),
-        true_contrast=Cells("", lambda case: contrast_text(case[0].true_contrast), label="true contrast"),
-        detected=lambda case: doc.badge("ok", "found") if case[1].detected else doc.badge("unreachable", "not found"),
+def albedo_picture(fit: AlbedoFit, model: AlbedoModel, **known: Any) -> Picture:
+    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
+    figure = albedo_figure(fit, model, **known)
+    mh, fsed = fit.interval("log10_mh"), fit.interval("log10_fsed")
+    ranges = (
+        f"{decimals(mh[0], 2)} to {decimals(mh[1], 2)} and log10 f_sed {decimals(fsed[0], 2)} to {decimals(fsed[1], 2)}"
     )
-
-
-def audit_blocks(name: str, bands: Iterable[results.BandConfirmation]) -> Iterator[doc.Block]:
-    """Yield the table of the realisations that were run frame by frame, if there are any."""
-    audited = [(band, band.audit) for band in bands if band.audit is not None]
-    if audited:
-        caption = (
-            "Audited: one more realisation of the programme with every effect of the camera, calibrated and cleaned of "
-            "particles. The stated part of its frames is run one by one, beside frames of the same light and random "
-            "numbers without these effects; what they change is carried to all frames. Deviation: measured less true "
-            "contrast, in units of its error."
+    with style():
+        return save(
+            figure,
+            alt="Regions of 68 % and 95 % probability in metallicity and f_sed, and measured contrasts: "
+            f"{', '.join(fit.bands)}.",
+            caption="Left: what the measured contrasts allow, with flat priors over the ranges of the model; 68 % of "
+            f"the probability has log10 [M/H] {ranges} ({_STATUS_TEXT[fit.status]}). Right: measured contrasts with "
+            "1-sigma errors and bandwidths, those of the best fit, and the input spectrum.",
         )
-        yield doc.table(f"Frame by frame, {name}", caption, _audit_columns(), audited)
 
 
-def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:
-    """Yield image panels, those that there are of some keys, and before them how to read them."""
-    shown = [shown_in_both_lights(images[key]) for key in keys if key in images]
-    if shown:
-        yield doc.Paragraph(PANEL_NOTE, "note")
-    yield from (doc.Figure(picture, before=name) for picture in shown)
+def _columns(spectrum: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    wavelength, contrast = (np.asarray(column, dtype=np.float64) for column in spectrum)
+    if wavelength.ndim != 1 or wavelength.shape != contrast.shape or wavelength.size == 0:
+        raise InputError("spectrum", f"{wavelength.shape}, {contrast.shape}", allowed="two columns of equal length")
+    return wavelength, contrast
 
 
-@dataclass(frozen=True)
-class _EffectRow:
-    """One effect in all images of a report: its largest size, and what became of it in how many of them."""
+def _posterior(axes: Axes, fit: AlbedoFit, truth: tuple[float, float] | None) -> None:
+    from matplotlib.patches import Patch
 
-    row: ModelledRow
-    where: str
-    words: dict[str, int]
-
-    @property
-    def decision(self) -> doc.Inline:
-        """What became of the effect; where that differs between images, in how many."""
-        kept = "ok" if self.row.effect.decision == "kept" else "unreachable"
-        others = ", ".join(f"{word} in {count}" for word, count in self.words.items())
-        return doc.lines(doc.badge(kept, self.row.word), doc.small(others) if len(self.words) > 1 else "")
-
-
-_EFFECTS: tuple[doc.Column[_EffectRow], ...] = (
-    doc.Column("Effect", lambda item: item.row.effect.effect, look="row left"),
-    doc.Column("Predicted size", lambda item: item.row.size or MISSING, "largest of flux and SNR"),
-    doc.Column("Largest in", lambda item: item.where, look="left"),
-    doc.Column("Modelled", lambda item: item.decision, look="left"),
-    doc.Column("How, or why not", lambda item: item.row.effect.reason, look="left wide"),
-)
-
-
-def _effect_rows(groups: Sequence[ModelledGroup]) -> list[_EffectRow]:
-    """Return every effect once, largest first."""
-    every: dict[str, list[tuple[ModelledGroup, ModelledRow]]] = {}
-    for group in groups:
-        for row in group.rows:
-            every.setdefault(row.effect.effect, []).append((group, row))
-    rows = []
-    for found in every.values():
-        group, largest = max(found, key=lambda item: size_order(item[1].effect))
-        words: Counter[str] = Counter()
-        for other, row in found:
-            words[row.word] += len(other.names)
-        alike = len({row.size for _, row in found}) == 1
-        rows.append(_EffectRow(largest, largest.where or ("" if alike else group.names[0]), dict(words)))
-    return sorted(rows, key=lambda item: -size_order(item.row.effect))
+    inner, outer = fit.level(0.68), fit.level(0.95)
+    x, y, density = fit.log10_mh_grid, fit.log10_fsed_grid, fit.posterior.T
+    top = max(float(density.max()), inner) * 1.001
+    axes.contourf(x, y, density, levels=[outer, inner, top], colors=[_OUTER, _INNER])
+    axes.contour(x, y, density, levels=[outer, inner], colors=[_REGION], linewidths=[0.8, 1.3])
+    axes.grid(visible=True)
+    handles: list[Any] = [
+        Patch(facecolor=_INNER, edgecolor=_REGION, label="68 %"),
+        Patch(facecolor=_OUTER, edgecolor=_REGION, label="95 %"),
+    ]
+    bare: Look = {"ls": "none", "clip_on": False}
+    if fit.status != "degenerate":
+        look = bare | {"marker": "x", "ms": 8, "mew": 1.8, "color": _BEST, "zorder": 6}
+        handles += axes.plot(fit.log10_mh, fit.log10_fsed, label="best fit", **look)
+    if truth is not None:
+        look = bare | {"marker": "*", "ms": 13, "mfc": _TRUTH, "mec": "white", "zorder": 5}
+        handles += axes.plot(*truth, label="truth", **look)
+    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="metallicity, log10 [M/H]", ylabel="clouds, log10 f_sed")
+    axes.set_title(f"{_STATUS_TEXT[fit.status]}\n{_open_text(fit)}", fontsize=9.5)
+    axes.legend(handles=handles, ncols=4, handletextpad=0.5, columnspacing=1.2, **_BELOW)
 
 
-def modelled_blocks(named: Sequence[tuple[str, results.ModellingRecord]]) -> Iterator[doc.Block]:
-    """Yield how images were made, each distinct way in a paragraph, and a folded table of all effects."""
-    groups = modelled_groups(named)
-    if not groups:
-        yield doc.Paragraph("No image was made.")
-        return
-    for group in groups:
-        knobs = group.knobs[:1].upper() + group.knobs[1:]
-        made = f": {group.members}. {knobs}. Predicted error beside the reference: {group.errors}."
-        yield doc.Paragraph([doc.strong(group.title), made])
-    rows = _effect_rows(groups)
-    caption = (
-        "Sizes are closed-form predictions of the relative change of what is measured if the effect is left out or "
-        "done more coarsely, after the reduction; a dash where none can be given. What is left out is left out because "
-        "the sum of such sizes stays within what was asked for, or because it is not there."
-    )
-    yield doc.Fold(f"All effects ({len(rows)})", [doc.table("Effects in the images", caption, _EFFECTS, rows)])
+def _open_text(fit: AlbedoFit) -> str:
+    """Return which ends of the ranges the 95 % region reaches."""
+    ends = []
+    for name, text in _PARAMETER_TEXT.items():
+        sides = [side for side in ("low", "high") if f"{name}_{side}" in fit.open_edges]
+        if sides:
+            ends.append(f"{' and '.join(sides)} {text}")
+    return f"open at {', '.join(ends)}" if ends else "within the ranges of the model"
 
 
-def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
-    """Yield what neither images drawn as sums nor predictions hold."""
-    yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
-    yield doc.Paragraph(
-        "Realisations that are drawn as sums of frames leave these out, and so does the prediction. The audited ones, "
-        "a part of whose frames are run one by one, hold whatever the camera of the instrument has switched on. An "
-        "effect that is missing from both sides does not show in their comparison.",
-        "note",
-    )
+def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[FloatArray, FloatArray] | None) -> None:
+    from matplotlib.lines import Line2D
 
-
-def visits_facts(target: results.ConfirmedTarget) -> dict[str, str]:
-    """Return the visits of a confirmed target, in words by heading: those of the ranking, or of a schedule."""
-    if target.roll_deg is not None:
-        own = ", ".join(f"{band.visits} in {band.band}" for band in target.bands if band.visits is not None)
-        return {"Visits": f"{own or 'none'}, reduced together", "Roll": f"{target.roll_deg:g} deg"}
-    star = target.ranked
-    if star.visits is None or star.visit_time_s is None:
-        return {}
-    span = "" if star.span_days is None else f" over {numbers.significant(star.span_days, 2)} days"
-    paid = orbits_text([star])
-    visits = f"{star.visits} of {numbers.duration_text(star.visit_time_s)}{span}, reduced together"
-    return {"Visits": f"{visits}; {paid}" if paid else visits}
+    rows = [model.bands.index(band) for band in fit.bands]
+    middle, half = model.wavelength_nm[rows], 0.5 * model.width_nm[rows]
+    low, high = float((middle - half).min()) - _BAND_MARGIN_NM, float((middle + half).max()) + _BAND_MARGIN_NM
+    shown = [*(fit.contrasts - fit.errors), *(fit.contrasts + fit.errors), *fit.model_contrasts, 0.0]
+    handles: list[Line2D] = []
+    if line is not None:
+        inside = (line[0] >= low) & (line[0] <= high) & np.isfinite(line[1])
+        shown += line[1][inside].tolist()
+    unit = 10.0 ** np.floor(np.log10(max(np.abs(shown))))
+    if line is not None:
+        handles += axes.plot(line[0][inside], line[1][inside] / unit, color=_SPECTRUM, lw=1.2, label="input spectrum")
+    looks = band_style(model.bands)
+    for number, band in enumerate(fit.bands):
+        colour, marker = looks[band]
+        value, error = fit.contrasts[number] / unit, fit.errors[number] / unit
+        look: Look = {"color": colour, "marker": marker, "ms": 6.5, "mec": "white", "mew": 0.6, "lw": 1.6, "capsize": 3}
+        axes.errorbar(middle[number], value, error, half[number], zorder=5, **look)
+        handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.6, label=band))
+    looks_best: Look = {"ls": "none", "marker": "_", "ms": 17, "mew": 2.0, "color": _BEST}
+    handles += axes.plot(middle, fit.model_contrasts / unit, label="best fit", zorder=4, **looks_best)
+    axes.grid(visible=True)
+    axes.axhline(0.0, color="#444444", lw=0.8)
+    spread = (max(shown) - min(shown)) / unit
+    axes.set(xlim=(low, high), ylim=(min(shown) / unit - 0.04 * spread, max(shown) / unit + 0.08 * spread))
+    axes.set(xlabel="wavelength (nm)", ylabel=f"contrast ($10^{{{round(np.log10(unit))}}}$)")
+    chance = "" if fit.p_value is None else f", p {significant(fit.p_value, 2)}"
+    grey = "" if fit.grey == 1.0 else f", common factor {decimals(fit.grey, 2)}"
+    count = len(fit.bands)
+    axes.set_title(f"chi-square {decimals(fit.chi2, 1)} of {count} band{'s' * (count > 1)}{chance}{grey}", fontsize=9.5)
+    axes.legend(handles=handles, ncols=3, handletextpad=0.6, columnspacing=1.4, **_BELOW)

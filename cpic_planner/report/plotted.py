@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from cpic_planner.report import document as doc
-from cpic_planner.report.numbers import MISSING, contrast_text, significant
+from cpic_planner.report.words import MISSING, contrast_text, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
+
 _DIGITS, _PLACE_DIGITS = 5, 8
+
+
 _NAMELESS = re.compile(r"_(child|container)\d+|_nolegend_|")
 
 

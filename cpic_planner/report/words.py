@@ -1,20 +1,244 @@
-"""Words for codes: statuses, reasons, flags, terms of the noise, limits, remedies; and the glossary of reports."""
+"""Numbers, names of stars and codes as text, and the prose of reports."""
+
+from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterable, Mapping
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from typing import Any
 
-from catalogs import ADDED_FLAGS
+from catalogs import ADDED_FLAGS, CONSTELLATIONS, GREEK
 from cpic_core import parse_yaml
+from cpic_planner import results
 from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, significant
-from cpic_planner.results import PlanResult, ProgrammeColumns
+from cpic_planner.results import ProgrammeColumns
 from simulator.detectors import noise_terms
+from simulator.knobs import Quantity
+
+_NAME_LENGTH = 18
+
+
+_LEAD = re.compile(r"^(?:\*\*|\*|V\*|NAME|Cl\*|EM\*)\s+")
+
+
+_BAYER = re.compile(r"^([A-Za-z]{1,3})\.?(\d{0,2})\s+([A-Z][A-Za-z]{2})((?:\s+\S+)?)$")
+
+
+def pretty_name(identifier: str) -> str:
+    """Return a SIMBAD identifier as people write it.
+
+    Parameters
+    ----------
+    identifier : str
+        SIMBAD main identifier, for example ``* alf Cen B``, ``V* AK Lep``, ``NAME Proxima Centauri``, ``HD  10700``.
+
+    Returns
+    -------
+    str
+        For example ``α Cen B``, ``AK Lep``, ``Proxima Centauri``, ``HD 10700``. A text that follows no known rule
+        comes back with single spaces, otherwise untouched: it may hold any character, so escape it for the medium.
+    """
+    name = _LEAD.sub("", " ".join(identifier.split()))
+    match = _BAYER.match(name)
+    if match is None or match[3] not in CONSTELLATIONS:
+        return name
+    letter, index, sky, component = match.groups()
+    symbol = GREEK[letter][0] if letter in GREEK else letter
+    if letter not in GREEK and len(letter) > 1:  # a variable-star name such as AK Lep
+        return name
+    return f"{symbol}{str(int(index)).translate(_SUPERSCRIPT) if index else ''} {sky}{component}"
+
+
+def full_name(identifier: str, hip: int | None) -> str:
+    """Return the readable name with the Hipparcos number, where there is one and the name is not that number."""
+    name = pretty_name(identifier)
+    return name if hip is None or name == f"HIP {hip}" else f"{name} (HIP {hip})"
+
+
+def star_text(result: Any) -> str:
+    """Return name, brightness and distance of the star that a result is about."""
+    return f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
+
+
+def short_name(identifier: str) -> str:
+    """Return the readable name of a star, cut to the width of a column."""
+    return shortened(pretty_name(identifier))
+
+
+def shortened(name: str) -> str:
+    """Return a name cut to the width of a column."""
+    return name if len(name) <= _NAME_LENGTH else f"{name[: _NAME_LENGTH - 1]}…"
+
+
+_LEAST_UNUSED, _MOST_UNUSED = 0.01, 6
+"""Share of the given time from which on it is said that it is left unused, and most programmes that are named."""
+
+
+def unused_text(rows: Iterable[Any]) -> str:
+    """Return what programmes leave unused of the given time, in words; empty where each leaves less than 1 %.
+
+    Parameters
+    ----------
+    rows : iterable
+        With ``unused_s``, ``time_s`` and ``band``.
+    """
+    told = [(row.unused_s, row.unused_s + row.time_s, row.band) for row in rows if row.unused_s is not None]
+    told = [(left, given, band) for left, given, band in told if left > _LEAST_UNUSED * given]
+    if not told:
+        return ""
+    if len(told) > _MOST_UNUSED:
+        left, given, _ = max(told)
+        return f"Left unused: up to {duration_text(left)} of {duration_text(given)}, in {len(told)} programmes"
+    bands: dict[str, dict[str, None]] = {}
+    for left, given, band in told:
+        bands.setdefault(f"{duration_text(left)} of {duration_text(given)}", {})[band] = None
+    parts = (f"{text} in {', '.join(names)}" for text, names in bands.items())
+    return f"Left unused: {'; '.join(parts)}"
+
+
+MISSING = "–"
+
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+_MINUTE_S, _HOUR_S = 60.0, 3600.0
+
+
+def decimals(value: float | None, places: int) -> str:
+    """Return ``value`` with fixed decimals; a dash if there is none."""
+    return MISSING if value is None or not math.isfinite(value) else f"{value:.{places}f}".replace("-", "−")
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return ``value`` to significant digits without exponent (for numbers of everyday size)."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{places}f}".replace("-", "−")
+
+
+def contrast_text(value: float | None, digits: int = 3) -> str:
+    """Return a flux ratio as ``5.16 × 10⁻⁸``."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa} × {power_of_ten(int(exponent))}".replace("-", "−")
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return ``10⁻⁸`` for -8."""
+    return "10" + str(exponent).translate(_SUPERSCRIPT)
+
+
+def duration_text(value_s: float | None) -> str:
+    """Return a time in the unit that people would use: s, min or h."""
+    if value_s is None or not math.isfinite(value_s):
+        return MISSING
+    if value_s < 10 * _MINUTE_S:
+        return f"{significant(value_s)} s"
+    if value_s < _HOUR_S:
+        return f"{significant(value_s / _MINUTE_S)} min"
+    return f"{significant(value_s / _HOUR_S)} h"
+
+
+def count_text(value: int | None) -> str:
+    """Return an integer with thin spaces between thousands."""
+    return MISSING if value is None else f"{value:,}".replace(",", "\u202f")
+
+
+def chosen_text(count: int, whole: int | None, noun: str = "star") -> str:
+    """Return the number of stars of a ranking, and of how many they were chosen: 2 chosen stars of 1077."""
+    chosen = whole is not None and whole > count
+    text = f"{count_text(count)} {'chosen ' * chosen}{noun}{'s' * (count != 1)}"
+    return f"{text} of {count_text(whole)}" if chosen else text
+
+
+def percent_text(value: float | None) -> str:
+    """Return a fraction as per cent."""
+    return MISSING if value is None or not math.isfinite(value) else f"{significant(100.0 * value, 2)} %"
+
+
+def share_text(value: float) -> str:
+    """Return a fraction in per cent without the sign, for columns that name the unit."""
+    if 0.9995 <= value < 1.0:
+        return ">99.9"
+    return "0" if value == 0.0 else significant(100.0 * value) if value >= 1e-4 else "<0.01"
+
+
+def ratio_text(value: float | None) -> str:
+    """Return a flux ratio in the compact form of terminals: ``5.16e-08``."""
+    return formatted(value, ".2e")
+
+
+def size_text(size_bytes: float) -> str:
+    """Return a size in the unit that people would use: kB, MB or GB."""
+    for unit, scale in (("GB", 1e9), ("MB", 1e6)):
+        if size_bytes >= scale:
+            return f"{significant(size_bytes / scale)} {unit}"
+    return f"{significant(size_bytes / 1e3)} kB"
+
+
+_TEXTS: dict[str, Callable[[Any], str]] = {
+    "d": count_text,
+    "%": share_text,
+    "time": duration_text,
+    "min": lambda value: decimals(value / _MINUTE_S, 1),
+    "bytes": size_text,
+    "star": short_name,
+}
+
+
+def formatted(value: Any, form: str = "") -> str:
+    """Return one value as a table shows it.
+
+    Parameters
+    ----------
+    value : number, str, bool, list or None
+        A dash where there is none, and for an empty list. Of `cpic_planner.results.Quantiles` the median is shown.
+    form : str
+        ``.3f`` (decimals), ``.3g`` (significant digits, no exponent), ``.2e``, ``g``, ``d`` (thin spaces between
+        thousands), ``%`` (per cent without the sign), ``time`` (s, min or h), ``min`` (minutes of a time in s),
+        ``bytes``, ``star`` (readable name, cut to the width of a column); empty: three significant digits of numbers,
+        everything else as it is.
+
+    Returns
+    -------
+    str
+    """
+    value = getattr(value, "median", value)
+    if value is None or value == []:
+        return MISSING
+    if form in _TEXTS:
+        return _TEXTS[form](value)
+    if form.startswith(".") and form[-1] in "fg":
+        return (decimals if form[-1] == "f" else significant)(value, int(form[1:-1]))
+    if form:
+        return f"{value:{form}}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value))
+    return significant(value) if isinstance(value, float) else str(value)
+
+
+def level_text(snr: float | None, sigma: float | None) -> str:
+    """Return the level that is asked for, in words; a detection where neither is given."""
+    if snr is not None:
+        return f"SNR {snr:g}"
+    return "a detection" if sigma is None else f"{sigma:g} sigma"
+
 
 _WORDS = json.loads(resources.files("cpic_planner.report").joinpath("templates/words.json").read_text(encoding="utf-8"))
+
 
 #: Symbol of each status, so that badges do not rely on colour.
 STATUS_SYMBOLS: dict[str, str] = _WORDS["status_symbols"]
@@ -23,43 +247,58 @@ STATUS_SYMBOLS: dict[str, str] = _WORDS["status_symbols"]
 #: Whether a planet is detected; only the first has a mark, which is green.
 VERDICTS: dict[str, str] = _WORDS["verdicts"]
 
+
 #: What limits an answer: in one or two words, and as the end of a sentence about stars or bands.
 LIMITED_BY: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limited_by"].items()}
+
 
 SEARCHES: dict[str, str] = _WORDS["searches"]
 """How planets are looked for, for the middle of a sentence."""
 
+
 _REASONS: dict[str, str] = _WORDS["reasons"]
+
 
 #: What contrasts refer to.
 STAR_FLUX: dict[str, str] = _WORDS["star_flux"]
 
+
 #: How firm a fit of metallicity and clouds is.
 ALBEDO_STATUS: dict[str, str] = _WORDS["albedo_status"]
 
+
 #: How realisations are made.
 DRAWN_AS: dict[str, str] = _WORDS["drawn_as"]
+
 
 #: Terms of the variance.
 TERMS: dict[str, str] = _WORDS["terms"] | {
     term: effect.term_label or effect.label for term, effect in noise_terms().items()
 }
 
+
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
 LIMITS: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limits"].items()}
 
+
 REMEDIES: dict[str, str] = _WORDS["remedies"]
+
 
 #: What keeps a star from being seen.
 BLOCK_WORDS: dict[str, str] = _WORDS["blocks"]
 
+
 #: What excludes planets of a population.
 EXCLUSIONS: dict[str, str] = _WORDS["exclusions"]
+
 
 #: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = _WORDS["flags"]
 
+
 _SMALLEST_GAIN = 1.005
+
+
 _CAPS: dict[str, str] = _WORDS["gain_caps"]
 
 
@@ -222,46 +461,33 @@ def counted(count: float, noun: str) -> str:
     return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"
 
 
-_MOST_NAMED = 10
+def mode_of(rank: results.RankResult) -> results.DetectionMode:
+    """Return how the reference planets of a ranking are looked for; at their known place in older results."""
+    return next((row.verdict_mode for row in rank.targets if row.verdict_mode), "known_place")
 
 
-def targets_sentences(plan: PlanResult) -> list[str]:
-    """Return where the targets come from: stars that are seen in a period, or the visits of a schedule."""
-    found = []
-    if plan.schedule is not None:
-        made = plan.schedule
-        left = made.n_stars - len(plan.targets)
-        found.append(
-            f"Targets, frames and numbers of visits are those of a schedule, {made.source}: the images stand for "
-            f"{made.n_imaged} of {counted(made.n_visits, 'visit')}"
-            + (f"; {counted(left, 'more star')} can be imaged (a larger --top)." if left else ".")
-        )
-        found.append(
-            "All visits of a star and band are reduced together, in images with the planet at one place: of months "
-            "between visits they know that the wavefront has changed, not that the planet moves."
-        )
-    if plan.period is not None:
-        period = plan.period
-        found.append(
-            f"Targets are seen for as long as their best observation takes in the {counted(period.n_days, 'day')} from "
-            f"{period.start_utc[:10]} on (limits of pointing: {period.pointing})."
-        )
-        if period.not_checked:
-            names = ", ".join(map(pretty_name, period.not_checked))
-            found.append(f"Visibility is not known of {names}: the star table has no coordinates.")
-        if period.left_out:
-            named = [
-                f"{pretty_name(row.name)}, rank {row.rank} ({row.message})" for row in period.left_out[:_MOST_NAMED]
-            ]
-            rest = len(period.left_out) - len(named)
-            more = f"; and {counted(rest, 'more star')}, which plan.json names" if rest else ""
-            found.append(f"Left out, limited by visibility: {'; '.join(named)}{more}.")
-    return found
+QUANTITIES: dict[Quantity, str] = {"planet_flux": "planet flux", "snr": "SNR", "pixel_map": "pixels of a frame"}
+"""Names of the quantities that errors refer to."""
 
 
-def not_imaged_lines(plan: PlanResult) -> list[str]:
-    """Return the lines of a schedule that have no images, one text for each reason."""
-    rows: dict[str, list[str]] = {}
-    for row in () if plan.schedule is None else plan.schedule.not_imaged:
-        rows.setdefault(row.message, []).append(f"{row.row} ({pretty_name(row.star)}, {row.band})")
-    return [f"No images of row{'s' * (len(named) > 1)} {', '.join(named)}: {why}." for why, named in rows.items()]
+LEAST_SIZE = 1e-6
+
+
+def dial_text(result: results.ImagedResult) -> str:
+    """Return the setting of the dial in words: ``fidelity standard``, ``tolerance 2 %``."""
+    if result.fidelity == "custom" and result.tolerance:
+        return f"tolerance {_percent(max(result.tolerance.values()))}"
+    return f"fidelity {result.fidelity}"
+
+
+def error_text(errors: Mapping[Quantity, float | None]) -> str:
+    """Return errors of quantities in words."""
+    return ", ".join(f"{QUANTITIES[name]} {_percent(value)}" for name, value in errors.items())
+
+
+def _percent(value: float | None) -> str:
+    if value is None:
+        return "without a bound"
+    if 0 < value < LEAST_SIZE:
+        return f"below {100 * LEAST_SIZE:g} %"
+    return f"{significant(100.0 * value, 2)} %"

@@ -1,22 +1,33 @@
-"""Base classes of results and their rows: what a column is called, its unit, and how its numbers are written.
+"""Base classes of results and their rows: what a column is called, its unit, how its numbers are written, and files.
 
 A field of a `cpic_planner.results.base.Row` is a column of every table that shows such rows. What a column is called
 and how its numbers are written stands beside the field (`column`); words that mean the same in every row stand in
 `VOCABULARY`, by the name of the field. The unit follows from the suffix of the name unless the field states another.
+From the columns derive CSV, ECSV with units, Arrow schemas of Parquet files, tables of astropy and pandas frames.
 """
 
+from __future__ import annotations
+
+import csv
+import io
 import math
+import re
 import types
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
-from typing import Any, Literal, Self, Union, get_args, get_origin
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from html import escape
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticUndefined
 
-from cpic_planner.results.tabular import Tabular
+from cpic_core import InputError, guarded, shortened, unguarded
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from astropy.table import Table
 
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
@@ -35,12 +46,21 @@ LimitText = Literal[
 
 
 _ABSENT = object()
+_MOST_FIELDS, _MOST_ROWS, _MOST_COLUMNS, _LONGEST = 8, 20, 12, 60
+_ABOUT = ("fingerprint", "schema_version", "kind")
 
 
-class Result(Tabular, BaseModel):
-    """Base of results: immutable, unknown keys refused, NaN and inf refused."""
+class Result(BaseModel):
+    """Base of results: immutable, unknown keys refused, NaN and inf refused; what has rows gives them as a table.
+
+    Attributes
+    ----------
+    main_rows : str
+        Field that holds the rows that the result is about; empty for the first one that holds rows.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+    main_rows: ClassVar[str] = ""
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -48,8 +68,8 @@ class Result(Tabular, BaseModel):
         schema = handler(core_schema)
         properties = handler.resolve_ref_schema(schema).get("properties", {})
         for name, part in properties.items():
-            look = described(name, cls.model_fields[name])
-            said = {"title": look.label, "unit": look.unit, "description": look.meaning}
+            told = described(name, cls.model_fields[name])
+            said = {"title": told.title, "unit": told.unit, "description": told.description}
             part.update({key: value for key, value in said.items() if value})
         return schema
 
@@ -79,6 +99,91 @@ class Result(Tabular, BaseModel):
                     found[name] = _plain(value, at, field.annotation)
                     break
         return cls(**found)
+
+    def to_table(self, rows: str = "") -> Table:
+        """Return the rows as a table of astropy, with units; missing numbers are masked.
+
+        Parameters
+        ----------
+        rows : str
+            Field that holds the rows; by default those that the result is about. One without rows is one row.
+
+        Returns
+        -------
+        astropy.table.Table
+            A column for each field of the row; of a mean with its error one for each number. Lists of words are
+            joined with ``|``. ``meta`` has the plain fields of the result.
+
+        Raises
+        ------
+        InputError
+            If the result has no such rows.
+        """
+        columns, entries = self._table(rows)
+        plain = {
+            name: value for name, value in vars(self).items() if isinstance(value, str | int | float) and value != ""
+        }
+        return astropy_table(columns, entries, plain if entries != [self] else {})
+
+    def to_pandas(self, rows: str = "") -> pd.DataFrame:
+        """Return the rows as a pandas frame, units in the names; missing numbers are NaN, of whole ones ``pandas.NA``.
+
+        Parameters
+        ----------
+        rows : str
+            As of `to_table`.
+
+        Raises
+        ------
+        InputError
+            As `to_table`.
+        """
+        return data_frame(*self._table(rows))
+
+    def _table(self, rows: str) -> tuple[list[Taken], list[Any]]:
+        kind: Any = type(self)
+        held = rows_of(kind)
+        if rows and rows not in held:
+            raise InputError("rows", rows, allowed=", ".join(held) or "nothing: the result has no rows")
+        name = rows or self.main_rows or next(iter(held), "")
+        if not name:
+            return taken_of(kind), [self]
+        entries = list(getattr(self, name) or ())
+        own = own_taken(entries) if "own" in held[name].model_fields else []
+        return [*taken_of(held[name]), *own], entries
+
+    def __repr_args__(self) -> Iterator[tuple[str, Any]]:
+        """Yield what a short ``repr`` names: the first fields that hold something, and how many rows there are."""
+        told = 0
+        for name, value in vars(self).items():
+            if name in _ABOUT or value is None or value == "" or isinstance(value, dict | Result):
+                continue
+            if isinstance(value, list | tuple):
+                if value:
+                    yield name, _Count(value)
+            elif told < _MOST_FIELDS:
+                told += 1
+                yield name, shortened(value, _LONGEST) if isinstance(value, str) else value
+
+    def _repr_html_(self) -> str:
+        """Return the first rows as a table for a notebook."""
+        frame = self.to_pandas()
+        shown = frame.dropna(axis=1, how="all").head(_MOST_ROWS)
+        text = shown.to_html(max_cols=_MOST_COLUMNS, border=0)
+        return f"<p>{escape(repr(self))}</p>\n{text}\n<p>{len(shown)} of {len(frame)} rows</p>"
+
+
+class _Count:
+    """Stands for a list in a short ``repr``."""
+
+    def __init__(self, items: list[Any] | tuple[Any, ...]) -> None:
+        self._items = items
+
+    def __repr__(self) -> str:
+        first = self._items[0]
+        if len(self._items) <= 3 and isinstance(first, str | int | float):
+            return repr(self._items)
+        return f"[{len(self._items)} {type(first).__name__}]"
 
 
 def _plain(value: Any, at: int | None, annotation: Any) -> Any:
@@ -124,164 +229,53 @@ UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 
 
 @dataclass(frozen=True)
-class Look:
-    """The way in which a column is shown to people.
+class Column:
+    """One column of a table, and the way in which it is shown to people.
 
     Attributes
     ----------
-    label : str
+    name : str
+        Name of the field.
+    dtype : str
+        Type of the cells, as numpy names it, or ``string``; empty where the field holds other rows.
+    description : str
+        What it is.
+    unit : str
+        Unit as astropy reads it; empty for none, and in a field whose name says it by its suffix.
+    title : str
         Heading in pages, without the unit; by default the name in words.
     short : str
-        Heading on a terminal, with the unit; the label by default.
+        Heading on a terminal, with the unit; the title by default.
     format : str
-        How cells are written, see `cpic_planner.report.numbers.formatted`: ``.3f``, ``.3g``, ``.2e``, ``%`` (per cent
+        How cells are written, see `cpic_planner.report.words.formatted`: ``.3f``, ``.3g``, ``.2e``, ``%`` (per cent
         without the sign), ``time`` (s, min or h), ``d`` (thin spaces between thousands), ``star`` (names of stars).
         After ``±`` that of the column ``NAME_error``, which stands in the same cell.
-    meaning : str
-        Description of the column where the field states none.
-    unit : str, optional
-        Unit, where the suffix of the name does not say it; empty for none.
     console : bool
         Whether the tables of a terminal show it without being asked by name.
     """
 
-    label: str = ""
+    name: str = ""
+    dtype: str = ""
+    description: str = ""
+    unit: str = ""
+    title: str = ""
     short: str = ""
     format: str = ""
-    meaning: str = ""
-    unit: str | None = None
     console: bool = False
 
     def __call__(self, schema: dict[str, Any]) -> None:
-        """Leave the JSON Schema of the field as it is: `Row` writes label and unit of every column."""
-
-
-_PROBABILITY = (
-    "probability that a blind search finds the planet, by the law of simulated images; null where there is no answer"
-)
-_KNOWN_PLACE = Look("at its place", "place %", "%", "the same for a look at the planet's known place")
-VOCABULARY: Mapping[str, Look] = {
-    "hip": Look("HIP", meaning="Hipparcos number"),
-    "v_mag": Look("V", "V mag", ".2f", "Johnson V (Vega), mag"),
-    "distance_pc": Look("distance", "dist pc", ".2f", "distance, pc"),
-    "band": Look("band", "band"),
-    "status": Look("status", "status"),
-    "separation_arcsec": Look("separation", "sep ″", ".3f", "projected separation of the planet, arcsec"),
-    "contrast": Look("contrast", "contrast", ".2e", "true planet-to-star ratio of detected rates in the band"),
-    "contrast_limit": Look("contrast limit", "limit", ".2e", "faintest contrast detected there by this observation"),
-    "snr": Look("SNR", "SNR", ".3g", "photometric SNR of the stack, with the planet's own noise"),
-    "significance": Look("significance", "signif", ".3g", "predicted S / sigma without the planet"),
-    "threshold": Look("threshold", "thresh", ".3g", "small-sample detection threshold for significance"),
-    "detection_margin": Look("margin", "margin", ".3g", "significance / threshold"),
-    "exposure_s": Look("exposure", "exposure s", ".3g", "frame exposure, s"),
-    "n_frames": Look("frames", "frames", "", "science frames of all visits"),
-    "frames_per_visit": Look("frames of a visit", "each", "", "science frames of a visit"),
-    "visits": Look("visits", "visits", "", "science visits that are reduced together, each with its own wavefront"),
-    "reference_visits": Look("reference visits", "refs", "", "visits that the reference frames are spread over"),
-    "visit_time_s": Look("time of a visit", "visit", "time", "wall time of a visit with its references, s"),
-    "n_modes": Look("modes", "modes", "", "modes of the library that the subtraction projects out"),
-    "span_days": Look(
-        "span",
-        "span d",
-        ".3g",
-        "from the start of the first visit to the end of the last, d: the Earth hides the star for 54 % of it",
-    ),
-    "orbits_searched": Look(
-        "orbits searched",
-        "orbits",
-        "d",
-        "orbits that a blind search goes through in the span, 1 where the planet stays within 0.3 lambda/D of its "
-        "place; null where the place is known: the orbit is followed",
-    ),
-    "motion_factor": Look(
-        "threshold for the orbits",
-        "× thresh",
-        ".3f",
-        "factor by which a blind search asks for more significance because the planet may move: the false alarms of "
-        "the orbits, and light that the nearest of them misses; 1 where the orbit is followed",
-    ),
-    "independent_visits": Look(
-        "independent visits",
-        "indep",
-        ".3g",
-        "number of independent wavefronts whose mean is as steady as that of the science visits: fewer than the visits "
-        "where their wavefronts remember each other (drift.correlation_time_h)",
-    ),
-    "required_visits": Look(
-        meaning="least number of visits of this length that makes the planet detected; null where none does"
-    ),
-    "required_time_s": Look(
-        "time for a detection",
-        "",
-        "time",
-        "least wall time of as many visits that makes the planet detected; null where none does",
-    ),
-    "required_drift_factor": Look(
-        meaning="largest factor on the drift, common part and walk included, that makes the planet detected in these "
-        "frames; null where none does"
-    ),
-    "required_contrast_factor": Look(
-        meaning="least factor on the contrast that makes the planet detected in these frames; null where none does"
-    ),
-    "em_gain": Look("EM gain", "gain", ".3g", "EM gain"),
-    "integration_s": Look("time on source", "on source", "time", "time on source of all visits, s"),
-    "time_s": Look("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
-    "unused_s": Look("time left unused", "unused", "time", "part of the given wall time that is left; null without"),
-    "completeness": Look("completeness", "compl %", "%"),
-    "completeness_known_place": Look("completeness at known places", "known %", "%"),
-    "verdict": Look(
-        meaning="of the planet: detected (half of such programmes show it, looked for as verdict_mode says), "
-        "measured_not_detected, or unreachable (every status but ok); null for a contrast limit, which is about no "
-        "planet, and in older results"
-    ),
-    "verdict_mode": Look(
-        meaning="how the planet is looked for: blind, by a search that knows no place, or at a known_place; detected "
-        "where half of such programmes show it; null without a verdict"
-    ),
-    "detection_probability": Look("found blind", "blind %", "%", _PROBABILITY),
-    "predicted_detection_probability": Look(meaning=_PROBABILITY),
-    "detection_probability_known_place": _KNOWN_PLACE,
-    "predicted_detection_probability_known_place": _KNOWN_PLACE,
-    "limited_by": Look(
-        meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
-        "wavefront), common_speckles (the same, where no number of visits helps), background (no light and no noise "
-        "but the planet's own and the speckles), photons (neither is enough: the planet is too faint); motion: it "
-        "is detected if it stands still, but not by a search that goes through orbits; visibility: the star is not "
-        "seen for so long; geometry: outside the dark hole; "
-        "saturation: no frame is possible; none: detected; null where there is no verdict"
-    ),
-    "exposure_limited_by": Look(meaning="limit that binds the exposure; empty: the optimum"),
-    "gain_limited_by": Look(meaning="limit that binds the EM gain; empty: the optimum"),
-    "gain_caps": Look(meaning="largest EM gains by what they spare: hole, register_tail, frame"),
-    "dominant": Look("largest noise", "largest noise", meaning="largest term of the variance"),
-    "remedies": Look(meaning="factors of SNR if one thing is changed"),
-    "config_hash": Look(meaning="hash of everything that decides the numbers"),
-    "fingerprint": Look(meaning="hashes of code, presets, catalogue, libraries, processor; empty in older results"),
-    "catalogue": Look(meaning="what the star table is, its vintage or file name, and its checksum"),
-}
-"""Looks of fields that mean the same in every row, by name."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a table: numpy ``dtype`` (or ``string``), what it is, its unit (empty for none), and its look."""
-
-    name: str
-    dtype: str
-    description: str
-    unit: str = ""
-    look: Look = Look()
+        """Leave the JSON Schema of the field as it is: `Result` writes label and unit of every column."""
 
     @property
     def label(self) -> str:
         """Heading in pages, without the unit."""
-        unit = next((suffix for suffix in UNITS if self.name.endswith(f"_{suffix}")), "")
-        return self.look.label or self.name.removesuffix(f"_{unit}").replace("_", " ")
+        suffix = next((suffix for suffix in UNITS if self.name.endswith(f"_{suffix}")), "")
+        return self.title or self.name.removesuffix(f"_{suffix}").replace("_", " ")
 
     @property
     def heading(self) -> str:
         """Heading on a terminal."""
-        return self.look.short or self.look.label or self.name.replace("_", " ")
+        return self.short or self.title or self.name.replace("_", " ")
 
     @property
     def right(self) -> bool:
@@ -289,12 +283,122 @@ class Column:
         return self.dtype != "string"
 
 
+def _word(title: str = "", short: str = "", format: str = "", meaning: str = "") -> Column:
+    return Column("", "", meaning, "", title, short, format)
+
+
+_PROBABILITY = (
+    "probability that a blind search finds the planet, by the law of simulated images; null where there is no answer"
+)
+_KNOWN_PLACE = _word("at its place", "place %", "%", "the same for a look at the planet's known place")
+VOCABULARY: Mapping[str, Column] = {
+    "hip": _word("HIP", meaning="Hipparcos number"),
+    "v_mag": _word("V", "V mag", ".2f", "Johnson V (Vega), mag"),
+    "distance_pc": _word("distance", "dist pc", ".2f", "distance, pc"),
+    "band": _word("band", "band"),
+    "status": _word("status", "status"),
+    "separation_arcsec": _word("separation", "sep ″", ".3f", "projected separation of the planet, arcsec"),
+    "contrast": _word("contrast", "contrast", ".2e", "true planet-to-star ratio of detected rates in the band"),
+    "contrast_limit": _word("contrast limit", "limit", ".2e", "faintest contrast detected there by this observation"),
+    "snr": _word("SNR", "SNR", ".3g", "photometric SNR of the stack, with the planet's own noise"),
+    "significance": _word("significance", "signif", ".3g", "predicted S / sigma without the planet"),
+    "threshold": _word("threshold", "thresh", ".3g", "small-sample detection threshold for significance"),
+    "detection_margin": _word("margin", "margin", ".3g", "significance / threshold"),
+    "exposure_s": _word("exposure", "exposure s", ".3g", "frame exposure, s"),
+    "n_frames": _word("frames", "frames", "", "science frames of all visits"),
+    "frames_per_visit": _word("frames of a visit", "each", "", "science frames of a visit"),
+    "visits": _word("visits", "visits", "", "science visits that are reduced together, each with its own wavefront"),
+    "reference_visits": _word("reference visits", "refs", "", "visits that the reference frames are spread over"),
+    "visit_time_s": _word("time of a visit", "visit", "time", "wall time of a visit with its references, s"),
+    "n_modes": _word("modes", "modes", "", "modes of the library that the subtraction projects out"),
+    "span_days": _word(
+        "span",
+        "span d",
+        ".3g",
+        "from the start of the first visit to the end of the last, d: the Earth hides the star for 54 % of it",
+    ),
+    "orbits_searched": _word(
+        "orbits searched",
+        "orbits",
+        "d",
+        "orbits that a blind search goes through in the span, 1 where the planet stays within 0.3 lambda/D of its "
+        "place; null where the place is known: the orbit is followed",
+    ),
+    "motion_factor": _word(
+        "threshold for the orbits",
+        "× thresh",
+        ".3f",
+        "factor by which a blind search asks for more significance because the planet may move: the false alarms of "
+        "the orbits, and light that the nearest of them misses; 1 where the orbit is followed",
+    ),
+    "independent_visits": _word(
+        "independent visits",
+        "indep",
+        ".3g",
+        "number of independent wavefronts whose mean is as steady as that of the science visits: fewer than the visits "
+        "where their wavefronts remember each other (drift.correlation_time_h)",
+    ),
+    "required_visits": _word(
+        meaning="least number of visits of this length that makes the planet detected; null where none does"
+    ),
+    "required_time_s": _word(
+        "time for a detection",
+        "",
+        "time",
+        "least wall time of as many visits that makes the planet detected; null where none does",
+    ),
+    "required_drift_factor": _word(
+        meaning="largest factor on the drift, common part and walk included, that makes the planet detected in these "
+        "frames; null where none does"
+    ),
+    "required_contrast_factor": _word(
+        meaning="least factor on the contrast that makes the planet detected in these frames; null where none does"
+    ),
+    "em_gain": _word("EM gain", "gain", ".3g", "EM gain"),
+    "integration_s": _word("time on source", "on source", "time", "time on source of all visits, s"),
+    "time_s": _word("wall time", "wall", "time", "wall time of all visits: readouts, reference frames, overheads, s"),
+    "unused_s": _word("time left unused", "unused", "time", "part of the given wall time that is left; null without"),
+    "completeness": _word("completeness", "compl %", "%"),
+    "completeness_known_place": _word("completeness at known places", "known %", "%"),
+    "verdict": _word(
+        meaning="of the planet: detected (half of such programmes show it, looked for as verdict_mode says), "
+        "measured_not_detected, or unreachable (every status but ok); null for a contrast limit, which is about no "
+        "planet, and in older results"
+    ),
+    "verdict_mode": _word(
+        meaning="how the planet is looked for: blind, by a search that knows no place, or at a known_place; detected "
+        "where half of such programmes show it; null without a verdict"
+    ),
+    "detection_probability": _word("found blind", "blind %", "%", _PROBABILITY),
+    "predicted_detection_probability": _word(meaning=_PROBABILITY),
+    "detection_probability_known_place": _KNOWN_PLACE,
+    "predicted_detection_probability_known_place": _KNOWN_PLACE,
+    "limited_by": _word(
+        meaning="single change that would make the planet detected in the given time: speckles (no drift of the "
+        "wavefront), common_speckles (the same, where no number of visits helps), background (no light and no noise "
+        "but the planet's own and the speckles), photons (neither is enough: the planet is too faint); motion: it "
+        "is detected if it stands still, but not by a search that goes through orbits; visibility: the star is not "
+        "seen for so long; geometry: outside the dark hole; "
+        "saturation: no frame is possible; none: detected; null where there is no verdict"
+    ),
+    "exposure_limited_by": _word(meaning="limit that binds the exposure; empty: the optimum"),
+    "gain_limited_by": _word(meaning="limit that binds the EM gain; empty: the optimum"),
+    "gain_caps": _word(meaning="largest EM gains by what they spare: hole, register_tail, frame"),
+    "dominant": _word("largest noise", "largest noise", meaning="largest term of the variance"),
+    "remedies": _word(meaning="factors of SNR if one thing is changed"),
+    "config_hash": _word(meaning="hash of everything that decides the numbers"),
+    "fingerprint": _word(meaning="hashes of code, presets, catalogue, libraries, processor; empty in older results"),
+    "catalogue": _word(meaning="what the star table is, its vintage or file name, and its checksum"),
+}
+"""Columns that mean the same in every row, by the names of their fields."""
+
+
 def column(
     meaning: str = "",
     *,
     label: str = "",
     short: str = "",
-    unit: str | None = None,
+    unit: str = "",
     format: str = "",
     console: bool = False,
     default: Any = PydanticUndefined,
@@ -306,7 +410,7 @@ def column(
     meaning : str
         Description in schemas and files.
     label, short, unit, format, console
-        As `Look`; what is empty comes from `VOCABULARY`, if the name of the field stands there.
+        As `Column`; what is empty comes from `VOCABULARY`, if the name of the field stands there.
     default : optional
         Value of rows that do not give one.
 
@@ -314,8 +418,8 @@ def column(
     -------
     FieldInfo
     """
-    look = Look(label, short, format, meaning, unit, console)
-    return Field(default=default, description=meaning or None, json_schema_extra=look)
+    own = Column("", "", meaning, unit, label, short, format, console)
+    return Field(default=default, description=meaning or None, json_schema_extra=own)
 
 
 def optional(meaning: str = "", **look: Any) -> Any:
@@ -369,22 +473,23 @@ def columns_of(row: type[BaseModel]) -> tuple[Column, ...]:
 
 def column_of(row: type[BaseModel], name: str) -> Column:
     """Return one column of a kind of row; its ``dtype`` is empty where the field holds other rows."""
-    field = row.model_fields[name]
-    look, dtype = described(name, field), _dtype(field.annotation)
-    return Column(name, dtype, look.meaning, "" if dtype in ("string", "bool") else look.unit or "", look)
+    found = described(name, row.model_fields[name])
+    return replace(found, unit="" if found.dtype in ("string", "bool") else found.unit)
 
 
-def described(name: str, field: FieldInfo) -> Look:
-    """Return the look of a field: its own, filled from the vocabulary."""
-    given, known = field.json_schema_extra, VOCABULARY.get(name, Look())
-    own = given if isinstance(given, Look) else Look()
-    return Look(
-        label=own.label or known.label,
-        short=own.short or own.label or known.short,
-        format=own.format or known.format,
-        meaning=field.description or known.meaning,
-        unit=next((unit for unit in (own.unit, known.unit) if unit is not None), unit_of(name)),
-        console=own.console,
+def described(name: str, field: FieldInfo) -> Column:
+    """Return the column that a field states, filled from the vocabulary, with the unit also of texts and lists."""
+    known = VOCABULARY.get(name) or _word()
+    own = field.json_schema_extra if isinstance(field.json_schema_extra, Column) else _word()
+    return Column(
+        name,
+        _dtype(field.annotation),
+        field.description or known.description,
+        own.unit or unit_of(name),
+        own.title or known.title,
+        own.short or own.title or known.short,
+        own.format or known.format,
+        own.console,
     )
 
 
@@ -409,3 +514,322 @@ class ReferencePlanetRecord(Result):
     phase_deg: float = Field(description="star-planet-observer phase angle")
     albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
     position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
+
+
+R = TypeVar("R", bound=Result)
+
+FLAG_SEPARATOR = "|"
+"""What stands between the flags of a ranked star in a file."""
+OWN = "column of your own table, as it is there"
+_FILLED = {"float64": 0.0, "int64": 0, "bool": False}
+_MIDDLE = re.compile("_(mean|median)$")
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A column of a file, and where its values stand.
+
+    Attributes
+    ----------
+    column : Column
+    value : callable
+        Returns the value of an entry; null where it has none.
+    """
+
+    column: Column
+    value: Callable[[Any], Any]
+
+
+def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda entry: entry) -> list[Taken]:
+    """Return columns of a kind of row, in order: numbers of records that it holds are columns of their own.
+
+    Parameters
+    ----------
+    row : type
+    *paths : str
+        Names of fields, with dots between those of records in records; every field by default. A record of numbers
+        alone, such as a mean with its error, gives a column for each: ``NAME`` is the mean or the median, and
+        ``NAME_error``, ``NAME_low`` stand beside it.
+    of : callable
+        Returns the row of an entry.
+    """
+    found = []
+    for path in paths or row.model_fields:
+        *outer, name = path.split(".")
+        kind, unit = row, ""
+        for part in outer:
+            unit = column_of(kind, part).unit
+            kind = _record(kind, part) or Result
+        found += _flat(kind, name, outer, unit, of)
+    return found
+
+
+def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callable[[Any], Any]) -> list[Taken]:
+    column, path = column_of(kind, name), [*outer, name]
+    if column.dtype:
+        unit = column.unit or (unit if column.right and column.dtype != "bool" else "")
+        return [Taken(replace(column, name="_".join(path), unit=unit), lambda entry: _at(of(entry), path))]
+    record = _record(kind, name)
+    parts = () if record is None else columns_of(record)
+    if record is None or len(parts) < len(record.model_fields) or not all(part.right for part in parts):
+        return []
+    held = [item for part in parts for item in _flat(record, part.name, path, column.unit, of)]
+    return [
+        replace(item, column=replace(item.column, name=_MIDDLE.sub("", item.column.name), description=said))
+        for item, part in zip(held, parts, strict=True)
+        for said in ["; ".join(filter(None, (column.description, part.description or part.name.replace("_", " "))))]
+    ]
+
+
+def _record(kind: type[Result], name: str) -> type[Result] | None:
+    """Return the kind of the record that a field holds; None where it holds something else."""
+    annotation = kind.model_fields[name].annotation
+    for held in (annotation, *get_args(annotation)):
+        if isinstance(held, type) and issubclass(held, Result):
+            return None if get_origin(annotation) in (list, tuple, dict) else held
+    return None
+
+
+def _at(value: Any, path: Sequence[str]) -> Any:
+    for name in path:
+        value = getattr(value, name, None)
+    return value
+
+
+def own_taken(entries: Sequence[Any]) -> list[Taken]:
+    """Return the columns of a user's table that rows carry, in the order in which these have them.
+
+    Parameters
+    ----------
+    entries : sequence
+        Rows with a field ``own``.
+    """
+    names = dict.fromkeys(name for entry in entries for name in entry.own)
+    return [
+        Taken(Column(name, _dtype_of([entry.own.get(name) for entry in entries]), OWN), partial(_own_value, name))
+        for name in names
+    ]
+
+
+def _own_value(name: str, entry: Any) -> Any:
+    return entry.own.get(name)
+
+
+def _dtype_of(cells: Iterable[Any]) -> str:
+    """Return the type of a column with these cells: numbers or truth values if all are."""
+    kinds = {type(cell) for cell in cells if cell is not None}
+    if kinds == {bool}:
+        return "bool"
+    return "int64" if kinds == {int} else "float64" if kinds and kinds <= {int, float} else "string"
+
+
+def values_of(row: Result, *, before: str = "") -> dict[str, Any]:
+    """Return the cells of a row by the names of its columns, with ``before`` in front of each name."""
+    return {before + column.name: getattr(row, column.name) for column in columns_of(type(row))}
+
+
+def names_of(row: type[Result], *, before: str = "") -> tuple[str, ...]:
+    """Return the names of the columns of a kind of row, with ``before`` in front of each."""
+    return tuple(before + column.name for column in columns_of(row))
+
+
+def rows_of(kind: type[Result]) -> dict[str, type[Result]]:
+    """Return the fields of a kind of result that hold rows, and of which kind these are."""
+    found = {}
+    for name, field in kind.model_fields.items():
+        lists = (held for held in (field.annotation, *get_args(field.annotation)) if get_origin(held) in (list, tuple))
+        for row in (held for several in lists for held in get_args(several)[:1]):
+            if isinstance(row, type) and issubclass(row, Result) and taken_of(row):
+                found[name] = row
+    return found
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";", digits: int = 0) -> str:
+    """Return rows as CSV text: a heading of names, one line a row, units in the names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Columns, in order.
+    rows : iterable of mapping
+        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`.
+    joined : str
+        What stands between the items of a list.
+    digits : int
+        Significant digits of numbers; 0: all, the shortest text that reads back to the same double.
+    """
+
+    def cell(value: Any) -> Any:
+        if isinstance(value, float) and digits:
+            return f"{value:.{digits}g}"
+        plain = "" if value is None else int(value) if isinstance(value, bool) else _joined_text(value, joined)
+        return guarded(plain) if isinstance(plain, str) else plain
+
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(map(guarded, names))
+    writer.writerows([cell(row.get(name)) for name in names] for row in rows)
+    return buffer.getvalue()
+
+
+def rows_from_csv(row: type[R], text: str, *, joined: str = ";") -> list[R]:
+    """Return the rows that `csv_text` or `ecsv_text` wrote; columns that the kind of row does not have are left out.
+
+    Parameters
+    ----------
+    row : type
+        Kind of the rows.
+    text : str
+        With a heading of names; lines that begin with # in front of it are comments.
+    joined : str
+        What stands between the items of a list.
+
+    Raises
+    ------
+    InputError
+        For a column that is missing, or a cell that is none of its column.
+    """
+    from simulator.config import validate
+
+    while text.startswith("#"):
+        text = text.partition("\n")[2]
+    return [
+        validate(
+            row, {name: _read(row, name, cell, joined) for name, cell in cells.items() if name in row.model_fields}
+        )
+        for cells in csv.DictReader(io.StringIO(text, newline=""), restkey="")
+    ]
+
+
+def _read(row: type[Result], name: str, cell: str | None, joined: str) -> Any:
+    kind, cell = row.model_fields[name].annotation, unguarded(cell or "")
+    if get_origin(kind) in (list, tuple):
+        return [item for item in cell.split(joined) if item]
+    return None if not cell and type(None) in get_args(kind) else cell
+
+
+def _joined_text(value: Any, joined: str) -> Any:
+    return joined.join(str(item) for item in value) if isinstance(value, (list, tuple)) else value
+
+
+def _filled(taken: Taken, entries: Sequence[Any], joined: str) -> tuple[list[Any], list[bool]]:
+    """Return the cells of a column without nulls, and which of them were null; texts that are null are empty."""
+    cells = [taken.value(entry) for entry in entries]
+    missing = [cell is None for cell in cells]
+    dtype = taken.column.dtype
+    if dtype == "string":
+        return ["" if cell is None else str(_joined_text(cell, joined)) for cell in cells], [False] * len(cells)
+    return [_FILLED[dtype] if cell is None else cell for cell in cells], missing
+
+
+def astropy_table(
+    columns: Sequence[Taken],
+    entries: Sequence[Any],
+    meta: Mapping[str, Any],
+    *,
+    joined: str = FLAG_SEPARATOR,
+    text: Callable[[str], str] = str,
+) -> Table:
+    """Return a table of astropy with unit and meaning of every column; missing numbers are masked.
+
+    Parameters
+    ----------
+    columns : sequence of Taken
+    entries : sequence
+        Rows, or what the columns take values from.
+    meta : mapping
+        Of the table; plain values.
+    joined : str
+        What stands between the items of a list.
+    text : callable
+        Returns a text as the table has it.
+    """
+    import numpy as np
+    from astropy.table import Column as PlainColumn, MaskedColumn, Table
+
+    table = Table(meta=dict(meta))
+    for taken in columns:
+        column = taken.column
+        about = {"name": text(column.name), "unit": column.unit or None, "description": column.description or None}
+        cells, missing = _filled(taken, entries, joined)
+        texts = column.dtype == "string"
+        values = np.array(list(map(text, cells)) if texts else cells, dtype=str if texts else column.dtype)
+        masked = any(missing)
+        table[about["name"]] = MaskedColumn(values, mask=missing, **about) if masked else PlainColumn(values, **about)
+    return table
+
+
+def ecsv_text(
+    columns: Sequence[Taken], entries: Sequence[Any], meta: Mapping[str, Any], *, joined: str = FLAG_SEPARATOR
+) -> str:
+    """Return rows as ECSV 1.0: unit and meaning of every column, and what the table is, in the header.
+
+    Parameters
+    ----------
+    columns, entries, meta, joined
+        As of `astropy_table`.
+
+    Notes
+    -----
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked, and texts that
+    begin like a formula keep the apostrophe of `cpic_core.guarded`.
+    """
+    buffer = io.StringIO()
+    table = astropy_table(columns, entries, meta, joined=joined, text=guarded)
+    table.write(buffer, format="ascii.ecsv", delimiter=",")
+    return buffer.getvalue()
+
+
+def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> pd.DataFrame:
+    """Return rows as a pandas frame, units in the names; missing numbers are NaN or, of whole ones, ``pandas.NA``.
+
+    Parameters
+    ----------
+    columns, entries, joined
+        As of `astropy_table`.
+    """
+    import pandas as pd
+
+    series = {}
+    for taken in columns:
+        cells, missing = _filled(taken, entries, joined)
+        dtype = "object" if taken.column.dtype == "string" else taken.column.dtype
+        if any(missing) and dtype != "float64":
+            dtype = {"int64": "Int64", "bool": "boolean"}[dtype]
+        known = [None if gone else cell for cell, gone in zip(cells, missing, strict=True)]
+        series[taken.column.name] = pd.Series(known, dtype=dtype)
+    return pd.DataFrame(series)
+
+
+def parquet_bytes(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
+    """Return rows as a Parquet file, without nulls: unit and meaning of every column stand in its metadata.
+
+    Parameters
+    ----------
+    columns, entries, joined
+        As of `astropy_table`.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    cells = [_filled(taken, entries, joined)[0] for taken in columns]
+    sink = io.BytesIO()
+    pq.write_table(pa.table(cells, schema=arrow_schema([taken.column for taken in columns])), sink)
+    return sink.getvalue()
+
+
+def arrow_schema(columns: Sequence[Column]) -> Any:
+    """Return the Arrow schema of columns without nulls: types, and unit and meaning of each column."""
+    import pyarrow as pa
+
+    return pa.schema(
+        [
+            pa.field(
+                column.name,
+                pa.string() if column.dtype == "string" else pa.from_numpy_dtype(column.dtype),
+                nullable=False,
+                metadata={"unit": column.unit, "description": column.description},
+            )
+            for column in columns
+        ]
+    )

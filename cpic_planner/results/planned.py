@@ -19,8 +19,7 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
-from cpic_planner.results.known import SeasonRecord
-from cpic_planner.results.ranked import RankedTarget
+from cpic_planner.results.ranked import RankedTarget, SeasonRecord
 from simulator.knobs import Quantity
 
 _CHOSEN_FOR = column(
@@ -38,7 +37,9 @@ class AuditRecord(Row):
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
     frames_run: int = column("science and reference frames that were run one by one", label="frames run", format="d")
     frames_in_all: int = column("science and reference frames of the programme", label="of frames", format="d")
-    predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
+    predicted_snr: float | None = optional(
+        "frames that particles void are counted; null for a reduction without a closed form", label="predicted SNR"
+    )
     recovered_snr: float = column(label="measured SNR")
     recovered_significance: float
     contrast: float = column(label="measured contrast", format=".2e ± .1e")

@@ -12,14 +12,21 @@ FOLDER = Path(__file__).resolve().parent
 OPENAPI = FOLDER / "openapi.json"
 """The description of the web calculator's addresses, without the version of the package."""
 _WHERE = {
-    "queries.etc": {"etc": "EtcQuestion"},
-    "queries.rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
-    "queries.runs": {"plan": "PlanQuestion", "whatif": "WhatIfQuestion", "tradeoff": "TradeoffQuestion"},
-    "queries.images": {"confirm": "ConfirmQuestion"},
-    "queries.searched": {"curve": "CurveQuestion", "roc": "RocQuestion"},
-    "queries.simulate": {"simulate": "SimulateQuestion"},
+    "etc": {"etc": "EtcQuestion", "curve": "CurveQuestion", "roc": "RocQuestion"},
+    "rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
+    "runs": {
+        "plan": "PlanQuestion",
+        "confirm": "ConfirmQuestion",
+        "whatif": "WhatIfQuestion",
+        "tradeoff": "TradeoffQuestion",
+    },
+    "simulate": {"simulate": "SimulateQuestion"},
 }
-QUESTIONS = {name: f"cpic_planner.{room}:{model}" for room, models in _WHERE.items() for name, model in models.items()}
+QUESTIONS = {
+    command: f"cpic_planner.queries.{module}:{model}"
+    for module, models in _WHERE.items()
+    for command, model in models.items()
+}
 """Where the question of each command is."""
 RESULTS = {
     name: f"cpic_planner.results:{model}"

@@ -373,7 +373,7 @@ def simulation_from(
         Keys of `SequenceConfig` for the scenes; a simulation has its own. The scene of references may have the forms
         that `simulator.config.scene.load_scene` reads.
     changes : mapping, optional
-        Values that replace those of every sequence; see `simulator.config.scene_files.simulation_of`.
+        Values that replace those of every sequence; see `simulator.config.simulation.simulation_of`.
     instrument : Instrument, mapping, str or Path, optional
         In place of the default one and of those of the simulations.
     date_utc : str, optional
@@ -702,7 +702,7 @@ def simulate(
     Parameters
     ----------
     simulation : SimulationConfig
-        See `simulator.config.scene_files.load_simulation`.
+        See `simulator.config.simulation.load_simulation`.
     out : str or Path
         Root of the tree of products; continued when it holds part of the same simulation.
     truth : bool

@@ -9,8 +9,7 @@ import numpy as np
 from cpic_core import FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
-from cpic_planner.survey.strategy import Revisits
-from cpic_planner.survey.strategy_file import UniverseConfig
+from cpic_planner.survey.strategy import Revisits, UniverseConfig
 from cpic_planner.survey.visibility import Visibility, VisibilityConfig, slew_s, visibility
 from cpic_planner.targets import Targets
 from simulator.config import Instrument

@@ -16,14 +16,12 @@ from cpic_planner import results
 from cpic_planner.jobs import Runner, Task
 from cpic_planner.planets import Law
 from cpic_planner.queries import get, load_ensemble
-from cpic_planner.survey.alarms import alarms
-from cpic_planner.survey.estimates import LEVEL, difference_interval
-from cpic_planner.survey.events import PLANETS
-from cpic_planner.survey.outcome import change_record, estimate_record
+from cpic_planner.survey.detection import alarms
+from cpic_planner.survey.outcome import LEVEL, change_record, difference_interval, estimate_record
 from cpic_planner.survey.prepare import planned, read_ground
 from cpic_planner.survey.simulate import Survey, count_block
-from cpic_planner.survey.strategy_file import DoubtRule, StrategiesConfig, UniverseConfig
-from cpic_planner.survey.sweeps import varied
+from cpic_planner.survey.strategy import DoubtRule, StrategiesConfig, UniverseConfig, varied
+from cpic_planner.survey.tables import PLANETS
 from cpic_planner.survey.universe import BLOCK
 
 _STEPS, _ROUNDING = 100_000, 1e-12

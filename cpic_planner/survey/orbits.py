@@ -1,24 +1,24 @@
-"""Orbits of the planets that a survey finds: how well the positions in its images determine them."""
+"""Orbits from positions: when these are enough, how well they determine one, and what early detections are worth."""
 
 from __future__ import annotations
-
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
-from cpic_planner.planets import OrbitQuality, PublishedOrbit, astrometric_error_arcsec, orbit_quality, published_orbit
-from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
-from cpic_planner.survey.detection import detection_chance, expected_signals
-from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place
+from cpic_planner.etc import EtcModel
+from cpic_planner.planets import (
+    PublishedOrbit,
+    astrometric_error_arcsec,
+    orbit_information,
+    published_orbit,
+)
+from cpic_planner.survey.calendar import Calendar
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.universe import NEW, PlanetSample, at_known_place, star_mass_msun
+from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-
-if TYPE_CHECKING:
-    from cpic_planner.survey.history import StarHistory
-    from cpic_planner.survey.simulate import Survey
 
 LEAST_EPOCHS = 2
 """Positions without which nothing is said of an orbit. One is enough of a planet whose published orbit has its node and
@@ -29,40 +29,6 @@ once more: of three such positions four in ten fit a second period (25 campaigns
 COUNTED_PERIODS = 0.1
 """Error, in periods, within which a published period says how often a planet has gone round in the arc."""
 _YEAR_DAYS = 365.25
-
-
-class Epoch(NamedTuple):
-    """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
-
-    day: float
-    band: str
-    snr: FloatArray
-    shown: BoolArray
-
-
-@dataclass(frozen=True, eq=False)
-class FoundOrbits:
-    """Orbits of some planets of a star, arrays of one length.
-
-    Attributes
-    ----------
-    planet : ndarray of int
-        Position of the planet among those of the star.
-    quality : OrbitQuality
-        From its positions so far.
-    next_day : ndarray
-        Of the next window of the star, after the start of the survey.
-    place_error_lambda_d : ndarray
-        Error of the place there, in lambda/D of the last band that showed the planet.
-    known : ndarray of bool
-        Whether the orbit is known by the rule of the strategy (`cpic_planner.survey.strategy.OrbitRule`).
-    """
-
-    planet: IntArray
-    quality: OrbitQuality
-    next_day: FloatArray
-    place_error_lambda_d: FloatArray
-    known: BoolArray
 
 
 class PublishedOrbits(dict[int, PublishedOrbit]):
@@ -90,56 +56,6 @@ class PublishedOrbits(dict[int, PublishedOrbit]):
         return self[row]
 
 
-@dataclass(frozen=True, eq=False)
-class Positions:
-    """Positions of planets of a star and what was published of their orbits; arrays over ``n`` planets.
-
-    Attributes
-    ----------
-    day : ndarray, shape (n, t)
-        After the start of the survey, in the order of time.
-    error_arcsec : ndarray, shape (n, t)
-        On each axis; inf where there is no position.
-    width_arcsec : ndarray, shape (n,)
-        lambda/D of the last band that showed the planet.
-    published : ndarray, shape (n, 7, 7)
-        As of `cpic_planner.planets.orbit_quality`.
-    period_error : ndarray, shape (n,)
-        Relative, as published; inf where it is not.
-    placed : ndarray of bool, shape (n,)
-        Planets whose published orbit has node and inclination.
-    """
-
-    day: FloatArray
-    error_arcsec: FloatArray
-    width_arcsec: FloatArray
-    published: FloatArray
-    period_error: FloatArray
-    placed: BoolArray
-
-    @property
-    def last_day(self) -> FloatArray:
-        """Day of the last position; -inf where there is none."""
-        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf))
-
-    @property
-    def first_day(self) -> FloatArray:
-        """Day of the first position; inf where there is none."""
-        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, np.inf).min(axis=1, initial=np.inf))
-
-    def enough(self, epochs: IntArray, arc_periods: FloatArray) -> BoolArray:
-        """Tell whether so many positions over such an arc, shape (n,) or (n, t), allow one orbit only.
-
-        Parameters
-        ----------
-        epochs : ndarray of int, shape (n,)
-        arc_periods : ndarray
-        """
-        shape = (-1,) + (1,) * (arc_periods.ndim - 1)
-        told = self.placed.reshape(shape), self.period_error.reshape(shape)
-        return one_orbit(epochs.reshape(shape), arc_periods, *told)
-
-
 def one_orbit(
     epochs: IntArray | int, arc_periods: FloatArray, placed: BoolArray, period_error: FloatArray
 ) -> BoolArray:
@@ -157,35 +73,6 @@ def one_orbit(
     return np.asarray(
         (number >= np.where(placed, 1, LEAST_EPOCHS)) & ((number >= UNIQUE_EPOCHS) | (arc_periods < 1.0) | counted)
     )
-
-
-def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
-    """Return the positions of some planets of a star.
-
-    Parameters
-    ----------
-    survey : Survey
-    star : StarHistory
-    rows : ndarray of int
-        Numbers of the planets among those of the star.
-
-    Notes
-    -----
-    Positions are those of the visits that detect the planet, follow-up and the observation log included, with errors of
-    `cpic_planner.planets.astrometric_error_arcsec` for the SNR there.
-    """
-    rule, planets = survey.strategy.orbit, star.planets.select(rows)
-    shape = len(star.epochs), len(star.planets)
-    shown = np.array([epoch.shown for epoch in star.epochs], bool).reshape(shape).T[rows]
-    snr = np.array([epoch.snr for epoch in star.epochs], float).reshape(shape).T[rows]
-    day = np.broadcast_to(np.array([epoch.day for epoch in star.epochs], float), shown.shape)
-    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs], float)
-    errors = np.full(shown.shape, np.inf)
-    errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
-    last = [np.flatnonzero(mine)[-1] if mine.any() else -1 for mine in shown]
-    width = np.array([widths[k] if k >= 0 else np.nan for k in last], float)
-    told = told_of(planets, star.published, rule.star_mass_error)
-    return Positions(day, errors, width, *told, at_known_place(planets, survey.known))
 
 
 def told_of(
@@ -231,92 +118,103 @@ def next_window(calendar: Calendar, i: int, day: FloatArray, gap_days: float) ->
     return np.where(np.isfinite(window), window, day + _YEAR_DAYS)
 
 
-def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> FoundOrbits:
-    """Return the orbits of planets of a star that several visits have shown.
-
-    Parameters
-    ----------
-    survey : Survey
-    i : int
-        Position of the star.
-    star : StarHistory
-    some : ndarray of bool
-        Planets that are asked for; those with fewer positions than `LEAST_EPOCHS` are left out.
-
-    Notes
-    -----
-    Positions are those of `positions_of`, the next window is that of `next_window`. A planet of the table of known
-    planets begins with what was published of its orbit.
-    """
-    rule = survey.strategy.orbit
-    epochs = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64) * np.ones(len(some), np.int64)
-    placed = at_known_place(star.planets, survey.known)
-    rows = np.flatnonzero(some & (epochs >= np.where(placed, 1, LEAST_EPOCHS)))
-    planets, seen = star.planets.select(rows), positions_of(survey, star, rows)
-    later = next_window(survey.calendar, i, seen.last_day, survey.strategy.revisits.min_gap_days)
-    quality = orbit_quality(
-        planets,
-        planets.period_days,
-        float(survey.targets.distance_pc[i]),
-        seen.day,
-        seen.error_arcsec,
-        later,
-        star_mass_error=rule.star_mass_error,
-        published=seen.published,
-    )
-    place = quality.place_error_arcsec / seen.width_arcsec
-    known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
-    return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
+LEAST_ODDS = 0.5
+"""A visit for an orbit is planned where it is at least as likely as not to show the planet."""
+_LEAST_CHANCE = 1e-3
+ROUNDING_DAYS = 1e-9
 
 
-def logged_epochs(
-    survey: Survey,
+def orbit_chance(
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    star: Targets,
+    calendar: Calendar,
     i: int,
+    option: Setting,
+    chance: FloatArray,
     planets: PlanetSample,
-    some: BoolArray,
+    known: KnownPlanetTable | None,
+    *,
     albedos: tuple[AlbedoSpec, ...],
     zodis: FloatArray | None,
-) -> list[Epoch]:
-    """Return what the visits of the observation log have shown of planets of a star.
+) -> FloatArray:
+    """Return the probability that visits detect planets early enough for their orbits, shape (b, m).
 
     Parameters
     ----------
-    survey : Survey
+    strategy : SurveyStrategy
+    model : EtcModel
+        That of the strategy.
+    star : Targets
+        One star.
+    calendar : Calendar
     i : int
-        Position of the star.
+        Position of the star in the calendar.
+    option : Setting
+        Frames of the visits.
+    chance : ndarray, shape (b, m)
+        Probability that a visit in each slot detects each planet.
     planets : PlanetSample
-    some : ndarray of bool
-        Planets that are there.
+        ``m`` planets.
+    known : KnownPlanetTable or None
     albedos, zodis
         As of `cpic_planner.survey.detection.expected_signals`.
 
     Notes
     -----
-    The log says how many planets a visit showed, not which. They are taken as those of the universe that it most likely
-    detected, where that was at least as likely as not; the others of the visit are planets that the universe does not
-    have. What one visit shows of a new planet is in the log, and no planet of the universe, unless a detection takes
-    several visits (`cpic_planner.survey.observed.missed`): then new planets of the universe have positions, too.
+    It is ``chance`` in the slots from which the orbit can be had, and 0 in the others: where a position there, and one
+    in each of the next slots in which a visit at the known place is at least as likely as not to show the planet (with
+    their gaps, at most ``orbit.visits`` of them), have an expected covariance that meets the rule of the strategy. A
+    schedule is worth ``orbit.value`` for each planet that it detects in such a slot, beside what the detection is
+    worth: another planet, for the scheduler, that only these slots show, so that values and bounds are those of
+    detections. The earliest of several detections is the one with most slots to come.
     """
-    log, rule, star = survey.log, survey.strategy.detection, survey.targets.select([i])
-    done = () if log is None else log.of(str(star.name[0]))
-    able = some & ((planets.known != NEW) | (rule.visits_needed > 1))
-    found = []
-    for visit in done:
-        if not (visit.planets and able.any()):
-            continue
-        day = visit.mjd - survey.calendar.start_mjd
-        roll = visit.roll_deg
-        if math.isnan(roll):
-            roll = float(sun_position_angle_deg(star, np.array([[visit.mjd]]))[0, 0])
-        seen = expected_signals(
-            survey.model, star, visit.setting, planets, albedos, planets.places([day]), [roll], zodis
-        )
-        placed = at_known_place(planets, survey.known)
-        odds = np.where(able, detection_chance(seen, rule, placed, calibration=rule.calibration)[0], 0.0)
-        # Number of each planet among those of its universe, the surest first.
-        order = np.lexsort((-odds, planets.universe))
-        _, begins, counts = np.unique(planets.universe[order], return_index=True, return_counts=True)
-        place = np.empty(len(planets), np.int64)
-        place[order] = np.arange(len(planets)) - np.repeat(begins, counts)
-        found.append(Epoch(day, visit.setting.band, seen.snr[0], (odds >= 0.5) & (place < visit.planets)))
+    rule, gap = strategy.orbit, strategy.revisits.min_gap_days
+    cost = calendar.cost_h(model, i, option, strategy.visit.settlings)
+    slots = np.flatnonzero(cost <= strategy.slot_share * calendar.slot_h)
+    slot, planet = np.nonzero(chance[slots] >= _LEAST_CHANCE)
+    found = np.zeros(chance.shape)
+    if not slot.size:
+        return found
+    day, n = calendar.day[i, slots], len(planets)
+    roll = calendar.roll_deg(strategy.revisits, i, slots, np.zeros_like(slots))
+    seen = expected_signals(model, star, option, planets, albedos, planets.places(day), roll, zodis)
+    law = strategy.detection
+    odds = detection_chance(seen, law, np.ones(n, bool), calibration=law.calibration)
+    width = model.metrics[option.band].lambda_d_arcsec
+    errors = astrometric_error_arcsec(np.where(seen.snr > 0.0, seen.snr, 1.0), width, rule.floor_mas)
+    published = PublishedOrbits(known, calendar.start_mjd, float(star_mass_msun(star)[0]))
+    covariance, period_error = told_of(planets, published, rule.star_mass_error)
+    before = orbit_information(
+        planets,
+        planets.period_days,
+        float(star.distance_pc[0]),
+        np.zeros((n, 1)),
+        np.full((n, 1), np.inf),
+        star_mass_error=rule.star_mass_error,
+        published=covariance,
+    )
+    slopes = before.slopes(np.broadcast_to(day, (n, day.size)))
+    later = before.slopes(np.broadcast_to(next_window(calendar, i, day, gap), (n, day.size)))
+    # The next slot from each one on that is likely to show each planet; behind the last one there is none.
+    following = np.full((day.size + 1, n), day.size)
+    for k in range(day.size - 1, -1, -1):
+        following[k] = np.where((odds[k] >= LEAST_ODDS) & (seen.snr[k] > 0.0), k, following[k + 1])
+    beyond = np.searchsorted(day, day + gap - ROUNDING_DAYS)
+    placed, now = at_known_place(planets, known), slot.copy()
+    matrix, open_ = before.matrix[planet], seen.snr[slot, planet] > 0.0
+    for number in range(1, rule.visits + 2):
+        at, who = now[open_], planet[open_]
+        own = slopes[who, :, at] / errors[at, who][:, None, None]
+        matrix[open_] += own.transpose(0, 2, 1) @ own
+        spread = np.linalg.inv(matrix[open_])
+        place = np.sqrt(np.einsum("ncj,njk,nck->n", later[who, :, at], spread, later[who, :, at]))
+        meets = (np.sqrt(spread[:, 0, 0]) <= rule.axis_error) & (place <= rule.place_error_lambda_d * width)
+        arc = (day[at] - day[slot[open_]]) / planets.period_days[who]
+        meets &= one_orbit(number, arc, placed[who], period_error[who])
+        done = np.flatnonzero(open_)[meets]
+        found[slots[slot[done]], planet[done]] = chance[slots[slot[done]], planet[done]]
+        open_[done] = False
+        now[open_] = following[beyond[now[open_]], planet[open_]]
+        open_ &= now < day.size
     return found

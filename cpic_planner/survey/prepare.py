@@ -15,17 +15,22 @@ from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Runner, Task, Unkept
 from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Change, Strategy, changed
-from cpic_planner.survey.alarms import alarms
-from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.calendar import Calendar, make_calendar
-from cpic_planner.survey.candidates import Candidate, Screened, candidates, chosen_stars, screen, settings_of
-from cpic_planner.survey.detection import Setting, reach_au
+from cpic_planner.survey.candidates import (
+    Candidate,
+    PlanningSky,
+    Screened,
+    candidates,
+    chosen_stars,
+    planning_sky,
+    screen,
+    settings_of,
+)
+from cpic_planner.survey.detection import Setting, alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.planning import PlanningSky, planning_sky
-from cpic_planner.survey.schedule import Problem, Schedule, VisitOdds, visit_odds
+from cpic_planner.survey.schedule import Problem, Schedule, VisitOdds, make_schedule, visit_odds
 from cpic_planner.survey.simulate import Survey
-from cpic_planner.survey.strategy import Assumptions, SurveyStrategy, VisitRule
-from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
+from cpic_planner.survey.strategy import Assumptions, StrategiesConfig, SurveyStrategy, UniverseConfig, VisitRule
 from cpic_planner.survey.universe import occurrence
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample

@@ -1,37 +1,364 @@
-"""A survey simulated in synthetic universes: what is visited, what is found, what it costs."""
+"""A survey simulated in synthetic universes: what is visited, what is found, what it costs.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+Visits for orbits come on top of the planned ones. What makes orbits known is above all to look again at stars that have
+shown a planet: visits in the first slots that are likely to show it make as many of them known as visits in the best
+ones, and take a quarter more time for it (two strategies, 2500 universes each).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from catalogs import KnownPlanetTable
-from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import StarLimits
-from cpic_planner.survey.alarms import faintest_by_way
-from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
-from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
-from cpic_planner.survey.history import StarHistory
+from cpic_planner.planets import (
+    OrbitQuality,
+    PublishedOrbit,
+    StarLimits,
+    astrometric_error_arcsec,
+    orbit_information,
+    orbit_quality,
+)
+from cpic_planner.results import columns_of
+from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
+from cpic_planner.survey.detection import (
+    ExpectedSignals,
+    Setting,
+    detection_chance,
+    expected_signals,
+    faintest_by_way,
+    on_detector,
+    reach_au,
+)
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
-from cpic_planner.survey.orbit_visits import due
-from cpic_planner.survey.orbits import Epoch, PublishedOrbits, found_orbits, logged_epochs
-from cpic_planner.survey.planning import albedos_of, dust_of
+from cpic_planner.survey.orbits import (
+    LEAST_EPOCHS,
+    LEAST_ODDS,
+    ROUNDING_DAYS,
+    PublishedOrbits,
+    next_window,
+    one_orbit,
+    told_of,
+)
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.tables import DETECTION_DTYPES, HOURS, ORBIT_DTYPES, PLANETS, OrbitRow, StarRow
 from cpic_planner.survey.universe import (
+    NEW,
     PlanetSample,
+    albedos_of,
     allowed_probability,
     at_known_place,
     chance,
     draw_planet_sample,
+    dust_of,
     poisson_quantile,
     star_mass_msun,
     uniform_draws,
 )
 from cpic_planner.targets import Targets
+from simulator.config import AlbedoSpec
+
+
+@dataclass(eq=False)
+class StarHistory:
+    """One star in all universes of a block: what each visit would show, and what visits have shown so far.
+
+    ``last_slot`` is that of its last planned visit, ``published`` what is published of the orbits of its known planets,
+    by their row. ``allowed`` tells which planets are there. The others are excluded by what is known of the star:
+    nothing stops or follows because of them, but ``counts`` has what the same visits would show of them, too.
+    """
+
+    planets: PlanetSample
+    allowed: BoolArray
+    shape: InitVar[tuple[int, int]]
+    left_h: float
+    hits: dict[int, BoolArray] = field(default_factory=dict)
+    seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
+    alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
+    epochs: list[Epoch] = field(default_factory=list)
+    ahead: dict[Setting, FloatArray] = field(default_factory=dict)
+    published: dict[int, PublishedOrbit] = field(default_factory=dict)
+    last_slot: int = -1
+    visits: int = 0
+
+    def __post_init__(self, shape: tuple[int, int]) -> None:
+        bands, n = shape
+        self.counts = np.zeros(len(self.planets), np.int64)
+        self.found = np.zeros(len(self.planets), bool)
+        self.shown = np.zeros((bands, len(self.planets)), bool)
+        self.reached = np.zeros((bands, len(self.planets)))
+        self.tried = np.zeros((bands, len(self.planets)), np.int64)
+        self.stopped = np.zeros(n, bool)
+        self.empty = np.zeros(n, np.int64)
+        self.hours = np.zeros(len(HOURS))
+        self.listed = self.planets.known != NEW
+        # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
+        self.confirmed = np.zeros(len(self.planets), bool)
+        self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
+        self.shown_day = np.zeros(n)
+        self.place = np.zeros((2, len(self.planets)))
+        # Visits for orbits: those made and the day of the last one, the way each planet was found, the slots that are
+        # to come, and what these were chosen by.
+        self.orbit_visits, self.orbit_day = np.zeros(n, np.int64), np.full(n, -np.inf)
+        self.way, self.chosen_by = np.full((2, len(self.planets)), -1)
+        self.orbit_slots: BoolArray | None = None
+
+    def universes_of(self, some: BoolArray | IntArray) -> BoolArray:
+        """Return the universes that have at least one of some planets."""
+        found = np.zeros(len(self.stopped), bool)
+        found[self.planets.universe[some]] = True
+        return found
+
+    def inside(self, survey: Survey, i: int, band: str, slot: int) -> BoolArray:
+        """Tell which planets a team expects in the dark hole: known ones by their orbit, others where they were.
+
+        Parameters
+        ----------
+        survey : Survey
+        i : int
+            Position of the star.
+        band : str
+        slot : int
+        """
+        now = self.planets.places(survey.calendar.day[i, [slot]])
+        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
+        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
+        separation, pa_deg = np.where(self.planets.known != NEW, by_orbit, self.place)
+        roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
+        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+
+    def show(self, day: float, band: str, some: IntArray, snr: FloatArray, shows: BoolArray) -> None:
+        """Note positions of some planets, where a visit shows them.
+
+        Parameters
+        ----------
+        day : float
+            After the start of the survey.
+        band : str
+        some : ndarray of int
+            Numbers of planets of the star.
+        snr : ndarray
+            Of each of them.
+        shows : ndarray of bool
+            Likewise.
+        """
+        light, shown = np.zeros(len(self.planets)), np.zeros(len(self.planets), bool)
+        light[some], shown[some] = snr, shows
+        self.epochs.append(Epoch(day, band, light, shown))
+
+
+ROUNDING_H = 1e-9
+
+
+@dataclass(eq=False)
+class Clock:
+    """Time of ``n`` universes, hours."""
+
+    left: FloatArray
+    slot: FloatArray
+    promised: FloatArray
+    search: FloatArray
+    follow: FloatArray
+    alarm: FloatArray
+    visits: IntArray
+
+    @classmethod
+    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
+        """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
+        return cls(
+            left=np.full(n, budget_h),
+            slot=np.zeros(n),
+            promised=np.full(n, promised_h),
+            search=np.zeros(n),
+            follow=np.zeros(n),
+            alarm=np.zeros(n),
+            visits=np.zeros(n, np.int64),
+        )
+
+    def affords(self, cost_h: float) -> BoolArray:
+        """Return the universes whose slot and budget hold a cost."""
+        return np.asarray((self.slot >= cost_h - ROUNDING_H) & (self.left >= cost_h - ROUNDING_H))
+
+    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Take the cost of one visit in the universes ``go`` from slot and budget, and note what it was spent on."""
+        for account in (self.left, self.slot):
+            account[go] -= cost_h
+        on[go] += cost_h
+        self.visits[go] += 1
+
+    @property
+    def used(self) -> FloatArray:
+        """Time of search, follow-up and false alarms so far."""
+        return self.search + self.follow + self.alarm
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyTables:
+    """The events in ``n`` universes; each field holds the columns of the table of its name."""
+
+    universes: dict[str, NDArray[Any]]
+    detections: dict[str, NDArray[Any]]
+    stars: dict[str, NDArray[Any]]
+    orbits: dict[str, NDArray[Any]]
+
+
+class Events:
+    """Detections and false alarms of ``n`` universes."""
+
+    def __init__(self, n: int) -> None:
+        self.noise_alarms = np.zeros(n, np.int64)
+        self.background_alarms = np.zeros(n, np.int64)
+        self._parts: list[dict[str, Any]] = []
+
+    def alarms(self, go: BoolArray, noise: IntArray, background: IntArray) -> None:
+        """Count the false alarms of a visit where it was made.
+
+        Parameters
+        ----------
+        go : ndarray of bool
+            Universes in which the visit is made, shape (n,).
+        noise : ndarray of int
+            False alarms by noise, shape (n,).
+        background : ndarray of int
+            False alarms by background stars, shape (n,).
+        """
+        self.noise_alarms[go] += noise[go]
+        self.background_alarms[go] += background[go]
+
+    def detections(
+        self,
+        planets: PlanetSample,
+        new: BoolArray,
+        visit: PlannedVisit,
+        seen: Mapping[str, FloatArray],
+        day: float,
+        used_h: FloatArray,
+    ) -> None:
+        """Note the planets that a visit adds.
+
+        Parameters
+        ----------
+        planets : PlanetSample
+        new : ndarray of bool
+            Which planets the visit adds.
+        visit : PlannedVisit
+        seen : mapping of str to ndarray
+            What the visit shows of each planet, by name.
+        day : float
+            Day of the visit after the epoch.
+        used_h : ndarray
+            Hours used so far in each universe.
+        """
+        given: dict[str, Any] = vars(planets) | vars(visit) | dict(seen)
+        given |= {"planet": planets.number, "known_row": planets.known, "day": day, "used_h": used_h[planets.universe]}
+        names = [name for name in DETECTION_DTYPES if name in given]
+        self._parts.append({name: np.broadcast_to(given[name], new.shape)[new] for name in names})
+
+    def columns(self, survey: Survey) -> dict[str, NDArray[Any]]:
+        """Return the columns of the table of detections, names instead of positions."""
+        joined: dict[str, NDArray[Any]] = {
+            name: np.concatenate([np.zeros(0), *(part[name] for part in self._parts)]).astype(dtype)
+            for name, dtype in DETECTION_DTYPES.items()
+            if name not in ("strategy", "band")
+        }
+        option, star = joined["option"], joined.pop("star")
+        joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
+        joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
+        return joined
+
+    @staticmethod
+    def counts(stars: Mapping[int, StarHistory], clock: Clock) -> dict[str, NDArray[Any]]:
+        """Return planets found, visits made and hours used in each universe."""
+        found: dict[str, NDArray[Any]] = {name: np.zeros(len(clock.left), np.int64) for name in PLANETS}
+        for star in stars.values():
+            for name, new in zip(PLANETS, (True, False), strict=True):
+                some = star.found & ((star.planets.known == NEW) == new)
+                np.add.at(found[name], star.planets.universe[some], 1)
+        return found | {"visits": clock.visits, "hours": clock.used}
+
+    def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
+        """Return the columns of the tables.
+
+        Parameters
+        ----------
+        survey : Survey
+        stars : mapping of int to StarHistory
+            By position among the candidates.
+        clock : Clock
+        block : int
+            Number of the block of universes.
+        """
+        n = len(clock.left)
+        rows, orbits = [], []
+        counted = (
+            "new_planets",
+            "new_planets_unconditional",
+            "known_planets",
+            "stars_with_planet",
+            "characterised_planets",
+            "orbits_known",
+            "confirmed_planets",
+        )
+        universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
+        for i, star in sorted(stars.items()):
+            fresh = star.planets.known == NEW
+            shown = star.counts >= survey.strategy.detection.visits_needed
+            found = {"new_planets": star.found & fresh, "new_planets_unconditional": shown & fresh}
+            found["known_planets"] = star.found & ~fresh
+            own = found_orbits(survey, i, star, star.found)
+            orbits.append(_orbit_columns(own, star.planets, str(survey.targets.name[i])))
+            found["orbits_known"] = np.isin(np.arange(len(star.planets)), own.planet[own.known])
+            numbers = [int(some.sum()) for some in found.values()]
+            rows.append((str(survey.targets.name[i]), block, n, star.visits, *star.hours, *numbers))
+            found["confirmed_planets"] = star.found & star.confirmed
+            if survey.strategy.follow_up.wanted:
+                found["characterised_planets"] = star.found & star.shown.all(axis=0)
+            for name, some in found.items():
+                np.add.at(universes[name], star.planets.universe[some], 1)
+            universes["stars_with_planet"] += star.universes_of(star.found)
+        universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
+        universes |= {"visits": clock.visits, "search_h": clock.search, "follow_up_h": clock.follow}
+        universes["alarm_h"] = clock.alarm
+        per_star = {
+            item.name: np.array([row[k] for row in rows], object if item.dtype == "string" else item.dtype)
+            for k, item in enumerate(columns_of(StarRow)[1:])
+        }
+        nothing = {item.name: np.zeros(0, ORBIT_DTYPES[item.name]) for item in columns_of(OrbitRow)[1:]}
+        joined = {name: np.concatenate([empty, *(own[name] for own in orbits)]) for name, empty in nothing.items()}
+        return SurveyTables(universes, self.columns(survey), per_star, joined)
+
+
+def _orbit_columns(orbits: FoundOrbits, planets: PlanetSample, star: str) -> dict[str, NDArray[Any]]:
+    """Return the columns of the table of orbits for one star."""
+    mine = planets.select(orbits.planet)
+    given = vars(orbits.quality) | vars(orbits) | {"universe": mine.universe, "planet": mine.number}
+    given |= {"star": np.full(len(mine), star, object), "orbit_known": orbits.known}
+    return {item.name: given[item.name] for item in columns_of(OrbitRow)[1:]}
+
+
+def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
+    """Return the columns of all tables of one block, universes by their number in the survey."""
+    n = len(tables.universes["visits"])
+    found = tables.detections["universe"]
+    columns = {
+        "universes": tables.universes | {"universe": first_universe + np.arange(n)},
+        "detections": tables.detections | {"universe": first_universe + found},
+        "stars": tables.stars,
+        "orbits": tables.orbits | {"universe": first_universe + tables.orbits["universe"]},
+    }
+    lengths = n, len(found), len(tables.stars["star"]), len(tables.orbits["star"])
+    return {
+        name: own | {"strategy": np.full(length, strategy, object)}
+        for (name, own), length in zip(columns.items(), lengths, strict=True)
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +453,7 @@ def count_block(
     return {name: values.tolist() for name, values in run.log.counts(run.stars, run.clock).items()}
 
 
-def _played(survey: Survey, block: int, n: int, seed: int) -> "_Simulation":
+def _played(survey: Survey, block: int, n: int, seed: int) -> _Simulation:
     """Return a survey after its last slot."""
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
@@ -392,3 +719,353 @@ class _Simulation:
             enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
             star.shown[f, mine[enough]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
+
+
+class Epoch(NamedTuple):
+    """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
+
+    day: float
+    band: str
+    snr: FloatArray
+    shown: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class FoundOrbits:
+    """Orbits of some planets of a star, arrays of one length.
+
+    Attributes
+    ----------
+    planet : ndarray of int
+        Position of the planet among those of the star.
+    quality : OrbitQuality
+        From its positions so far.
+    next_day : ndarray
+        Of the next window of the star, after the start of the survey.
+    place_error_lambda_d : ndarray
+        Error of the place there, in lambda/D of the last band that showed the planet.
+    known : ndarray of bool
+        Whether the orbit is known by the rule of the strategy (`cpic_planner.survey.strategy.OrbitRule`).
+    """
+
+    planet: IntArray
+    quality: OrbitQuality
+    next_day: FloatArray
+    place_error_lambda_d: FloatArray
+    known: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions of planets of a star and what was published of their orbits; arrays over ``n`` planets.
+
+    Attributes
+    ----------
+    day : ndarray, shape (n, t)
+        After the start of the survey, in the order of time.
+    error_arcsec : ndarray, shape (n, t)
+        On each axis; inf where there is no position.
+    width_arcsec : ndarray, shape (n,)
+        lambda/D of the last band that showed the planet.
+    published : ndarray, shape (n, 7, 7)
+        As of `cpic_planner.planets.orbit_quality`.
+    period_error : ndarray, shape (n,)
+        Relative, as published; inf where it is not.
+    placed : ndarray of bool, shape (n,)
+        Planets whose published orbit has node and inclination.
+    """
+
+    day: FloatArray
+    error_arcsec: FloatArray
+    width_arcsec: FloatArray
+    published: FloatArray
+    period_error: FloatArray
+    placed: BoolArray
+
+    @property
+    def last_day(self) -> FloatArray:
+        """Day of the last position; -inf where there is none."""
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf))
+
+    @property
+    def first_day(self) -> FloatArray:
+        """Day of the first position; inf where there is none."""
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, np.inf).min(axis=1, initial=np.inf))
+
+    def enough(self, epochs: IntArray, arc_periods: FloatArray) -> BoolArray:
+        """Tell whether so many positions over such an arc, shape (n,) or (n, t), allow one orbit only.
+
+        Parameters
+        ----------
+        epochs : ndarray of int, shape (n,)
+        arc_periods : ndarray
+        """
+        shape = (-1,) + (1,) * (arc_periods.ndim - 1)
+        told = self.placed.reshape(shape), self.period_error.reshape(shape)
+        return one_orbit(epochs.reshape(shape), arc_periods, *told)
+
+
+def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
+    """Return the positions of some planets of a star.
+
+    Parameters
+    ----------
+    survey : Survey
+    star : StarHistory
+    rows : ndarray of int
+        Numbers of the planets among those of the star.
+
+    Notes
+    -----
+    Positions are those of the visits that detect the planet, follow-up and the observation log included, with errors of
+    `cpic_planner.planets.astrometric_error_arcsec` for the SNR there.
+    """
+    rule, planets = survey.strategy.orbit, star.planets.select(rows)
+    shape = len(star.epochs), len(star.planets)
+    shown = np.array([epoch.shown for epoch in star.epochs], bool).reshape(shape).T[rows]
+    snr = np.array([epoch.snr for epoch in star.epochs], float).reshape(shape).T[rows]
+    day = np.broadcast_to(np.array([epoch.day for epoch in star.epochs], float), shown.shape)
+    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs], float)
+    errors = np.full(shown.shape, np.inf)
+    errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
+    last = [np.flatnonzero(mine)[-1] if mine.any() else -1 for mine in shown]
+    width = np.array([widths[k] if k >= 0 else np.nan for k in last], float)
+    told = told_of(planets, star.published, rule.star_mass_error)
+    return Positions(day, errors, width, *told, at_known_place(planets, survey.known))
+
+
+def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> FoundOrbits:
+    """Return the orbits of planets of a star that several visits have shown.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    some : ndarray of bool
+        Planets that are asked for; those with fewer positions than `LEAST_EPOCHS` are left out.
+
+    Notes
+    -----
+    Positions are those of `positions_of`, the next window is that of `next_window`. A planet of the table of known
+    planets begins with what was published of its orbit.
+    """
+    rule = survey.strategy.orbit
+    epochs = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64) * np.ones(len(some), np.int64)
+    placed = at_known_place(star.planets, survey.known)
+    rows = np.flatnonzero(some & (epochs >= np.where(placed, 1, LEAST_EPOCHS)))
+    planets, seen = star.planets.select(rows), positions_of(survey, star, rows)
+    later = next_window(survey.calendar, i, seen.last_day, survey.strategy.revisits.min_gap_days)
+    quality = orbit_quality(
+        planets,
+        planets.period_days,
+        float(survey.targets.distance_pc[i]),
+        seen.day,
+        seen.error_arcsec,
+        later,
+        star_mass_error=rule.star_mass_error,
+        published=seen.published,
+    )
+    place = quality.place_error_arcsec / seen.width_arcsec
+    known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
+    return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
+
+
+def logged_epochs(
+    survey: Survey,
+    i: int,
+    planets: PlanetSample,
+    some: BoolArray,
+    albedos: tuple[AlbedoSpec, ...],
+    zodis: FloatArray | None,
+) -> list[Epoch]:
+    """Return what the visits of the observation log have shown of planets of a star.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    planets : PlanetSample
+    some : ndarray of bool
+        Planets that are there.
+    albedos, zodis
+        As of `cpic_planner.survey.detection.expected_signals`.
+
+    Notes
+    -----
+    The log says how many planets a visit showed, not which. They are taken as those of the universe that it most likely
+    detected, where that was at least as likely as not; the others of the visit are planets that the universe does not
+    have. What one visit shows of a new planet is in the log, and no planet of the universe, unless a detection takes
+    several visits (`cpic_planner.survey.observed.missed`): then new planets of the universe have positions, too.
+    """
+    log, rule, star = survey.log, survey.strategy.detection, survey.targets.select([i])
+    done = () if log is None else log.of(str(star.name[0]))
+    able = some & ((planets.known != NEW) | (rule.visits_needed > 1))
+    found = []
+    for visit in done:
+        if not (visit.planets and able.any()):
+            continue
+        day = visit.mjd - survey.calendar.start_mjd
+        roll = visit.roll_deg
+        if math.isnan(roll):
+            roll = float(sun_position_angle_deg(star, np.array([[visit.mjd]]))[0, 0])
+        seen = expected_signals(
+            survey.model, star, visit.setting, planets, albedos, planets.places([day]), [roll], zodis
+        )
+        placed = at_known_place(planets, survey.known)
+        odds = np.where(able, detection_chance(seen, rule, placed, calibration=rule.calibration)[0], 0.0)
+        # Number of each planet among those of its universe, the surest first.
+        order = np.lexsort((-odds, planets.universe))
+        _, begins, counts = np.unique(planets.universe[order], return_index=True, return_counts=True)
+        place = np.empty(len(planets), np.int64)
+        place[order] = np.arange(len(planets)) - np.repeat(begins, counts)
+        found.append(Epoch(day, visit.setting.band, seen.snr[0], (odds >= 0.5) & (place < visit.planets)))
+    return found
+
+
+_MANY = 10_000
+
+
+def due(
+    survey: Survey, i: int, star: StarHistory, mine: IntArray, setting: Setting, slot: int, ahead: FloatArray
+) -> IntArray:
+    """Return the planets of a star whose orbits ask for a visit in a slot.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    mine : ndarray of int
+        Planets that were found with the setting, and confirmed where the strategy asks for it.
+    setting : Setting
+    slot : int
+    ahead : ndarray, shape (2, b, n)
+        Odds and SNR of a visit in every slot for all planets of the star.
+
+    Notes
+    -----
+    The slots of a planet are chosen (`best_slots`) when it is first asked for, and again whenever it has another
+    position or another visit was made for it.
+    """
+    if star.orbit_slots is None:
+        star.orbit_slots = np.zeros((survey.calendar.n_slots, len(star.planets)), bool)
+    shown = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64)
+    state = shown + _MANY * star.orbit_visits[star.planets.universe]
+    stale = mine[star.chosen_by[mine] != state[mine]]
+    if stale.size:
+        star.chosen_by[stale] = state[stale]
+        star.orbit_slots[:, stale] = False
+        asked = np.isin(np.arange(len(state)), stale)
+        orbits = found_orbits(survey, i, star, asked)
+        asked[orbits.planet[orbits.known]] = False
+        asked &= star.orbit_visits[star.planets.universe] < survey.strategy.orbit.visits
+        if (open_ := np.flatnonzero(asked)).size:
+            star.orbit_slots[:, open_] = best_slots(survey, i, star, open_, setting, slot, ahead[:, :, open_])
+    return np.asarray(mine[star.orbit_slots[slot, mine]])
+
+
+def best_slots(
+    survey: Survey, i: int, star: StarHistory, rows: IntArray, setting: Setting, slot: int, ahead: FloatArray
+) -> BoolArray:
+    """Return the slots in which visits are expected to make orbits known, one after the other, shape (b, n).
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    rows : ndarray of int
+        ``n`` planets.
+    setting : Setting
+    slot : int
+        First slot in which a visit may be.
+    ahead : ndarray, shape (2, b, n)
+        Odds and SNR of a visit in every slot.
+
+    Notes
+    -----
+    Fisher matrices of positions add. Slot after slot is taken in which one more position is expected to shrink the
+    covariance ``C`` of the elements most: its logarithmic volume falls by ``ln det(1 + J C J^T / s^2)`` with the odds
+    of a detection, with ``J`` the derivatives of the position by the elements and ``s`` its error (the design of least
+    volume, one point at a time: Fedorov 1972, Theory of Optimal Experiments; expected information as of Lindley 1956,
+    Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Where slots meet the rule of the strategy after that
+    position, with as many positions as one orbit asks for, the choice is among these, and ends. Only slots with odds of
+    at least `LEAST_ODDS` are taken; those of one planet keep ``revisits.min_gap_days``. A planet that ``orbit.visits``
+    visits do not bring there even if each shows it has none. Elements, odds and SNR are those of the true orbit, as if
+    it were already about known, which it is only roughly after the two positions that a confirmed planet has.
+    """
+    rule, gap = survey.strategy.orbit, survey.strategy.revisits.min_gap_days - ROUNDING_DAYS
+    calendar, planets, n = survey.calendar, star.planets.select(rows), len(rows)
+    cost = calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)
+    slots = slot + np.flatnonzero((cost <= survey.strategy.slot_share * calendar.slot_h)[slot:])
+    found = np.zeros((calendar.n_slots, n), bool)
+    if not slots.size:
+        return found
+    odds, snr = ahead[:, slots].transpose(0, 2, 1)
+    seen = positions_of(survey, star, rows)
+    distance = float(survey.targets.distance_pc[i])
+    known = orbit_information(
+        planets,
+        planets.period_days,
+        distance,
+        seen.day,
+        seen.error_arcsec,
+        star_mass_error=rule.star_mass_error,
+        published=seen.published,
+    )
+    days = np.broadcast_to(calendar.day[i, slots], odds.shape)
+    width = survey.model.metrics[setting.band].lambda_d_arcsec
+    weight = np.zeros(odds.shape)
+    likely = (odds >= LEAST_ODDS) & (snr > 0.0)
+    weight[likely] = astrometric_error_arcsec(snr[likely], width, rule.floor_mas) ** -2.0
+    slopes = known.slopes(days)
+    first, last = seen.first_day, seen.last_day
+    free = likely & (days >= np.maximum(last, star.orbit_day[planets.universe])[:, None] + gap)
+    epochs, every = np.isfinite(seen.error_arcsec).sum(axis=1), np.arange(n)
+    left = rule.visits - star.orbit_visits[planets.universe]
+    matrix, made, done = known.matrix, np.zeros(odds.shape, bool), np.zeros(n, bool)
+    for step in range(int(left.max(initial=0))):
+        spread = np.asarray(np.linalg.inv(matrix), np.float64)
+        ends = np.maximum(days, last[:, None])
+        ahead_of = known.slopes(next_window(calendar, i, ends, survey.strategy.revisits.min_gap_days))
+        volume, axis, place = _after(spread, slopes, weight, ahead_of)
+        arcs = (ends - np.minimum(days, first[:, None])) / planets.period_days[:, None]
+        meets = (axis <= rule.axis_error) & (place <= rule.place_error_lambda_d * width) & free
+        meets &= seen.enough(epochs + 1, arcs)
+        gain = np.where(free & (meets | ~meets.any(axis=1, keepdims=True)), odds * volume, 0.0)
+        best = gain.argmax(axis=1)
+        adds = (gain[every, best] > 0.0) & (step < left) & ~done
+        if not adds.any():
+            break
+        own, day = slopes[every, :, best], days[every, best]
+        matrix = matrix + np.einsum("ncj,n,nck->njk", own, weight[every, best] * adds, own)
+        free &= ~adds[:, None] | (np.abs(days - day[:, None]) >= gap)
+        made[every[adds], best[adds]] = True
+        epochs = epochs + adds
+        first, last = np.where(adds, np.minimum(first, day), first), np.where(adds, np.maximum(last, day), last)
+        done |= adds & meets[every, best]
+    found[slots] = (made & done[:, None]).T
+    return found
+
+
+def _after(
+    covariance: FloatArray, slopes: FloatArray, weight: FloatArray, later: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what one more position at each of some epochs does to orbits, each of shape (n, t).
+
+    Returns the fall of the logarithmic volume of the elements' errors, the relative error of the axis, and that of the
+    place at a later date, arcsec; ``slopes`` and ``later`` are derivatives of both, shape (n, 2, t, 7).
+    """
+    toward = np.einsum("nctj,njk->ntck", slopes, covariance)
+    inner = np.eye(2) + weight[:, :, None, None] * np.einsum("ntck,ndtk->ntcd", toward, slopes)
+    shrink = weight[:, :, None, None] * np.linalg.inv(inner)
+    axis = covariance[:, None, 0, 0] - np.einsum("ntc,ntcd,ntd->nt", toward[..., 0], shrink, toward[..., 0])
+    cross = np.einsum("netk,ntck->ntec", later, toward)
+    place = np.einsum("netj,njk,netk->nt", later, covariance, later)
+    place = place - np.einsum("ntec,ntcd,nted->nt", cross, shrink, cross)
+    return np.log(np.linalg.det(inner)), np.sqrt(np.maximum(axis, 0.0)), np.sqrt(np.maximum(place, 0.0))

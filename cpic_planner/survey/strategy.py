@@ -1,17 +1,49 @@
-"""A survey strategy as frozen configuration: targets, visits, revisits, detection and stop rules."""
+"""Survey strategies as frozen configuration, as people write them in a YAML file, and with values that are varied.
 
-from collections.abc import Mapping
+What a strategy leaves out is that of ``defaults``, and what these leave out that of the preset ``default``.
+"""
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
-from cpic_core import FloatArray, InputError
+from catalogs import split_source
+from cpic_core import FloatArray, InputError, Provenance, by_line, is_file, load_yaml, split_sourced
 from cpic_planner.etc import LAW_ERROR
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
-from cpic_planner.queries import Strategy as Reduction, read_value
-from cpic_planner.results import VariedSetting
-from simulator.config import FrozenModel, Real, Sourced, validate
+from cpic_planner.queries import (
+    Strategy as Reduction,
+    UniverseSettings,
+    Written,
+    changed_instrument,
+    get,
+    keys_of,
+    put,
+    read_value,
+    scaled,
+    two_spellings,
+    with_unit,
+)
+from cpic_planner.results import SettingSource, VariedSetting
+from simulator.config import (
+    FrozenModel,
+    Instrument,
+    Real,
+    Sourced,
+    deep_merge,
+    nearest,
+    preset_path,
+    preset_tree,
+    unit_of,
+    validate,
+)
+from simulator.config.scene import paths_beside
 
 
 def _listed(value: Any) -> Any:
@@ -262,11 +294,11 @@ class OrbitRule(FrozenModel):
     ``visits`` is the most visits of one star that the survey adds for the orbits of the planets found there; with 0, as
     by default, none. They are made with the frames that found the planet, in the slots in which positions are expected
     to determine the orbit best, the fewest that are expected to make it known
-    (`cpic_planner.survey.orbit_visits.best_slots`), and come before planned visits.
+    (`cpic_planner.survey.simulate.best_slots`), and come before planned visits.
 
     ``value`` is what a known orbit is worth to the scheduler beside the detection of its planet, in units of that: a
     visit counts so much more for each planet that it is likely to detect early enough for its orbit, by the positions
-    of visits to come (`cpic_planner.survey.orbit_visits.orbit_chance`). With 0 schedules are made for detections alone.
+    of visits to come (`cpic_planner.survey.orbits.orbit_chance`). With 0 schedules are made for detections alone.
     """
 
     axis_error: Annotated[Real, Field(gt=0, le=10)] = 0.2
@@ -315,7 +347,7 @@ class SurveyStrategy(FrozenModel, Sourced):
         Telescope time, slews, settling and occultations included.
     share_of_time : float, optional
         The same as a fraction of the length of the survey, which gives the hours where strategies are loaded
-        (`cpic_planner.survey.strategy_file`).
+        (`cpic_planner.survey.strategy`).
     reduction : Strategy
         How an observation is made and reduced. It is a programme of ``reduction.visits`` visits, one unless given, all
         in one slot of the calendar, each with its own settlings; what survey words call a visit is all of it.
@@ -371,3 +403,508 @@ class SurveyStrategy(FrozenModel, Sourced):
         if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
             raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
         return self
+
+
+PACKAGE = "cpic_planner"
+MAX_STRATEGIES = 200
+FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
+"""What a survey names by preset or file."""
+SHARES = (
+    "slot_share is the most of any one slot of the calendar that the coronagraph may take, and was called share "
+    "before; share_of_time is all its telescope time over the length of the survey, 0.05 for 5 %"
+)
+"""What tells the two shares of a strategy apart."""
+_BUDGETS = ("time_budget_h", "share_of_time")
+_OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
+
+
+class UniverseConfig(UniverseSettings, Sourced):
+    """The settings that strategies share, as their file says them.
+
+    Attributes
+    ----------
+    start_utc : str
+        Start of the survey.
+    date_utc : str
+        Date of the places of stars and their companions in all visits; the start where it is not given.
+    duration_days, slot_days : float
+        Length of the survey, and step of its calendar.
+    instrument, visibility, catalog, known_planets : str
+        Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
+        them out.
+    changes : tuple of str
+        What is changed of the instrument for all strategies, ``KEY=VALUE`` as `cpic_planner.queries.changes` reads it.
+    candidates : bool
+        Whether candidates count among the known planets.
+    exclusions : tuple of {"rv", "stability", "known_giants"}
+        What excludes planets of the population (`cpic_planner.planets.allowed`); ``none``: nothing.
+    observed : str
+        Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
+    facts : bool
+        Whether strategies are planned and played again without each fact that is known
+        (`cpic_planner.survey.outcome`).
+    background : {"off", "on"}
+        Whether background stars make false alarms.
+    universes : int
+        Synthetic universes; at least 2, or no interval is defined.
+    seed : int
+    """
+
+    @property
+    def n_slots(self) -> int:
+        """Slots of the calendar; the last one may be shorter."""
+        return max(1, int(-(-self.duration_days // self.slot_days)))
+
+    def made_instrument(self) -> Instrument:
+        """Return the instrument with what is changed of it."""
+        return changed_instrument(self.instrument, self.changes)
+
+    @model_validator(mode="after")
+    def _slots(self) -> "UniverseConfig":
+        if self.slot_days > self.duration_days:
+            allowed = f"at most duration_days, {self.duration_days:g}"
+            raise InputError("slot_days", self.slot_days, unit="d", allowed=allowed)
+        return self
+
+
+class DoubtRule(FrozenModel):
+    """A number that nobody knows before launch: strategies are planned for each of its values, and played under each.
+
+    Attributes
+    ----------
+    key : str
+        What is assumed of the instrument or of the planets, dotted or short: drift, throughput, exozodi, contrast,
+        population.
+    values : tuple of str
+        What it may be, as ``--vary`` takes them: with a unit, or with an x.
+    weights : tuple of float, optional
+        How likely each of them is, in any unit; not given: by the law of the default ensemble, if it has one of the
+        number, else all the same.
+    quantity : {"planets", "new_planets"}
+        What the choice is made by.
+    """
+
+    key: Annotated[str, Field(min_length=1)]
+    values: Annotated[
+        tuple[
+            Annotated[str, BeforeValidator(lambda value: f"{value:g}" if isinstance(value, float) else str(value))], ...
+        ],
+        Field(min_length=2),
+    ]
+    weights: tuple[Annotated[Real, Field(ge=0)], ...] | None = None
+    quantity: Literal["planets", "new_planets"] = "planets"
+
+    @classmethod
+    def of(cls, text: str) -> "DoubtRule":
+        """Return the rule of ``KEY=VALUE,VALUE...``."""
+        key, _, listed = text.partition("=")
+        values = [item.strip() for item in listed.split(",")]
+        if not key.strip() or len(values) < 2 or not all(values):
+            raise InputError("--doubt", text, allowed="KEY=VALUE,VALUE..., as drift=0.02nm,0.1nm")
+        return cls(key=key.strip(), values=tuple(values))
+
+    @property
+    def text(self) -> str:
+        """The rule as ``--doubt`` takes it."""
+        return f"{self.key}={','.join(self.values)}"
+
+    @model_validator(mode="after")
+    def _weighed(self) -> "DoubtRule":
+        if self.weights is not None and (len(self.weights) != len(self.values) or not sum(self.weights) > 0.0):
+            raise InputError("doubt.weights", list(self.weights), allowed=f"{len(self.values)} numbers, one above 0")
+        return self
+
+
+class StrategiesConfig(FrozenModel):
+    """Strategies to compare; the first one is what the others are compared with."""
+
+    name: str = ""
+    description: str = ""
+    universe: UniverseConfig = UniverseConfig()
+    doubt: DoubtRule | None = None
+    strategies: Annotated[tuple[SurveyStrategy, ...], Field(min_length=1, max_length=MAX_STRATEGIES)]
+
+    @model_validator(mode="after")
+    def _named(self) -> "StrategiesConfig":
+        names = [item.name for item in self.strategies]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError("strategies.name", name, allowed="each name once")
+        return self
+
+
+@by_line
+def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -> StrategiesConfig:
+    """Load strategies.
+
+    Parameters
+    ----------
+    source : mapping, str or Path
+        Preset name, YAML path, or mapping with ``universe``, ``doubt``, ``defaults`` and ``strategies``, or one
+        strategy alone.
+        What a strategy leaves out is that of ``defaults``, and what these leave out that of the preset ``default``.
+
+    Returns
+    -------
+    StrategiesConfig
+
+    Raises
+    ------
+    InputError
+        Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from cpic_planner.survey.strategy import load_strategies
+    >>> [item.name for item in load_strategies("survey_default").strategies][:2]
+    ['single_visit', 'multi_band']
+    """
+    tree, folder = preset_tree(
+        "strategies", source, package=PACKAGE, kinds=("strategy",), keys=(*SurveyStrategy.model_fields, *_OF_SURVEY)
+    )
+    tree = tree if folder is None else _beside(paths_beside(tree, folder), folder)
+    values, _ = split_sourced(tree)
+    kind = values.pop("kind", "strategies")
+    if kind == "strategy" or "strategies" not in values:
+        shared = {key: values.pop(key) for key in ("universe", "doubt", "defaults") if key in values}
+        values = {"name": values.get("name", "")} | shared | {"strategies": [values]}
+    path = preset_path("strategy", "default", package=PACKAGE)
+    assert path is not None
+    default = {key: item for key, item in load_yaml(path).items() if key != "kind"}
+    own = values.pop("defaults", {})
+    if not isinstance(own, Mapping):
+        raise InputError("strategies.defaults", own, allowed="a mapping of keys to values")
+    listed = values["strategies"]
+    if not isinstance(listed, list | tuple) or not all(isinstance(item, Mapping) for item in listed):
+        raise InputError("strategies.strategies", listed, allowed="a list of mappings")
+    base = _laid(split_sourced(default)[0], own)
+    base = {key: item for key, item in base.items() if key not in ("name", "description")}
+    values["strategies"] = [_laid(base, item) for item in listed]
+    config = validate(StrategiesConfig, values, where="strategies")
+    config.universe._provenance.update(_sourced(tree.get("universe", {})))
+    written = tree.get("strategies") or [{key: item for key, item in tree.items() if key not in _OF_SURVEY}]
+    for strategy, layer in zip(config.strategies, written, strict=True):
+        strategy._provenance.update(_sourced(default, tree.get("defaults", {}), layer))
+    return budgeted(config)
+
+
+def _laid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a layer of a strategy over another; its budget, in hours or as a share, replaces that of the other.
+
+    Raises
+    ------
+    InputError
+        If the layer above gives both, or ``share``, which could be either of two.
+    """
+    if "share" in above:
+        raise InputError("strategies.share", above["share"], allowed="slot_share or share_of_time", hint=SHARES)
+    given = [key for key in _BUDGETS if above.get(key) is not None]
+    if len(given) > 1:
+        both = f"given with {given[0]} {above[given[0]]}"
+        raise InputError(f"strategies.{given[1]}", both, allowed="one of the two: each is the whole telescope time")
+    kept = {key: value for key, value in below.items() if not (given and key in _BUDGETS)}
+    return deep_merge(kept, above)
+
+
+def budgeted(config: StrategiesConfig) -> StrategiesConfig:
+    """Return the same strategies, with the hours of those that state a share of the length of the survey."""
+    length_h, made = 24.0 * config.universe.duration_days, []
+    for item in config.strategies:
+        made.append(item)
+        if item.share_of_time is not None:
+            made[-1] = item.model_copy(update={"time_budget_h": item.share_of_time * length_h})
+            made[-1]._provenance = {key: said for key, said in item.provenance.items() if key != "time_budget_h"}
+    return config.model_copy(update={"strategies": tuple(made)})
+
+
+def _sourced(*layers: Any) -> dict[str, Provenance]:
+    """Return the sources of the values that are left when trees are laid over each other."""
+    found: dict[str, Provenance] = {}
+    for layer in layers:
+        values, provenance = split_sourced(layer)
+        found = {key: item for key, item in found.items() if not _holds(values, key)} | provenance
+    return found
+
+
+def _holds(tree: Any, key: str) -> bool:
+    """Return whether a tree says what a dotted key is, or what one above it is."""
+    head, _, rest = key.partition(".")
+    if not isinstance(tree, Mapping):
+        return True
+    return head in tree and (not rest or _holds(tree[head], rest))
+
+
+def _beside(tree: Any, folder: Path) -> Any:
+    """Return the files of the survey and of populations that exist beside the strategies' file, made whole."""
+    if isinstance(tree, list):
+        return [_beside(item, folder) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    found = {key: _beside(item, folder) for key, item in tree.items()}
+    for key, item in tree.items():
+        if key in (*FILES, "population") and isinstance(item, str):
+            name = split_source(item)[1] if key == "known_planets" else item
+            if name and is_file(folder / name):
+                found[key] = f"{item.removesuffix(name)}{folder / name}"
+    return found
+
+
+def with_universe(
+    config: StrategiesConfig, given: Mapping[str, Any], share_of_time: float | None = None
+) -> StrategiesConfig:
+    """Return the same strategies over another calendar, catalogue, number of universes, or telescope time.
+
+    A survey that is shorter than a slot has one slot. ``share_of_time`` is that of all strategies; a share that is
+    kept means more or fewer hours where the survey gets another length.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, or a value that it cannot have.
+    """
+    if share_of_time is not None:
+        given_share = {"share_of_time": share_of_time}
+        strategies = tuple(item.model_copy(update=given_share) for item in config.strategies)
+        config = budgeted(config.model_copy(update={"strategies": strategies}))
+        for item in config.strategies:
+            item._provenance.pop("share_of_time", None)
+    if not given:
+        return config
+    tree = config.universe.model_dump() | dict(given)
+    length = given.get("duration_days")
+    if "slot_days" not in given and isinstance(length, int | float):
+        tree["slot_days"] = min(tree["slot_days"], float(length))
+    universe = validate(UniverseConfig, tree, where="universe")
+    if universe.changes:
+        universe.made_instrument()  # refuses what the instrument cannot have before anything is worked out
+    old = config.universe
+    kept = {key: item for key, item in old.provenance.items() if getattr(universe, key) == getattr(old, key)}
+    universe._provenance.update(kept)
+    return budgeted(config.model_copy(update={"universe": universe}))
+
+
+def with_doubt(config: StrategiesConfig, text: str | None) -> StrategiesConfig:
+    """Return the same strategies with a number that is not known, ``KEY=VALUE,VALUE...``; unchanged without one.
+
+    Raises
+    ------
+    InputError
+        For anything else.
+    """
+    return config if text is None else config.model_copy(update={"doubt": DoubtRule.of(text)})
+
+
+def with_exact_calendars(config: StrategiesConfig) -> StrategiesConfig:
+    """Return the same strategies, whose calendars are searched for much longer."""
+    exact = [
+        item.model_copy(update={"scheduler": item.scheduler.model_copy(update={"method": "exact"})})
+        for item in config.strategies
+    ]
+    return config.model_copy(update={"strategies": tuple(exact)})
+
+
+def sources_of(config: StrategiesConfig) -> list[SettingSource]:
+    """Return the sources of the numbers of all strategies and of what they share, equal ones once."""
+    names, settings = [item.name for item in config.strategies], config.universe.model_dump(mode="json")
+    shared = [
+        SettingSource.of(item, key=f"universe.{key}", value=settings[key], strategies=names)
+        for key, item in config.universe.provenance.items()
+    ]
+    found: dict[tuple[str, str, Provenance], SettingSource] = {}
+    for strategy in config.strategies:
+        tree = strategy.model_dump(mode="json")
+        for key, item in strategy.provenance.items():
+            value = get(tree, key)
+            own = SettingSource.of(item, key=key, value=value, strategies=[])
+            found.setdefault((key, repr(value), item), own).strategies.append(strategy.name)
+    return [*shared, *found.values()]
+
+
+SHORT_NAMES = {
+    "contrast": "assumptions.contrast",
+    "drift": "assumptions.drift",
+    "throughput": "assumptions.throughput",
+    "exozodi": "assumptions.exozodi",
+    "budget_h": "time_budget_h",
+    "time_s": "visit.time_s",
+    "max_visits": "revisits.max_visits",
+    "max_targets": "targets.max_targets",
+    "rule": "detection.rule",
+    "library": "reduction.library",
+}
+"""Short names of keys of a strategy."""
+_DRIFT, _THROUGHPUT, _EXOZODI = "assumptions.drift", "assumptions.throughput", "assumptions.exozodi"
+_UNITS = {_DRIFT: "nm", _THROUGHPUT: "", _EXOZODI: "zodi"}
+"""Units of keys whose names do not end in them: they take a unit or an x."""
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """One ``--vary``: the option, the key, its name as it was written, and its values."""
+
+    option: str
+    key: str
+    name: str
+    values: tuple[Written, ...]
+
+    @property
+    def where(self) -> str:
+        """The key in refusals."""
+        return f"{self.option} {self.name}"
+
+    def setting(self, text: str, value: Any, unit: str, meaning: str) -> VariedSetting:
+        """Return one of its values as results tell it."""
+        return VariedSetting(name=self.name, key=self.key, text=text, value=value, unit=unit, meaning=meaning)
+
+
+def varied(
+    config: StrategiesConfig, sweeps: Sequence[str], *, facts: bool = False, option: str = "--vary"
+) -> StrategiesConfig:
+    """Return every strategy with every combination of values of some keys.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+    sweeps : sequence of str
+        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one (`SHORT_NAMES`). A value is a number
+        with a unit (``time_s=1h``), a factor on the strategy's own value (``budget_h=x0.5``), a number alone where the
+        key ends in its unit or the quantity has none, a word, or a list as ``[A,B]``. ``drift``, ``throughput`` and
+        ``exozodi`` need a unit or an x, and their factors are on the numbers of the instrument: ``drift=x2`` doubles
+        the offset of a visit and the walk within it; ``drift=0.1nm`` makes the offset 0.1 nm and scales the walk in the
+        same ratio.
+    facts : bool
+        Whether every variant is also compared without each fact that is known, which takes several times as long.
+    option : str
+        What refusals call the values.
+
+    Returns
+    -------
+    StrategiesConfig
+        Strategies are named ``NAME KEY=VALUE`` with the unit or the x; the first one comes first for all values.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, a value that it cannot have, and a number that could be a value or a factor.
+    """
+    parsed = [_sweep(text, config, option) for text in sweeps]
+    keys = [item.key for item in parsed]
+    for item in parsed:
+        if keys.count(item.key) > 1:
+            raise InputError(option, item.key, allowed="each key once")
+    if {"time_budget_h", "share_of_time"} <= set(keys):
+        raise InputError(option, "budget_h and share_of_time", allowed="one of the two: each is all telescope time")
+    instrument = config.universe.made_instrument() if set(keys) & set(_UNITS) else None
+    made = []
+    for strategy in config.strategies:
+        tree = strategy.model_dump(mode="python")
+        every = [[_setting(item, value, tree, strategy, instrument) for value in item.values] for item in parsed]
+        for item, settings in zip(parsed, every, strict=True):
+            _check_differ(item, settings)
+        for chosen in itertools.product(*every):
+            own = tree | ({"share_of_time": None} if "time_budget_h" in keys else {})
+            for setting, value in chosen:
+                own = put(own, setting.key, value)
+            given = tuple(setting for setting, _ in chosen)
+            label = " ".join(setting.label for setting in given)
+            about = f"{strategy.description}; here with {label}" if strategy.description else ""
+            named = {"name": f"{strategy.name} {label}", "description": about}
+            made.append(validate(SurveyStrategy, own | named, where=option))
+            made[-1]._provenance.update({key: item for key, item in strategy.provenance.items() if key not in keys})
+            made[-1]._varied = (*strategy.varied, *given)
+    if len(made) > MAX_STRATEGIES:
+        raise InputError(option, f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
+    universe = config.universe.model_copy(update={"facts": facts})
+    return budgeted(config.model_copy(update={"strategies": tuple(made), "universe": universe}))
+
+
+def variation_lines(config: StrategiesConfig) -> list[str]:
+    """Return what is varied, one value a line, with what each means: ``drift x2: 0.1 nm visit offset, ...``."""
+    every = {item.label: item for strategy in config.strategies for item in strategy.varied}
+    return [
+        f"{item.name} {item.text.split(' (')[0]}: {item.meaning}" if item.meaning else f"{item.name} {item.text}"
+        for item in every.values()
+    ]
+
+
+def _sweep(text: str, config: StrategiesConfig, option: str) -> _Sweep:
+    name, sign, listed = text.partition("=")
+    name = name.strip()
+    if not sign or not name or not listed.strip():
+        raise InputError(option, text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9 or drift=x0.5,x2")
+    texts = [item.strip() for item in re.split(r",(?![^\[{]*[\]}])", listed)]
+    if not all(texts):
+        raise InputError(option, text, allowed="a value between commas; null for none")
+    if name == "share":
+        raise InputError(option, name, allowed="slot_share or share_of_time", hint=SHARES)
+    key = SHORT_NAMES.get(name, name)
+    known = tuple(key for key in keys_of(SurveyStrategy) if key not in ("name", "description"))
+    if key not in known:
+        drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
+        hint = drift or nearest(name, (*SHORT_NAMES, *known)) or f"short names: {', '.join(SHORT_NAMES)}"
+        raise InputError(option, name, allowed="a key of a strategy", hint=hint)
+    unit = _UNITS.get(key, unit_of(key))
+    return _Sweep(option, key, name, tuple(read_value(f"{option} {name}", item, unit) for item in texts))
+
+
+def _setting(
+    sweep: _Sweep, written: Written, tree: Mapping[str, Any], strategy: SurveyStrategy, instrument: Instrument | None
+) -> tuple[VariedSetting, Any]:
+    """Return one value of a key: how it is told, and what the strategy gets."""
+    if instrument is not None and sweep.key in _UNITS:
+        return _of_instrument(sweep, written, instrument)
+    unit = unit_of(sweep.key)
+    value, text = written.value, written.text
+    if written.action == "scale":
+        present = get(tree, sweep.key)
+        value = scaled(present, written.value)
+        if value is None:
+            hint = f"{sweep.key} of {strategy.name} is {'not set' if present is None else present}"
+            raise InputError(sweep.where, text, allowed="a value: only numbers take a factor", hint=hint)
+        shown = ", ".join(f"{item:g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
+        text = f"{text} ({with_unit(shown, unit)})"
+    most = f"at most that fraction of any slot; the telescope time in all stays {strategy.time_budget_h:g} h"
+    return sweep.setting(text, value, unit, most if sweep.key == "slot_share" else ""), value
+
+
+def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> tuple[VariedSetting, Any]:
+    """Return one value of what is assumed of the instrument, whose numbers are what factors multiply."""
+    key, unit, text = sweep.key, _UNITS[sweep.key], written.text
+    factor = written.action == "scale"
+    optics = {band.t_opt for band in instrument.bands.values()}
+    present = {
+        _DRIFT: instrument.drift.visit_nm,
+        _EXOZODI: instrument.sky.exozodi_zodis,
+        _THROUGHPUT: min(optics) if len(optics) == 1 else None,
+    }[key]
+    if written.bare:
+        raise two_spellings(sweep.where, sweep.name, text.removesuffix(unit).strip(), unit=unit, present=present)
+    if key == _EXOZODI and written.value is None:  # as the instrument has it
+        return sweep.setting(text, None, "", ""), None
+    if not factor and (key == _THROUGHPUT or not isinstance(written.value, float)):
+        asked = "a factor with an x, as x0.7"
+        raise InputError(sweep.where, text, allowed=f"{asked}, or a number with a unit ({unit})" if unit else asked)
+    said = ""
+    if key == _THROUGHPUT:
+        value = given = written.value
+        said = "" if present is None else f"the optics pass {present * value:g} of the light"
+    elif not present and (factor or key == _DRIFT):
+        other = "an instrument with drift" if key == _DRIFT else f"a number with a unit: {sweep.name}=3{unit}"
+        raise InputError(sweep.where, text, allowed=other, hint=f"this one has 0 {unit}: nothing can be scaled")
+    else:
+        value = given = present * written.value if factor else written.value
+        text = f"{text} ({value:g} {unit})" if factor else text
+    if key == _DRIFT:
+        given = written.value if factor else value / present
+        walk = given * instrument.drift.walk_nm_per_sqrt_hour
+        said = f"{value:g} nm visit offset, {walk:g} nm/sqrt(h) walk, x{given:g} of the instrument's"
+    return sweep.setting(text, value, unit, said), given
+
+
+def _check_differ(sweep: _Sweep, settings: Sequence[tuple[VariedSetting, Any]]) -> None:
+    """Refuse a value that is given twice, in two spellings or one."""
+    for i, (setting, value) in enumerate(settings):
+        same = next((other for other, given in settings[:i] if given == value), None)
+        if same is not None:
+            also = "" if same.text == setting.text else f"{same.text} is the same"
+            raise InputError(sweep.where, setting.text, allowed="each value once", hint=also)

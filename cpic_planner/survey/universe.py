@@ -1,5 +1,7 @@
 """Synthetic universes: which planets each star has, seeded per star and draw, and where they stand at any date."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,7 +19,9 @@ from cpic_planner.planets import (
 )
 from cpic_planner.planets.population import QUANTITIES
 from cpic_planner.planets.published_orbits import QUANTITIES as KNOWN_QUANTITIES
+from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import Targets
+from simulator.config import AlbedoSpec, MeasuredAlbedo
 
 BLOCK = 250
 """Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
@@ -59,12 +63,12 @@ class PlanetSample(OrbitingPlanets):
     def __len__(self) -> int:
         return len(self.universe)
 
-    def select(self, rows: ArrayLike) -> "PlanetSample":
+    def select(self, rows: ArrayLike) -> PlanetSample:
         """Return the planets of a mask or of row numbers."""
         return PlanetSample(**{name: getattr(self, name)[rows] for name in PlanetSample.__dataclass_fields__})
 
     @classmethod
-    def joined(cls, parts: "Sequence[PlanetSample]") -> "PlanetSample":
+    def joined(cls, parts: Sequence[PlanetSample]) -> PlanetSample:
         """Return the planets of several, one after the other."""
         names = cls.__dataclass_fields__
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
@@ -136,7 +140,7 @@ def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> Boo
     """Tell for which planets a visit knows where to look: known ones whose orbit in space is published, node included.
 
     Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
-    (`catalogs.known_planet_table.PLACE_DEG`): such planets are searched for as unknown ones are.
+    (`catalogs.known_planets.PLACE_DEG`): such planets are searched for as unknown ones are.
     """
     placed = np.zeros(len(planets), bool)
     if table is not None:
@@ -294,3 +298,35 @@ def poisson_quantile(rate: float, share: FloatArray) -> IntArray:
     from scipy.special import pdtr
 
     return np.searchsorted(pdtr(np.arange(length), rate), share, side="right").astype(np.int64)
+
+
+KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
+
+
+def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
+    """Return the albedos by kind: those of the population, then that of known planets, Jupiter's."""
+    own = () if population is None else tuple(kind.albedo for kind in population.mixture)
+    return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
+
+
+def dust_of(
+    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: int | str
+) -> FloatArray | None:
+    """Return the dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    planets : PlanetSample
+        Of that star.
+    seed : int
+    star : str
+        Name, which with ``block`` names the random stream: all strategies see the same luck.
+    block : int or str
+        Number of the block of universes, or ``planning``.
+    """
+    law = strategy.assumptions.dust
+    if law is None:
+        return None
+    n = int(planets.universe.max(initial=0)) + 1
+    return law.zodis(chance(seed, "dust", star, block, shape=(n,)))[planets.universe]

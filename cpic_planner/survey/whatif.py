@@ -16,15 +16,23 @@ from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, wr
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.detection import rolled
 from cpic_planner.survey.doubt import doubt_record, doubted, plays_of, told_steps
-from cpic_planner.survey.events import TABLES, rows_of
-from cpic_planner.survey.facts import Counts, counts_of, facts_record, taken_back
-from cpic_planner.survey.outcome import VISIT_FILES, Columns, differences, outcome, rank_changes, visit_files
-from cpic_planner.survey.planning import albedos_of
+from cpic_planner.survey.outcome import (
+    VISIT_FILES,
+    Columns,
+    Counts,
+    counts_of,
+    differences,
+    facts_record,
+    outcome,
+    rank_changes,
+    taken_back,
+    visit_files,
+)
 from cpic_planner.survey.prepare import Ground, Prepared, imaged_model, planned, read_ground
-from cpic_planner.survey.simulate import Survey, count_block, simulate_survey
-from cpic_planner.survey.store import ResultStore, table_files
-from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
-from cpic_planner.survey.universe import BLOCK, NEW, chance
+from cpic_planner.survey.simulate import Survey, count_block, rows_of, simulate_survey
+from cpic_planner.survey.strategy import FILES, StrategiesConfig, sources_of
+from cpic_planner.survey.tables import TABLES, ResultStore, table_files
+from cpic_planner.survey.universe import BLOCK, NEW, albedos_of, chance
 from cpic_planner.survey.visibility import utc_of
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
 from cpic_planner.version import __version__

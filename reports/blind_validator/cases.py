@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.jobs.job import run_tasks
 from cpic_planner.queries import ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import ConfirmTask, VisitPair, prepare_task, visit_pair

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE
-from cpic_planner.report.numbers import pretty_name
+from cpic_planner.report.words import pretty_name
 
 __all__ = ["null_figure", "pull_figure"]
 

@@ -22,7 +22,7 @@ from scipy.stats import norm, poisson
 
 from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
-from cpic_planner.report.numbers import pretty_name
+from cpic_planner.report.words import pretty_name
 from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import calibrate
 from tools.report_parts import png, table

@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from cpic_planner import exposure_time, load_instrument
-from cpic_planner.api.keywords import stars_named
+from cpic_planner.api.functions import stars_named
 from cpic_planner.etc import ApertureRates, aperture_rates, build_model
 from cpic_planner.queries import EtcQuestion
 from cpic_planner.results import EtcAnswer

@@ -20,12 +20,10 @@ from cpic_planner.confirm.plan import prepare_plan
 from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
-from cpic_planner.report.figures import contrast_diagram
-from cpic_planner.report.image_figures import snr_figure
-from cpic_planner.report.numbers import pretty_name
-from cpic_planner.report.panel_figure import panel_picture
-from cpic_planner.report.words import tau_text
-from cpic_planner.report.write import hole_edges, limit_curves, panels_of
+from cpic_planner.report.files import hole_edges, limit_curves, panels_of
+from cpic_planner.report.image_figures import panel_picture, snr_figure
+from cpic_planner.report.ranking_figures import contrast_diagram
+from cpic_planner.report.words import pretty_name, tau_text
 from cpic_planner.results import PlanResult, RankResult, SensitivityResult
 from simulator.config import load_instrument
 from tools.report_parts import write_picture

@@ -13,9 +13,8 @@ from oracle import ClosedForm
 from simulator.camera import em_gain_of, em_voltage_of, expected_adu_map, pixel_variance_e2, to_electrons
 from simulator.config import load_instrument
 from simulator.detectors import aperture_noise_pixels, dark_law_e_s, excess_noise_factor2, stage_probability
-from simulator.detectors.collection import compressed
 from simulator.detectors.gain import gain_variance, output_cumulants
-from simulator.detectors.transfer import chances_of_loss
+from simulator.detectors.visible import chances_of_loss, compressed
 from simulator.signal import pixel_saturated
 from simulator.signal.saturation import gain_cap
 
@@ -248,7 +247,7 @@ FORMS = [
         lambda t, d: d * mpf("1.14e6") * t**3 * mp.exp(-9080 / t),
     ),
     ClosedForm(
-        "simulator.detectors.collection.compressed",
+        "simulator.detectors.visible.compressed",
         "0 to 1e12 e-",
         list(itertools.product(CHARGES, (1e-6, 0.02), (9e4,))),
         lambda x, b, at: compressed(np.float64(x), b, at),
@@ -267,7 +266,7 @@ FORMS = [
     ),
     *(
         ClosedForm(
-            f"simulator.detectors.transfer.chances_of_loss, {k + 1}",
+            f"simulator.detectors.visible.chances_of_loss, {k + 1}",
             "1 to 3000 transfers, inefficiency 1e-12 to 0.01",
             list(itertools.product((1, 2, 3, 100, 3000), (1e-12, 1e-7, 3e-7, 1e-5, 1e-3, 0.01))),
             *loss(k),

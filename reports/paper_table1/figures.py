@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE, RESIDUAL_COLOURS, STACK_COLOURS
-from cpic_planner.report.panel_figure import robust_sigma, stack_scale
+from cpic_planner.report.image_figures import robust_sigma, stack_scale
 from reports.external.comparison import recorded
 from reports.paper_table1.measure import Case, Measured, Predicted, instrument, science_scene, sky_pixels, true_contrast
 from reports.paper_table1.search import AGREES, BANDS, Found

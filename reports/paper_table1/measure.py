@@ -17,7 +17,7 @@ from catalogs import stellar_parameters
 from cpic_planner.etc import EtcModel, aperture_rates, build_model, stack_noise
 from cpic_planner.etc.noise import snr_paper
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.report.panel_figure import Mark, Panels
+from cpic_planner.report.image_figures import Mark, Panels
 from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import (

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from cpic_core import write_text
 from cpic_planner import rank_targets
-from cpic_planner.report.numbers import duration_text, pretty_name, significant
-from cpic_planner.report.priorities import TIERS, ensemble_figure
+from cpic_planner.report.ranking import TIERS
+from cpic_planner.report.ranking_figures import ensemble_figure
+from cpic_planner.report.words import duration_text, pretty_name, significant
 from cpic_planner.results import RankResult
 from tools.report_parts import table
 

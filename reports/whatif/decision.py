@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.numbers import pretty_name
+from cpic_planner.report.words import pretty_name
 from cpic_planner.results import StrategyOutcome, WhatIfResult
 from cpic_planner.survey import StrategiesConfig, load_strategies, run_whatif, varied
 from tools.report_parts import table
@@ -66,7 +66,7 @@ def default_result(folder: Path) -> WhatIfResult:
 
 def pictures(folder: Path, found: dict[str, Any]) -> dict[str, Picture]:
     """Figures of the default run that the report shows."""
-    from cpic_planner.report.figures import whatif_figures
+    from cpic_planner.report.whatif_figures import whatif_figures
 
     drawn = whatif_figures(default_result(folder))
     return {name: drawn[name] for name in ("yields", "curves", "time", "calendar") if name in drawn}

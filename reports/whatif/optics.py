@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from cpic_planner.etc import build_model
-from cpic_planner.survey.prepare import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
+from cpic_planner.survey.prepare import (
+    assumed_model,
+    imaged_model,
+    mirror_noise_nm,
+    raw_contrast_median,
+    with_contrast,
+)
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import Frames, confirm_task, expected_of, star_scene, task_of

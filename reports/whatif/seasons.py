@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.report.numbers import pretty_name
-from cpic_planner.survey.visibility.calendar import visibility_result
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.report.words import pretty_name
+from cpic_planner.survey.visibility import load_visibility, visibility_result
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

@@ -8,17 +8,16 @@ from typing import Any
 import brute_force
 import numpy as np
 
-from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.jobs.job import run_tasks
 from cpic_planner.planets import Planets
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey import StrategiesConfig, load_strategies
 from cpic_planner.survey.detection import detection_chance, expected_signals
-from cpic_planner.survey.estimates import difference_interval
-from cpic_planner.survey.planning import albedos_of
+from cpic_planner.survey.outcome import difference_interval
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import NEW, albedos_of, draw_planet_sample, star_mass_msun
 
 WORKERS = 1
 REPEATS, PER_REPEAT = 1000, 100

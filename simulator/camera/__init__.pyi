@@ -1,25 +1,23 @@
 from simulator.camera.calibration_set import (
     CalibrationSet as CalibrationSet,
+    MaskBit as MaskBit,
     bias_level_adu as bias_level_adu,
     load_calibration_set as load_calibration_set,
     write_calibration_set as write_calibration_set,
 )
 from simulator.camera.camera import (
-    earlier_frames as earlier_frames,
-    stack_electrons as stack_electrons,
-    stackable as stackable,
-)
-from simulator.camera.emccd import (
+    Camera as Camera,
+    Frame as Frame,
+    InfraredCamera as InfraredCamera,
     VisibleCamera as VisibleCamera,
     camera_keywords as camera_keywords,
-    em_gain_of as em_gain_of,
-    em_voltage_of as em_voltage_of,
+    earlier_frames as earlier_frames,
     expected_adu_map as expected_adu_map,
     expose_frame as expose_frame,
+    stack_electrons as stack_electrons,
+    stackable as stackable,
     to_electrons as to_electrons,
 )
-from simulator.camera.frame import Frame as Frame, MaskBit as MaskBit
-from simulator.camera.infrared import InfraredCamera as InfraredCamera
 from simulator.camera.noise import (
     FrameNoise as FrameNoise,
     aperture_loss_per_s as aperture_loss_per_s,
@@ -27,6 +25,8 @@ from simulator.camera.noise import (
 )
 from simulator.detectors.effect import Effect as Effect, Exposure as Exposure
 from simulator.detectors.gain import (
+    em_gain_of as em_gain_of,
+    em_voltage_of as em_voltage_of,
     excess_noise_factor2 as excess_noise_factor2,
     gain_variance as gain_variance,
     multiply as multiply,

@@ -14,6 +14,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from enum import IntFlag
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -21,11 +22,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray, element_name, stream, write_bytes
-from simulator.camera.frame import MaskBit
 from simulator.config import AnyDetector, Section
 from simulator.detectors import Switches
 from simulator.effects import unit_factor
 from simulator.imaging import read_maps
+
+
+class MaskBit(IntFlag):
+    """Bits of the truth mask: those of the Level-1 data model."""
+
+    GOOD = 0
+    BAD = 1
+    HOT = 2
+    WARM = 4
+    SATURATED = 8
+    COSMIC_RAY = 16
+    SATELLITE_TRAIL = 32
 
 
 class _Kind(NamedTuple):

@@ -1,72 +1,122 @@
-"""The base of both cameras: a chain of effects on one detector, prepared once and exposed many times.
+"""Both cameras: from photon rate on the detector to the numbers of a frame, a window, or a sum of frames.
+
+Light goes through the response of the pixels and dark current is added (``prepare``, noise-free, once for a sequence).
+Each frame then runs through the chain of effects of its detector (`Camera.expose`), with the frames before it where an
+effect remembers them. Every effect has its own switch and its own random stream.
+
+The visible camera moves its charge through a multiplication register and reads it once. The charge of the near-infrared
+one is read without destroying it, once, twice, or up the ramp; reads are reduced before they are rounded to whole ADU.
 
 Poisson counts, transfer losses and the multiplication register act on every electron for itself, and the reads of a
 ramp are reduced by sums and differences, so the sum of ``n`` frames has the law of one frame of ``n`` times the mean.
-Limits and curves do not add up: where they matter, frames are drawn one by one.
+Limits, curves and memories of earlier frames do not add up: where they matter, frames are drawn one by one.
 """
 
+import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, stream
-from simulator.camera.calibration_set import CalibrationSet, load_calibration_set
-from simulator.config import AnyDetector, CosmicRayConfig
-from simulator.detectors import Chain, Effect, Exposure, PastExposure, Work
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    NDArray,
+    Outcome,
+    PathPart,
+    Reason,
+    Status,
+    checked_array,
+    checked_scalar,
+    element_name,
+    load_kernels,
+    stream,
+)
+from simulator import detectors
+from simulator.camera.calibration_set import CalibrationSet, MaskBit, bias_level_adu, load_calibration_set
+from simulator.camera.noise import FrameNoise
+from simulator.config import AnyDetector, CosmicRayConfig, Detector, InfraredDetector, ReadoutMode
+from simulator.detectors import Chain, Effect, Exposure, PastExposure, Place, Smear, Work
 from simulator.effects import draw_cosmic_rays
 
-# A charge this many decay times old has left 2e-22 of what it leaves at once.
-_FORGOTTEN = 50.0
+NEGATIVE_TOLERANCE = 1e-9
+# More light than this counts as this: that of any exposure and any sum of it stays finite.
+MOST_E_S = 1e100
 
 
-def earlier_frames(
-    runs: Iterable[tuple[int, int]],
-    mean_e: Callable[[int], FloatArray],
-    *,
-    before: int,
-    full_well_e: float,
-    exposure_s: float,
-    readout_s: float,
-    decay_s: float,
-) -> Iterator[PastExposure]:
-    """Yield the earlier frames of a sequence as one past exposure for each run of equal light.
+def checked_rates(rate_map_e_s: ArrayLike) -> tuple[FloatArray, int]:
+    """Return the rates of a 2-D map with rounding-error negatives set to 0 (those above 1e100 too), and their number.
 
-    Frames of equal light hold equal mean charge ``Q`` and differ in age. With one decay time ``tau`` they act together
-    as one charge ``Q sum(exp(-(a_k - a) / tau))`` of the age ``a`` of the youngest: exact, in closed form, and at a
-    cost that does not grow with the number of frames. The noise of the earlier frames, their cosmic rays and their own
-    persistence (of second order) are left out, so that a frame never depends on which others were drawn.
-
-    Parameters
-    ----------
-    runs : iterable of tuple of int
-        First and last frame of each run of equal light, the last one excluded; from the youngest to the oldest.
-    mean_e : callable
-        Mean electrons of a frame, by its number.
-    before : int
-        The frame that sees them; runs end at it or earlier.
-    full_well_e : float
-        Most that a pixel holds.
-    exposure_s, readout_s : float
-        Frames follow each other after their sum, above 0.
-    decay_s : float
-        Decay time of the traps.
-
-    Yields
+    Raises
     ------
-    PastExposure
-        From the youngest run to the oldest that is not forgotten.
+    InputError
+        For an empty map or one of other dimensions, and for NaN, infinity or a rate more negative than 1e-9 of the
+        largest, naming the pixel.
     """
-    pace = exposure_s + readout_s
-    for begin, end in runs:
-        age = readout_s + (before - end) * pace
-        if age > _FORGOTTEN * decay_s:
-            return
-        # the geometric series of exp(-pace / tau), stable where pace << tau
-        weight = math.expm1(-(end - begin) * pace / decay_s) / math.expm1(-pace / decay_s)
-        yield PastExposure(np.minimum(mean_e(begin), full_well_e) * weight, age)
+    allowed = f"finite and at least 0 (rounding errors to -{NEGATIVE_TOLERANCE:g} of the largest count as 0)"
+    key, unit = "rate_map_e_s", "e-/s"
+    try:
+        rates = np.asarray(rate_map_e_s)
+    except ValueError:
+        raise InputError(key, type(rate_map_e_s).__name__, unit=unit, allowed="a 2-D (y, x) array") from None
+    if rates.dtype.kind not in "iuf" or rates.ndim != 2 or rates.size == 0:
+        given = f"{rates.dtype} array of shape {rates.shape}"
+        raise InputError(key, given, unit=unit, allowed="a non-empty 2-D (y, x) array of numbers")
+    rates = rates.astype(np.float64, copy=False)
+    lowest, highest = float(rates.min()), float(rates.max())
+    if lowest >= 0.0 and highest <= MOST_E_S:
+        return rates, 0
+    finite = np.isfinite(rates)
+    bad = ~finite if not finite.all() else rates < -NEGATIVE_TOLERANCE * max(highest, 0.0)
+    if bad.any():
+        name, index = element_name(key, bad)
+        raise InputError(name, float(rates[index]), unit=unit, allowed=allowed)
+    return np.clip(rates, 0.0, MOST_E_S), int(np.count_nonzero(rates < 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One raw frame and its bookkeeping.
+
+    Attributes
+    ----------
+    adu : ndarray of uint16
+        Image in ADU.
+    mask : ndarray of uint8
+        `MaskBit` of every pixel, same shape: saturated where a limit cut charge off or spilled charge arrived, cosmic
+        ray where one left charge, bad and hot from the calibration set.
+    charge : mapping of str to float
+        Electrons of the whole frame by step: what came in and what was lost where; exact integers as floats.
+    n_clipped : int
+        Pixels cut off at either end of the converter's range.
+    n_saturated_pixels : int
+        Pixels filled to the pixel full well.
+    n_register_saturated : int
+        Pixels filled to the full well of the register.
+    n_cosmic_rays : int
+        Particles that crossed the frame.
+    n_negative_rates : int
+        Pixels whose rate was a rounding-error negative and was taken as 0.
+    """
+
+    adu: NDArray[np.uint16]
+    mask: NDArray[np.uint8]
+    charge: Mapping[str, float] = field(default_factory=dict)
+    n_clipped: int = 0
+    n_saturated_pixels: int = 0
+    n_register_saturated: int = 0
+    n_cosmic_rays: int = 0
+    n_negative_rates: int = 0
+
+    @property
+    def lost(self) -> BoolArray:
+        """Pixels whose number says nothing about their light: a limit cut them off."""
+        return np.asarray((self.mask & MaskBit.SATURATED) != 0)
 
 
 # Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
@@ -75,6 +125,28 @@ MAX_FRAMES = 1_000_000
 # Keeps sums over a column or a frame inside the whole numbers of float64 and int64; any full well is far below.
 MAX_MEAN_E = 1e12
 MAX_EXPOSURE_S = 1e6
+MAX_RATE_E_S = 1e300
+
+
+class _GivenHits(NamedTuple):
+    """Particles that the caller gives instead of those that the camera draws."""
+
+    map_e: FloatArray
+    n_events: int
+
+    def image(self) -> FloatArray:
+        """Return the electrons per pixel."""
+        return self.map_e
+
+
+class _Lit(NamedTuple):
+    """The inputs of a frame: rates, how many were negative, exposure, place, and flaws of the pixels."""
+
+    rates: FloatArray
+    n_negative: int
+    exposure_s: float
+    place: Place
+    flaws: CalibrationSet | None
 
 
 class Camera:
@@ -116,6 +188,12 @@ class Camera:
     def _there(self, effect: Effect) -> bool:
         return self.particles or effect.switch != "cosmic_rays"
 
+    @property
+    def memory_s(self) -> float:
+        """Age from which on earlier frames leave nothing in a frame; 0 where no effect remembers them."""
+        effects = (*self.light, *self.charge, *self.voltage)
+        return max((effect.memory_s(self.detector) for effect in effects if effect.on(self.detector)), default=0.0)
+
     def response(self, shape: tuple[int, int], first_pixel: tuple[int, int] | None) -> FloatArray | float:
         """Return the sensitivity of the pixels of a window, 1 on average.
 
@@ -147,14 +225,115 @@ class Camera:
         """
         raise NotImplementedError
 
-    def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
+    def expose(
+        self,
+        exposure: Exposure,
+        *,
+        seed: int,
+        path: Sequence[PathPart],
+        past: Sequence[PastExposure] = (),
+    ) -> Frame:
+        """Return one noisy frame.
+
+        Parameters
+        ----------
+        exposure : Exposure
+            What ``prepare`` made.
+        seed : int
+            Seed of the run.
+        path : sequence of str or int
+            Names of target, role, band, realisation, frame. Each effect draws from ``stream(seed, *path, switch)``;
+            ``arrivals`` and ``cosmic_ray_times`` are the streams of what arrives when.
+        past : sequence of PastExposure, optional
+            Earlier frames, the youngest first; of no effect where no effect that is switched on remembers them.
+
+        Returns
+        -------
+        Frame
+            ``charge`` holds the electrons of the frame by step: what came in, what stayed, what was lost.
+
+        Raises
+        ------
+        InputError
+            For a path that is a string, or charges of past frames that do not fit.
+        """
+        work = begun(exposure, seed, path, past)
+        run(self.charge, work, exposure)
+        adu, n_clipped = self._read(work, exposure)
+        mask = work.saturated.astype(np.uint8)
+        mask *= np.uint8(MaskBit.SATURATED)
+        if work.cosmic is not None:
+            mask |= work.cosmic.view(np.uint8) * np.uint8(MaskBit.COSMIC_RAY)
+        if exposure.flaws is not None:
+            mask |= exposure.flaws
+        work.counts["n_negative_rates"] = exposure.n_negative_rates
+        return Frame(adu, mask, dict(work.charge), n_clipped, **work.counts)
+
+    def _read(self, work: Work, exposure: Exposure) -> tuple[NDArray[np.uint16], int]:
+        """Return the numbers of a frame from its charge, and how many the converter cut off; mark what says nothing."""
+        raise NotImplementedError
+
+    def _lit(self, rate_map_e_s: ArrayLike, exposure_s: float, first_pixel: tuple[int, int] | None) -> "_Lit":
+        """Return the checked inputs of a frame, its place, and the flaws of its pixels."""
+        rates, n_negative = checked_rates(rate_map_e_s)
+        time = checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
+        corner = corner_of(self.detector, rates.shape, first_pixel)
+        place = Place(slice(0, rates.shape[0]), slice(0, rates.shape[1]), *(corner or (0, 0)), corner is None)
+        if corner is None:
+            place = dataclasses.replace(
+                place, **dict(zip(("rows", "columns"), self.detector.sections["image"], strict=True))
+            )
+        return _Lit(rates, n_negative, time, place, flaws_of(self.detector, rates.shape, corner))
+
+    def _tracks(self, exposure_s: float) -> Any:
         """Return what draws the particles of one frame."""
         if self._rays is None or not self.particles:
             return None
-        rate = self._rate
-        return functools.partial(
-            draw_cosmic_rays, self._rays, pixel_um=detector.pixel_um, exposure_s=exposure_s, rate_per_s_cm2=rate
-        )
+        own = {"pixel_um": self.detector.pixel_um, "exposure_s": exposure_s, "rate_per_s_cm2": self._rate}
+        return functools.partial(draw_cosmic_rays, self._rays, **own)
+
+
+def earlier_frames(
+    runs: Iterable[tuple[int, int]],
+    mean_e: Callable[[int], FloatArray],
+    *,
+    before: int,
+    full_well_e: float,
+    exposure_s: float,
+    readout_s: float,
+    memory_s: float,
+) -> Iterator[PastExposure]:
+    """Yield the earlier frames of a sequence as one past exposure for each run of equal light.
+
+    Frames of equal light hold equal mean charge and differ in age alone. The noise of the earlier frames, their cosmic
+    rays and their own memory (of second order) are left out, so that a frame never depends on which others were drawn.
+
+    Parameters
+    ----------
+    runs : iterable of tuple of int
+        First and last frame of each run of equal light, the last one excluded; from the youngest to the oldest.
+    mean_e : callable
+        Mean electrons of a frame, by its number.
+    before : int
+        The frame that sees them; runs end at it or earlier.
+    full_well_e : float
+        Most that a pixel holds.
+    exposure_s, readout_s : float
+        Frames follow each other after their sum, above 0.
+    memory_s : float
+        Age from which on runs are forgotten.
+
+    Yields
+    ------
+    PastExposure
+        From the youngest run to the oldest that is not forgotten.
+    """
+    pace = exposure_s + readout_s
+    for begin, end in runs:
+        age = readout_s + (before - end) * pace
+        if age > memory_s:
+            return
+        yield PastExposure(np.minimum(mean_e(begin), full_well_e), age, end - begin, pace)
 
 
 def stackable(camera: Camera, exposure: Exposure) -> Outcome[float]:
@@ -191,7 +370,7 @@ def stack_electrons(
     n_frames : int
         Number of frames, 1 to 1e6.
     seed, path
-        As `VisibleCamera.expose`; the draws are those of no single frame.
+        As `Camera.expose`; the draws are those of no single frame.
 
     Returns
     -------
@@ -271,7 +450,7 @@ def corner_of(
     return int(first_pixel[0]), int(first_pixel[1])
 
 
-def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequence[Any] = ()) -> Work:
+def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequence[PastExposure] = ()) -> Work:
     """Return an empty frame with its random streams.
 
     Parameters
@@ -281,8 +460,8 @@ def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequenc
         Seed of the run.
     path : sequence of str or int
         Names of target, role, band, realisation, frame.
-    past : sequence
-        Earlier frames and their age.
+    past : sequence of PastExposure
+        Earlier frames.
 
     Raises
     ------
@@ -306,3 +485,560 @@ def means(effects: Sequence[Effect], image: FloatArray, exposure: Exposure) -> F
     for effect in effects:
         effect.expect(image, exposure)
     return image
+
+
+class VisibleCamera(Camera):
+    """The EMCCD camera; parameters as `simulator.camera.camera.Camera`."""
+
+    detector: Detector
+
+    def prepare(
+        self,
+        rate_map_e_s: ArrayLike,
+        exposure_s: float,
+        em_gain: float,
+        *,
+        first_pixel: tuple[int, int] | None = None,
+        beyond_e_s: ArrayLike | None = None,
+    ) -> Exposure:
+        """Return the noise-free part of a frame.
+
+        Parameters
+        ----------
+        rate_map_e_s : array_like
+            Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape.
+        exposure_s : float
+            Exposure of the frame, 0 to 1e6 s (0 is a bias frame).
+        em_gain : float
+            Actual gain of the register, 1 to ``detector.em_gain_max``.
+        first_pixel : tuple of int, optional
+            Row and column of the frame at which a window begins; around the star if not given.
+        beyond_e_s : array_like, optional
+            Light of the frame beyond a window, summed over each of its columns, at least 0: it smears into the window.
+            Without it a window is all of the frame that sees light.
+
+        Raises
+        ------
+        InputError
+            For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), another
+            argument out of range, or a window outside the active pixels where the flaws of pixels are switched on.
+        """
+        detector, switches, smear = self.detector, self.detector.switches, None
+        gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
+        rates, n_negative, time, place, flaws = self._lit(rate_map_e_s, exposure_s, first_pixel)
+        light = self._light(rates, flaws, place)
+        mean = light * time
+        if detector.line_shift_s and time > 0:
+            beyond = 0.0 if beyond_e_s is None else _beyond(beyond_e_s, place, rates.shape)
+            smear = Smear.smear_e(light, place.rows, detector.line_shift_s, beyond)
+            mean += smear
+        if switches.dark:
+            # Without flaws of the dark current `dark_of` is the same number everywhere.
+            dark = detector.dark_rate_e_s if flaws is None else flaws.dark_of(switches)
+            pixels = mean[place.rows, place.columns]
+            pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * time
+        np.minimum(mean, MAX_MEAN_E, out=mean)
+        return Exposure(
+            detector=detector,
+            place=place,
+            exposure_s=time,
+            em_gain=gain,
+            mean_e=mean,
+            cic_e=flaws.cic_e if flaws is not None and flaws.cic_varies else None,
+            stripe_adu=None if flaws is None else flaws.stripe_adu,
+            bias_adu=None if flaws is None else flaws.bias_adu,
+            flaws=None if flaws is None else flaws.mask_of(switches),
+            smear_e=smear,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(time),
+        )
+
+    def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
+        """Return the rates as the pixels respond to them; borders see no light."""
+        if flaws is not None:
+            return rates * flaws.response_of(self.detector.switches)
+        if not place.whole:
+            return rates.copy()
+        light = np.zeros_like(rates)
+        active = self.detector.sections["active"]
+        light[active] = rates[active]
+        return light
+
+    def expected_adu(self, exposure: Exposure) -> FloatArray:
+        """Return the mean ADU of every pixel, without noise and without rounding.
+
+        Each step acts on the mean image. Where a limit cuts off only the upper tail of the counts (within a few sigma
+        of a full well) the mean of noisy frames is lower. Cosmic rays are not in it; interference and drift of the
+        bias average out.
+        """
+        image = means(self.charge, exposure.mean_e.copy(), exposure)
+        image /= self.detector.gain_e_adu
+        image += self.detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
+        means(self.voltage, image, exposure)
+        return np.clip(image, 0.0, float(self.detector.adc_max_adu), out=image)
+
+    def fills(self, exposure: Exposure) -> dict[Reason, float]:
+        """Return how far frames fill every limit; see `Camera`."""
+        detector, structure = exposure.detector, exposure.detector.bias_structure
+        cic = detector.cic_e if exposure.cic_e is None else exposure.cic_e
+        rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
+        peak = float((exposure.mean_e * (1.0 + rest.of_past) + cic).max()) + rest.rest_e
+        if detector.switches.register_clock_charge:
+            peak += detector.register_cic_e * detector.register_stages
+        pixel = peak + MARGIN_SIGMA * math.sqrt(peak)
+        factor2 = float(detectors.excess_noise_factor2(exposure.em_gain, detector.register_stages))
+        output = exposure.em_gain * (peak + MARGIN_SIGMA * math.sqrt(factor2 * peak + MARGIN_SIGMA))
+        level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
+        stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
+        amplifier_e = math.hypot(detector.read_noise_e, math.sqrt(rest.rest_e2))
+        swing = MARGIN_SIGMA * math.hypot(amplifier_e / detector.gain_e_adu, structure.drift_adu)
+        swing += structure.interference_adu
+        room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
+        low = float(level.min() + stripes.min()) - swing
+        return {
+            Reason.PIXEL_FULL_WELL: pixel / detector.full_well_e,
+            Reason.REGISTER_FULL_WELL: output / detector.register_full_well_e,
+            Reason.ADC_RANGE: math.inf if low < 0 or room <= 0 else output / detector.gain_e_adu / room,
+        }
+
+    def summed(self, exposure: Exposure, n_frames: int, work: Work) -> FloatArray:
+        """Return the sum of frames; see `Camera`."""
+        detector = exposure.detector
+        brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
+        whole = dataclasses.replace(
+            exposure,
+            detector=detector.model_copy(update=brighter),
+            mean_e=n_frames * exposure.mean_e,
+            cic_e=None if exposure.cic_e is None else n_frames * exposure.cic_e,
+        )
+        for effects in (self.charge, self.voltage):
+            for effect in effects:
+                effect.draw_sum(work, whole, n_frames, work.stream(effect.switch))
+            if effects is self.charge:
+                work.image /= detector.gain_e_adu
+        work.image *= detector.gain_e_adu / exposure.em_gain
+        return work.image
+
+    def _read(self, work: Work, exposure: Exposure) -> tuple[NDArray[np.uint16], int]:
+        detector = self.detector
+        work.image *= 1.0 / detector.gain_e_adu
+        work.image += detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
+        run(self.voltage, work, exposure)
+        adu, level, cut_off = np.empty(work.image.shape, np.uint16), work.image.reshape(-1), work.saturated.reshape(-1)
+        digitise = load_kernels(detectors.KERNELS).digitise
+        return adu, int(digitise(level, float(detector.adc_max_adu), adu.reshape(-1), cut_off))
+
+
+def _beyond(beyond_e_s: ArrayLike, place: Place, shape: tuple[int, ...]) -> FloatArray:
+    if place.whole or np.shape(beyond_e_s) != shape[1:]:
+        raise InputError("beyond_e_s", np.shape(beyond_e_s), unit="px", allowed=f"{shape[1]} columns of a window")
+    return checked_array("beyond_e_s", beyond_e_s, low=0.0, high=MOST_E_S, unit="e-/s")
+
+
+def camera_keywords(detector: AnyDetector, em_gain: float) -> dict[str, Any]:
+    """Return what a header says of a camera, by keyword: gain, noise, bias, full well, temperature and clock voltage.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+    em_gain : float
+        Gain of the register, 1 without one.
+    """
+    values: dict[str, Any] = {"GAIN": detector.gain_e_adu, "RDNOISE": detector.read_noise_e}
+    values |= {"BIASLEV": bias_level_adu(detector), "FULLWELL": detector.full_well_e}
+    if isinstance(detector, Detector):
+        voltage = float(detectors.em_voltage_of(em_gain, detector.temperature_k).voltage_v)
+        values |= {"CCDTEMP": detector.temperature_k, "EMVOLT": voltage}
+    return values
+
+
+_MOST_ADU = 1e100
+
+
+def expected_adu_map(rate_e_s_map: ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
+    """Return the mean ADU of every pixel, without noise and without rounding.
+
+    Parameters
+    ----------
+    rate_e_s_map : array_like
+        Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape around the star.
+    exposure_s : float
+        Exposure of the frame, 0 to 1e6 s (0 is a bias frame).
+    em_gain : float
+        Actual gain of the register, 1 to ``detector.em_gain_max``.
+    detector : Detector
+        The camera.
+
+    Returns
+    -------
+    ndarray
+        As `simulator.camera.VisibleCamera.expected_adu`. With every effect off ``rate t g / K + bias``.
+
+    Raises
+    ------
+    InputError
+        For a rate that is NaN, infinite or negative (naming the pixel), or another argument out of range.
+    """
+    camera = VisibleCamera(detector)
+    return camera.expected_adu(camera.prepare(rate_e_s_map, exposure_s, em_gain))
+
+
+def expose_frame(
+    rate_map_e_s: ArrayLike,
+    exposure_s: float,
+    em_gain: float,
+    detector: Detector,
+    *,
+    seed: int,
+    path: Sequence[PathPart],
+) -> Frame:
+    """Return one noisy frame, without cosmic rays.
+
+    Parameters
+    ----------
+    rate_map_e_s : array_like
+        Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape around the star.
+    exposure_s, em_gain, detector
+        As `expected_adu_map`.
+    seed : int
+        Seed of the run.
+    path : sequence of str or int
+        Names of target, role, band, realisation, frame. Each effect draws from a stream of its own.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    InputError
+        For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), or
+        another argument out of range.
+    """
+    camera = VisibleCamera(detector)
+    return camera.expose(camera.prepare(rate_map_e_s, exposure_s, em_gain), seed=seed, path=path)
+
+
+def to_electrons(adu: ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
+    """Return electrons at the register input: ``(adu - bias) gain_e_adu / em_gain``; dark and clock charge included.
+
+    Raises
+    ------
+    InputError
+        If ``em_gain`` is out of range, or a number is not finite.
+    """
+    gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
+    level = checked_array("adu", adu, low=-_MOST_ADU, high=_MOST_ADU, unit="ADU", allowed="finite")
+    return (level - detector.bias_adu) * (detector.gain_e_adu / gain)
+
+
+def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
+    """Return the times of the reads as fractions of the exposure: the last is at its end."""
+    if mode == "single":
+        return np.ones(1)
+    return np.linspace(0.0, 1.0, n_reads)
+
+
+class ReadStack:
+    """Reads of one frame, reduced as they come, without keeping them.
+
+    ``single`` keeps the read. ``cds`` subtracts the first read from the last. ``up_the_ramp`` fits a straight line of
+    equal weights to the reads of each pixel before it saturates and gives slope times exposure; with fewer than two
+    such reads there is no slope, and the pixel is at the top of the range. Differences and slopes stand on the bias.
+
+    Parameters
+    ----------
+    mode : {"single", "cds", "up_the_ramp"}
+        How reads become one number.
+    shape : tuple of int
+        Rows and columns.
+    bias_adu, adc_max_adu : float
+        Level of the bias, and largest number of the converter.
+    """
+
+    def __init__(self, mode: ReadoutMode, shape: tuple[int, ...], bias_adu: float, adc_max_adu: float) -> None:
+        self.mode, self.bias_adu, self.adc_max_adu = mode, bias_adu, adc_max_adu
+        self._lost: BoolArray = np.zeros(shape, dtype=np.bool_)
+        self._clipped: BoolArray = np.zeros(shape, dtype=np.bool_)
+        self._first: FloatArray | None = None
+        self._last: FloatArray = np.zeros(shape)
+        # Sums over the unsaturated reads: 1, t, t^2, y, t y.
+        self._sums: FloatArray | None = np.zeros((5, *shape)) if mode == "up_the_ramp" else None
+
+    def add(self, time: float, adu: FloatArray, full: BoolArray) -> None:
+        """Take one read.
+
+        Parameters
+        ----------
+        time : float
+            Fraction of the exposure at which it is taken.
+        adu : ndarray
+            What the amplifier gives, before the range of the converter cuts it off.
+        full : ndarray of bool
+            Pixels filled to the full well.
+        """
+        above = adu > self.adc_max_adu
+        self._lost |= full | above
+        self._clipped |= above | (adu < 0.0)
+        adu = np.clip(adu, 0.0, self.adc_max_adu)
+        if self._sums is None:
+            self._first = adu if self._first is None else self._first
+            self._last = adu
+            return
+        y, good = adu - self.bias_adu, ~self._lost
+        terms: tuple[FloatArray | float, ...] = (1.0, time, time * time, y, time * y)
+        for row, term in enumerate(terms):
+            self._sums[row] += np.where(good, np.asarray(term), 0.0)
+
+    def result(self) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Return ADU before rounding, pixels that say nothing about their light, and pixels beyond the converter.
+
+        A pixel is beyond it if a read or the number made from the reads was cut off, or if it saturated before there
+        was a slope and was put at the top.
+        """
+        lost, adu = self._lost, self._last
+        if self._sums is not None:
+            n, t, tt, y, ty = (np.asarray(total) for total in self._sums)
+            enough = n > 1.5
+            slope = (n * ty - t * y) / np.where(enough, n * tt - t * t, 1.0)
+            adu, lost = np.where(enough, slope + self.bias_adu, self.adc_max_adu), ~enough
+            self._clipped |= lost
+        elif self.mode == "cds" and self._first is not None:
+            adu = self._last - self._first + self.bias_adu
+        above = adu > self.adc_max_adu
+        clipped = self._clipped | above | (adu < 0.0)
+        return np.clip(adu, 0.0, self.adc_max_adu), lost | above, clipped
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InfraredExposure(Exposure):
+    """The noise-free part of a frame: made once, exposed many times.
+
+    Attributes
+    ----------
+    light_e, dark_e : ndarray
+        Mean electrons that every pixel collects from light and as dark current.
+    expected_adu : ndarray
+        Mean ADU of every pixel, without noise, rounding, cosmic rays and persistence. Where a limit cuts off only the
+        upper tail of the counts (within a few sigma of full well) the mean of noisy frames differs.
+    n_reads : int
+        Reads that are taken between the first (the reset, for a single read) and the end of the exposure.
+    """
+
+    light_e: FloatArray
+    dark_e: FloatArray
+    expected_adu: FloatArray
+    n_reads: int  # type: ignore[misc]
+
+
+class InfraredCamera(Camera):
+    """The near-infrared camera.
+
+    Parameters
+    ----------
+    detector : InfraredDetector
+        Everything about the camera, switches included.
+    cosmic_rays : CosmicRayConfig, optional
+        Particles; none without it.
+    cosmic_ray_rate_per_s_cm2 : float
+        Their rate at the date of the observation.
+    persistence : LateCharge, optional
+        What earlier frames leave; `simulator.detectors.infrared.ExponentialPersistence` of the configuration if not
+        given.
+    coupling : Coupling, optional
+        Inter-pixel capacitance; the four nearest neighbours with ``interpixel_coupling`` if not given.
+
+    Raises
+    ------
+    InputError
+        For a plug-in whose switch is off, or a rate out of range.
+    """
+
+    detector: InfraredDetector
+
+    def __init__(
+        self,
+        detector: InfraredDetector,
+        *,
+        cosmic_rays: CosmicRayConfig | None = None,
+        cosmic_ray_rate_per_s_cm2: float = 0.0,
+        persistence: detectors.LateCharge | None = None,
+        coupling: detectors.Coupling | None = None,
+    ) -> None:
+        rate = checked_scalar("cosmic_ray_rate_per_s_cm2", cosmic_ray_rate_per_s_cm2, low=0.0, high=1e12)
+        for key, given in (("persistence", persistence), ("interpixel_capacitance", coupling)):
+            if given is not None and not getattr(detector.switches, key):
+                raise InputError(f"near_infrared.detector.switches.{key}", False, allowed="true with a plug-in for it")
+        instead = detectors.Persistence(persistence), detectors.InterpixelCapacitance(coupling)
+        chain = tuple(next((own for own in instead if own.switch == one.switch), one) for one in detector.chain)
+        super().__init__(detector, cosmic_rays=cosmic_rays, cosmic_ray_rate_per_s_cm2=rate, chain=chain)
+
+    def _there(self, effect: Any) -> bool:
+        return True  # particles can be given frame by frame
+
+    def prepare(
+        self, rate_map_e_s: ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
+    ) -> InfraredExposure:
+        """Return the noise-free part of a frame.
+
+        Parameters
+        ----------
+        rate_map_e_s : array_like
+            Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of it.
+        exposure_s : float
+            Exposure of the frame, 0 to 1e6 s (0 is a bias frame).
+        first_pixel : tuple of int, optional
+            Row and column of the frame at which a window begins; around the star if not given.
+
+        Raises
+        ------
+        InputError
+            For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), an exposure
+            out of range, or a window that reaches beyond the frame while flaws of pixels are switched on.
+        """
+        detector, switches = self.detector, self.detector.switches
+        rates, n_negative, time, place, flaws = self._lit(rate_map_e_s, exposure_s, first_pixel)
+        # The cap keeps products of the largest rates finite.
+        light = np.minimum(rates, MAX_RATE_E_S)
+        if flaws is not None:
+            light = light * flaws.response_of(switches)
+            dark, mask = flaws.dark_of(switches), flaws.mask_of(switches)
+        else:
+            dark = np.full(rates.shape, detector.dark_e_s if switches.dark else 0.0)
+            mask = np.zeros(rates.shape, dtype=np.uint8)
+        light_e, dark_e = np.minimum(light * time, MAX_MEAN_E), np.minimum(dark * time, MAX_MEAN_E)
+        exposure = InfraredExposure(
+            detector,
+            place,
+            time,
+            1.0,
+            light_e + dark_e,
+            flaws=mask,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(time) if time > 0 else None,
+            light_e=light_e,
+            dark_e=dark_e,
+            expected_adu=light_e,
+            n_reads=detector.reads_of(time),
+        )
+        stack, collected = self._stack(rates.shape), means(self.charge, exposure.mean_e.copy(), exposure)
+        for fraction in read_times(detector.readout_mode, exposure.n_reads):
+            charge = fraction * collected
+            full = charge >= detector.full_well_e
+            stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
+        return dataclasses.replace(exposure, expected_adu=stack.result()[0])
+
+    def expected_adu(self, exposure: InfraredExposure) -> FloatArray:
+        """Return the mean ADU of every pixel; see `InfraredExposure`."""
+        return exposure.expected_adu
+
+    def expose(
+        self,
+        exposure: Exposure,
+        *,
+        seed: int,
+        path: Sequence[PathPart],
+        past: Sequence[PastExposure] = (),
+        cosmic_rays: detectors.Hits | None = None,
+    ) -> Frame:
+        """Return one noisy frame; parameters and errors as `Camera.expose`.
+
+        Parameters
+        ----------
+        exposure, seed, path, past
+        cosmic_rays : tuple of array_like, optional
+            Flat pixel indices and electrons of what particles left during the exposure, instead of those that the
+            camera draws. Left out where their switch is off. In a ramp, pixels that touch were hit at one time.
+
+        Raises
+        ------
+        InputError
+            For hits outside the array.
+        """
+        if cosmic_rays is not None:
+            hits = detectors.checked_hits(cosmic_rays, exposure.mean_e.shape)
+            given = _GivenHits(hits, detectors.tracks_of(hits > 0)[1])
+            exposure = dataclasses.replace(exposure, tracks=lambda shape, rng: given)
+        return super().expose(exposure, seed=seed, path=path, past=past)
+
+    def _read(self, work: Work, exposure: Exposure) -> tuple[NDArray[np.uint16], int]:
+        detector, collected, stack = self.detector, work.image, self._stack(work.image.shape)
+        streams = {effect.switch: work.stream(effect.switch) for effect in self.voltage}
+        for fraction, charge in self._collect(collected, exposure, work.stream("arrivals")):
+            work.image = charge + self._struck(work, fraction)
+            work.saturated = work.image >= detector.full_well_e
+            for effect in self.voltage:
+                effect.draw(work, exposure, streams[effect.switch])
+            stack.add(fraction, self._adu(work.image), work.saturated)
+        work.counts["n_saturated_pixels"] = int(np.count_nonzero(work.saturated))
+        adu, work.saturated, clipped = stack.result()
+        if work.cosmic is not None:
+            collected = collected + work.held[detectors.HITS]
+        work.book("lost_full_well", np.maximum(collected - detector.full_well_e, 0.0).sum())
+        work.book("stored", np.minimum(collected, detector.full_well_e).sum())
+        return np.rint(adu).astype(np.uint16), int(np.count_nonzero(clipped))
+
+    def fills(self, exposure: Exposure) -> dict[Reason, float]:
+        """Return how far frames fill every limit; see `Camera`."""
+        detector, past = exposure.detector, FrameNoise.of(exposure.detector, 1.0, exposure.exposure_s).of_past
+        peak_e = float(exposure.mean_e.max()) * (1.0 + past)
+        charge_e = peak_e + MARGIN_SIGMA * math.sqrt(peak_e)
+        swing_e = MARGIN_SIGMA * math.hypot(detector.read_noise_e, detector.reset_noise_e)
+        below_e, room_e = detector.bias_adu * detector.gain_e_adu, detector.converter_e - swing_e
+        return {
+            Reason.PIXEL_FULL_WELL: charge_e / detector.full_well_e,
+            Reason.ADC_RANGE: math.inf if swing_e > below_e or room_e <= 0 else charge_e / room_e,
+        }
+
+    def summed(self, exposure: Any, n_frames: int, work: Work) -> FloatArray:
+        """Return the sum of frames; see `Camera`: numbers of equal reads add up, and so do slopes through them."""
+        detector = exposure.detector
+        whole = dataclasses.replace(exposure, mean_e=n_frames * exposure.mean_e)
+        streams = {effect.switch: work.stream(effect.switch) for effect in (*self.charge, *self.voltage)}
+        for effect in self.charge:
+            effect.draw_sum(work, whole, n_frames, streams[effect.switch])
+        bias_adu = n_frames * detector.bias_adu
+        stack = ReadStack(detector.readout_mode, work.image.shape, bias_adu, n_frames * detector.adc_max_adu)
+        for fraction, charge in self._collect(work.image, whole, work.stream("arrivals")):
+            work.image = charge
+            for effect in self.voltage:
+                effect.draw_sum(work, whole, n_frames, streams[effect.switch])
+            stack.add(fraction, work.image / detector.gain_e_adu + bias_adu, work.saturated)
+        rounded = math.sqrt(n_frames / 12.0) * work.stream("quantisation").standard_normal(work.image.shape)
+        return np.asarray((stack.result()[0] - bias_adu + rounded) * detector.gain_e_adu)
+
+    def to_electrons(self, adu: ArrayLike) -> FloatArray:
+        """Return the electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
+        return (np.asarray(adu, dtype=np.float64) - self.detector.bias_adu) * self.detector.gain_e_adu
+
+    def _stack(self, shape: tuple[int, ...]) -> ReadStack:
+        return ReadStack(self.detector.readout_mode, shape, self.detector.bias_adu, self.detector.adc_max_adu)
+
+    def _adu(self, signal_e: FloatArray) -> FloatArray:
+        return signal_e / self.detector.gain_e_adu + self.detector.bias_adu
+
+    @staticmethod
+    def _struck(work: Work, fraction: float) -> FloatArray | float:
+        """Return the charge of particles at a read."""
+        if detectors.HITS not in work.held or fraction == 0.0:
+            return 0.0
+        hits, arrival = work.held[detectors.HITS], work.held.get(detectors.ARRIVAL)
+        return hits if arrival is None else np.where(arrival <= fraction, hits, 0.0)
+
+    def _collect(
+        self, total: FloatArray, exposure: Exposure, rng: np.random.Generator
+    ) -> Iterator[tuple[float, FloatArray]]:
+        """Yield the charge at each read: electrons arrive at independent, uniform times."""
+        fractions = read_times(self.detector.readout_mode, exposure.n_reads)
+        if not self.detector.switches.photon_noise:
+            yield from ((float(fraction), fraction * total) for fraction in fractions)
+            return
+        left, here, before = total.astype(np.int64), np.zeros(total.shape, dtype=np.int64), 0.0
+        for fraction in fractions:
+            if fraction == 1.0:
+                here = here + left
+            elif fraction > before:
+                step = rng.binomial(left, (fraction - before) / (1.0 - before))
+                here, left = here + step, left - step
+            before = float(fraction)
+            yield before, here.astype(np.float64)

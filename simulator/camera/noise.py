@@ -1,5 +1,6 @@
 """The noise of a pixel in one frame, and the frames that tracks of cosmic rays through an aperture cost."""
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,10 +29,9 @@ class FrameNoise:
         Dark current a frame.
     photons : bool
         Whether counts are drawn.
-    rest_e, rest_e2 : float
-        Electrons at the register input, and variance behind the register, that further effects of the detector add.
-    added_e2 : mapping of str to float
-        Variance of each of these, by its term in budgets of noise.
+    added : mapping of str to FrameTerm
+        What further effects of the detector add to a pixel, by term in budgets of noise: electrons at the register
+        input, variance behind the register over its squared gain, and what comes back of earlier frames.
     """
 
     factor2: float
@@ -40,9 +40,7 @@ class FrameNoise:
     rounding_e2: float
     dark_e: float
     photons: bool
-    rest_e: float = 0.0
-    rest_e2: float = 0.0
-    added_e2: Mapping[str, float] = field(default_factory=dict)
+    added: Mapping[str, FrameTerm] = field(default_factory=dict)
 
     @classmethod
     def of(cls, detector: AnyDetector, em_gain: float, exposure_s: float) -> "FrameNoise":
@@ -64,19 +62,43 @@ class FrameNoise:
         """
         terms = added_variance(detector, exposure_s)
         cic, read, rounding, dark = (terms.pop(name, FrameTerm()) for name in ("cic", "read_noise", "rounding", "dark"))
-        factor2 = float(register_factor2(detector, em_gain, exposure_s))
-        rest = FrameTerm.total([FrameTerm(), *terms.values()])
         return cls(
-            factor2=factor2,
+            factor2=float(register_factor2(detector, em_gain, exposure_s)),
             clock_e=float(cic.charge_e),
             read_e2=float(read.output_e2) / em_gain**2,
             rounding_e2=float(rounding.output_e2) / em_gain**2,
             dark_e=float(dark.rate_e_s) * exposure_s,
             photons=detector.switches.photon_noise,
-            rest_e=float(rest.charge_e + rest.rate_e_s * exposure_s),
-            rest_e2=float(rest.output_e2) / em_gain**2,
-            added_e2={name: float(term.variance_e2(exposure_s, factor2, em_gain)) for name, term in terms.items()},
+            added={
+                name: FrameTerm(0.0, one.charge_e + one.rate_e_s * exposure_s, one.output_e2 / em_gain**2, one.of_past)
+                for name, one in terms.items()
+            },
         )
+
+    @functools.cached_property
+    def _rest(self) -> FrameTerm:
+        return FrameTerm.total([FrameTerm(), *self.added.values()])
+
+    @property
+    def rest_e(self) -> float:
+        """Electrons at the register input that further effects of the detector add."""
+        return float(self._rest.charge_e)
+
+    @property
+    def rest_e2(self) -> float:
+        """Variance behind the register that they add, over its squared gain."""
+        return float(self._rest.output_e2)
+
+    @property
+    def of_past(self) -> float:
+        """Electrons that come back for each that the frames before collected, where all have the same light."""
+        return self._rest.of_past
+
+    @property
+    def added_e2(self) -> dict[str, float]:
+        """Variance of a pixel without light that each of these effects adds, by its term in budgets of noise."""
+        past_e = self.dark_e * self.photons
+        return {name: float(term.variance_e2(0.0, self.factor2, 1.0, past_e)) for name, term in self.added.items()}
 
     @property
     def gaussian_e2(self) -> float:
@@ -86,12 +108,12 @@ class FrameNoise:
     @property
     def pedestal_e(self) -> float:
         """Mean electrons of a pixel without light."""
-        return self.dark_e + self.clock_e + self.rest_e
+        return self.dark_e * (1.0 + self.of_past) + self.clock_e + self.rest_e
 
     def variance_e2(self, light_e: ArrayLike) -> FloatArray:
-        """Return the variance of pixels that light leaves so many electrons in."""
+        """Return the variance of pixels that light leaves so many electrons in, here and in the frames before."""
         counted_e = (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons
-        return self.charge_variance_e2(counted_e + self.clock_e + self.rest_e)
+        return self.charge_variance_e2(counted_e * (1.0 + self.of_past) + self.clock_e + self.rest_e)
 
     def charge_variance_e2(self, charge_e: ArrayLike) -> FloatArray:
         """Return the variance of pixels that hold so many electrons on average, with dark and clock-induced ones."""
@@ -234,7 +256,7 @@ def mean_projection_um(depth_um: float, max_length_um: float) -> float:
     float
         ``d (arccos m - m sqrt(1 - m^2)) / (1 - m^2)`` with ``m = d / longest``, in um: the mean of
         ``d sqrt(1 / mu^2 - 1)`` where ``mu^2`` is uniform from ``m^2`` to 1, as for an isotropic flux
-        (`simulator.effects.tracks`). ``pi d / 2`` without a longest chord.
+        (`simulator.effects.cosmic_rays`). ``pi d / 2`` without a longest chord.
     """
     depth = checked_scalar("depth_um", depth_um, low=1e-6, high=1e9, unit="um")
     longest = checked_scalar("max_length_um", max_length_um, low=depth * (1.0 + 1e-6), high=1e12, unit="um")

@@ -15,17 +15,11 @@ from simulator.detectors.chains import (
     rows_of as rows_of,
     switches_model as switches_model,
 )
-from simulator.detectors.collection import (
-    Blooming as Blooming,
-    FullWell as FullWell,
-    Nonlinearity as Nonlinearity,
-    output_curve as output_curve,
-    pixel_curve as pixel_curve,
-)
 from simulator.detectors.effect import (
-    LIMIT_KERNELS as LIMIT_KERNELS,
+    KERNELS as KERNELS,
     Effect as Effect,
     Exposure as Exposure,
+    PastExposure as PastExposure,
     Place as Place,
     Setting as Setting,
     Sizes as Sizes,
@@ -34,6 +28,7 @@ from simulator.detectors.effect import (
 )
 from simulator.detectors.gain import (
     GAIN_LIMIT as GAIN_LIMIT,
+    em_voltage_of as em_voltage_of,
     excess_noise_factor2 as excess_noise_factor2,
     generating_function as generating_function,
     noise_factor2 as noise_factor2,
@@ -49,30 +44,11 @@ from simulator.detectors.infrared import (
     InterpixelCapacitance as InterpixelCapacitance,
     LateCharge as LateCharge,
     LossAtFullWell as LossAtFullWell,
-    PastExposure as PastExposure,
     Persistence as Persistence,
     ResetElectrons as ResetElectrons,
     checked_hits as checked_hits,
     neighbour_kernel as neighbour_kernel,
     tracks_of as tracks_of,
-)
-from simulator.detectors.readout import (
-    BiasStructure as BiasStructure,
-    ReadNoiseElectrons as ReadNoiseElectrons,
-    wave_angles as wave_angles,
-)
-from simulator.detectors.register import (
-    LargestGain as LargestGain,
-    RegisterClockCharge as RegisterClockCharge,
-    StageCharge as StageCharge,
-    Stages as Stages,
-)
-from simulator.detectors.transfer import (
-    ChargeTransfer as ChargeTransfer,
-    ClockInduced as ClockInduced,
-    ParallelTransfer as ParallelTransfer,
-    SerialTransfer as SerialTransfer,
-    Smear as Smear,
 )
 from simulator.detectors.variance import (
     MOST as MOST,
@@ -82,4 +58,23 @@ from simulator.detectors.variance import (
     frame_variance_e2 as frame_variance_e2,
     frames_per_clean as frames_per_clean,
     ramp_factors as ramp_factors,
+)
+from simulator.detectors.visible import (
+    BiasStructure as BiasStructure,
+    Blooming as Blooming,
+    ChargeTransfer as ChargeTransfer,
+    ClockInduced as ClockInduced,
+    FullWell as FullWell,
+    LargestGain as LargestGain,
+    Nonlinearity as Nonlinearity,
+    ParallelTransfer as ParallelTransfer,
+    ReadNoiseElectrons as ReadNoiseElectrons,
+    RegisterClockCharge as RegisterClockCharge,
+    SerialTransfer as SerialTransfer,
+    Smear as Smear,
+    StageCharge as StageCharge,
+    Stages as Stages,
+    output_curve as output_curve,
+    pixel_curve as pixel_curve,
+    wave_angles as wave_angles,
 )

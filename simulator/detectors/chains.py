@@ -13,8 +13,7 @@ from pydantic import Field, create_model
 
 from cpic_core import ArrayLike, FloatArray, checked_array
 from simulator.config import FrozenModel
-from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
-from simulator.detectors.effect import Effect, Setting, Sizes, Work, counted, sizes
+from simulator.detectors.effect import Case, Effect, Setting, Sizes, Work, counted, sizes
 from simulator.detectors.infrared import (
     InfraredHits,
     InfraredReadNoise,
@@ -23,14 +22,27 @@ from simulator.detectors.infrared import (
     PixelCurve,
     ResetNoise,
 )
-from simulator.detectors.readout import BiasDrift, Interference, Quantisation, ReadNoise, Stripes
-from simulator.detectors.register import OutputNonlinearity, Register, RegisterClockCharge, RegisterFullWell
-from simulator.detectors.transfer import ClockCharge, ParallelTransfer, SerialTransfer, Smear
 from simulator.detectors.variance import FrameTerm
-
-if TYPE_CHECKING:
-    from simulator.ledger import CameraCase
-
+from simulator.detectors.visible import (
+    BiasDrift,
+    Blooming,
+    ClockCharge,
+    CosmicRayHits,
+    InfraredPhotonNoise,
+    Interference,
+    OutputNonlinearity,
+    ParallelTransfer,
+    PhotonNoise,
+    PixelNonlinearity,
+    Quantisation,
+    ReadNoise,
+    Register,
+    RegisterClockCharge,
+    RegisterFullWell,
+    SerialTransfer,
+    Smear,
+    Stripes,
+)
 
 Fraction = Annotated[float, Field(ge=0, le=0.5)]
 DarkCurrent = Annotated[float, Field(ge=0, le=1e6)]
@@ -83,7 +95,7 @@ class _Flaw(Effect):
     in_sums, seeded = "left_out", True
     set_up_s = 2e-4
 
-    def size(self, case: CameraCase) -> Sizes:
+    def size(self, case: Case) -> Sizes:
         """Return the sizes of its changes of the response and of the dark current on the stamp."""
         if case.reduced:
             return sizes(0.0)
@@ -118,7 +130,7 @@ class Dark(Effect):
         """Return the dark current as a rate."""
         return FrameTerm(rate_e_s=detector.dark_rate_e_s)
 
-    def size(self, case: CameraCase) -> Sizes:
+    def size(self, case: Case) -> Sizes:
         """Return the size of the mean of the dark current, its hot pixels included."""
         return sizes(case.mean_change(case.noise.dark_e), snr=case.snr_share("dark", "flaws"))
 

@@ -10,26 +10,27 @@ Whole electrons are Poisson counts of means; the kernels draw them.
 from __future__ import annotations
 
 import functools
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, NDArray, load_kernels
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, load_kernels
 from simulator.config import FrozenModel
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.knobs import Quantity
-    from simulator.ledger import CameraCase
 
 Sizes: TypeAlias = "dict[Quantity, float]"
+Case: TypeAlias = Any
+"""A `simulator.ledger.case.CameraCase`, for which the size of an effect is worked out: the ledger imports effects."""
 KERNELS = "simulator.detectors.kernels"
-LIMIT_KERNELS = "simulator.detectors.limit_kernels"
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,44 @@ class Exposure:
     n_negative_rates: int = 0
     tracks: Callable[..., Any] | None = None
 
-    # Those of a camera that is read once; see `simulator.camera.infrared.InfraredExposure`.
+    # Those of a camera that is read once; see `simulator.camera.camera.InfraredExposure`.
     n_reads: ClassVar[int] = 1
 
     @functools.cached_property
     def zero(self) -> FloatArray:
         """``exp(-mean_e)``, the chance of none."""
         return np.exp(-self.mean_e)
+
+
+class PastExposure(NamedTuple):
+    """Earlier frames of one light, one after the other.
+
+    Attributes
+    ----------
+    charge_e : array_like
+        Mean electrons that every pixel held in each of them.
+    age_s : float
+        Time from the end of the youngest to the start of this frame.
+    n_frames : int
+        How many they are.
+    pace_s : float
+        Time from one to the next.
+    """
+
+    charge_e: ArrayLike
+    age_s: float
+    n_frames: int = 1
+    pace_s: float = 0.0
+
+    def weight(self, decay_s: float) -> float:
+        """Return how many frames of the youngest's age they act as together, where what they leave decays so.
+
+        ``sum(exp(-k pace / decay))`` over the frames: exact for one decay time, at a cost that does not grow with them.
+        """
+        if self.n_frames == 1:
+            return 1.0
+        # the geometric series, stable where the pace is short
+        return math.expm1(-self.n_frames * self.pace_s / decay_s) / math.expm1(-self.pace_s / decay_s)
 
 
 @dataclass(eq=False)
@@ -118,8 +150,8 @@ class Work:
     counts : dict of str to int
     held : dict of str to ndarray
         What an effect keeps from one read of a frame to the next.
-    past : sequence
-        Earlier frames and their age (near infrared).
+    past : sequence of PastExposure
+        Earlier frames, the youngest first; empty where no effect remembers them.
     """
 
     image: FloatArray
@@ -129,7 +161,7 @@ class Work:
     charge: dict[str, float] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     held: dict[str, FloatArray] = field(default_factory=dict)
-    past: Sequence[Any] = ()
+    past: Sequence[PastExposure] = ()
 
     def book(self, step: str, electrons: float) -> None:
         """Enter electrons of the whole frame under the name of a step."""
@@ -188,6 +220,9 @@ class Effect:
         What becomes of it where sums of frames stand for frames: what it adds to each frame is drawn and added; it acts
         on every electron for itself, so that a sum is drawn as one frame; a reduction takes it out; it acts on every
         electron but moves charge between pixels; it does not add up.
+    remembers : bool
+        Whether it needs earlier frames (`Work.past`): then it does not add up over frames, and ``added`` says what of
+        their electrons comes back (`FrameTerm.of_past`).
     seeded : bool
         Whether it is read from the calibration set of the camera.
     frame_s, set_up_s : float
@@ -211,12 +246,21 @@ class Effect:
     map_kind: ClassVar[str] = ""
     hides: ClassVar[tuple[str, ...]] = ()
     in_sums: ClassVar[Literal["added", "per_electron", "left_out", "moves_charge", "not_additive"]] = "added"
+    remembers: ClassVar[bool] = False
     seeded: ClassVar[bool] = False
     frame_s: ClassVar[float] = 0.0
     set_up_s: ClassVar[float] = 0.0
     term: ClassVar[str] = ""
     term_label: ClassVar[str] = ""
     colour: ClassVar[str] = "#117733"
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Refuse a memory that predictions would not know of, and take sums of frames from what has one."""
+        super().__init_subclass__(**kwargs)
+        if cls.remembers:
+            cls.in_sums = "not_additive"
+            if cls.added is Effect.added:
+                raise TypeError(f"{cls.__name__} remembers earlier frames: its method added must say what comes back")
 
     @property
     def budget_term(self) -> str:
@@ -260,6 +304,10 @@ class Effect:
         for _ in range(n_frames if self.in_sums == "added" else 1):
             self.draw(work, exposure, rng)
 
+    def memory_s(self, detector: Any) -> float:
+        """Return the age from which on frames leave nothing in it; 0 where it needs none."""
+        return math.inf if self.remembers else 0.0
+
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance that it adds to a pixel and frame where it is switched on.
 
@@ -271,13 +319,15 @@ class Effect:
         """
         return FrameTerm()
 
-    def size(self, case: CameraCase) -> Sizes | None:
-        """Return its size on every quantity for the ledger; by default that of the variance that it adds."""
+    def size(self, case: Case) -> Sizes | None:
+        """Return its size on every quantity for the ledger; by default that of the variance and mean that it adds."""
         added = self.added(case.detector, case.exposure_s)
         if added == FrameTerm():
             return None
-        variance = float(added.variance_e2(case.exposure_s, case.noise.factor2, case.em_gain))
-        return sizes(case.variance_change(variance), snr=case.snr_share(self.budget_term))
+        past = added.of_past
+        variance = added.variance_e2(case.exposure_s, case.noise.factor2, case.em_gain, past and case.counted_e)
+        pixel = max(case.variance_change(variance), case.mean_change(past * case.light_e) if past else 0.0)
+        return sizes(pixel, past, past + case.snr_share(self.budget_term))
 
     def row(self, setting: Setting) -> tuple[str, str]:
         """Return how it is modelled, and why it does not exist; empty if it does."""

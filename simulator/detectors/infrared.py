@@ -9,26 +9,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, checked_array, checked_scalar, element_name
 from simulator.config import FrozenModel
-from simulator.detectors.collection import CosmicRayHits
-from simulator.detectors.effect import Effect, Exposure, Sizes, Work, counted, sizes
-from simulator.detectors.readout import ReadNoise
+from simulator.detectors.effect import Case, Effect, Exposure, PastExposure, Sizes, Work, counted, sizes
 from simulator.detectors.variance import FrameTerm
-
-if TYPE_CHECKING:
-    from simulator.ledger import CameraCase, PlanetPlace
+from simulator.detectors.visible import CosmicRayHits, ReadNoise
 
 # Keeps sums over a frame inside 64-bit integers, and charges exact in float64; any full well is far below.
 MAX_MEAN_E = 1e12
 # Width of the bend into saturation, as a fraction of the full well.
 KNEE = 0.02
 HITS, ARRIVAL = "hits", "arrival"
+_FORGOTTEN = 50.0
 
 LossAtFullWell = Annotated[float, Field(ge=0, le=0.4)]
 Coupled = Annotated[float, Field(ge=0, le=0.2)]
@@ -43,13 +40,6 @@ class InfraredPersistence(FrozenModel):
 
 
 Hits = tuple[ArrayLike, ArrayLike]
-
-
-class PastExposure(NamedTuple):
-    """Electrons that an earlier frame collected in every pixel, and the time from its end to the start of this one."""
-
-    charge_e: ArrayLike
-    age_s: float
 
 
 class LateCharge(Protocol):
@@ -96,9 +86,9 @@ class ExponentialPersistence:
             For a charge or an age that is negative or not finite, or charges of different shapes.
         """
         rate: FloatArray = np.zeros(())
-        for charge_e, age_s in past:
-            charge = checked_array("past charge_e", charge_e, low=0.0, unit="e-")
-            age = checked_scalar("past age_s", age_s, low=0.0, high=1e12, unit="s")
+        for one in past:
+            charge = checked_array("past charge_e", one.charge_e, low=0.0, unit="e-") * one.weight(self.decay_s)
+            age = checked_scalar("past age_s", one.age_s, low=0.0, high=1e12, unit="s")
             if rate.ndim and rate.shape != charge.shape:
                 raise InputError("past charge_e", f"shape {charge.shape}", allowed=f"shape {rate.shape}")
             # -expm1(-x)/x -> 1 as the exposure goes to 0
@@ -176,8 +166,13 @@ class Persistence(Effect):
     late: LateCharge | None = None
 
     switch, label, law = "persistence", "persistence", "mean charge of the earlier frames of the sequence"
-    stage, in_sums = "charge", "not_additive"
+    stage, remembers = "charge", True
     needs, number = "exposure", "persistence.fraction"
+
+    def memory_s(self, detector: Any) -> float:
+        """Return 50 decay times, after which 2e-22 is left; 0 where nothing is caught."""
+        numbers = detector.persistence
+        return float(_FORGOTTEN * numbers.decay_s) if numbers.fraction else 0.0
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the counts."""
@@ -192,10 +187,9 @@ class Persistence(Effect):
         work.image += charge
         work.book("persistence", charge.sum())
 
-    def size(self, case: CameraCase) -> Sizes:
-        """Return the size of all that frames of the same light leave each other."""
-        share = case.detector.persistence.fraction
-        return sizes(case.mean_change(share * case.light_e), share)
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
+        """Return all that frames of the same light leave each other."""
+        return FrameTerm(of_past=detector.persistence.fraction)
 
 
 class PixelCurve(Effect):
@@ -217,7 +211,7 @@ class PixelCurve(Effect):
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
         """Leave sums of frames as they are: no frame among them is full, and the line below is straight."""
 
-    def size(self, case: CameraCase) -> Sizes:
+    def size(self, case: Case) -> Sizes:
         """Return the size of what is missing of the signal."""
         if case.reduced:
             return sizes(0.0)
@@ -225,7 +219,7 @@ class PixelCurve(Effect):
         charge = np.minimum(case.light_e + case.noise.dark_e, case.detector.full_well_e)
         spread = 2.0 * loss * case.noise.factor2 * charge**2 / case.sigma_e**2
 
-        def slope(planet: PlanetPlace) -> float:
+        def slope(planet: Any) -> float:
             behind = max(case.behind_e_s(planet), float(case.light.star_e_s[planet.place].max(initial=0.0)))
             return float(loss * case.exposure_s * (2.0 * behind + planet.peak_e_s))
 
@@ -262,7 +256,7 @@ class InterpixelCapacitance(Effect):
         """Couple the pixels of a read."""
         self.expect(work.image, exposure)
 
-    def size(self, case: CameraCase) -> Sizes:
+    def size(self, case: Case) -> Sizes:
         """Return the size of what leaves a pixel, undone by a reduction."""
         share = 0.0 if case.reduced else 4.0 * case.detector.interpixel_coupling
         return sizes(case.mean_change(share * case.light_e), share)

@@ -51,13 +51,18 @@ class FrameTerm(NamedTuple):
         Electrons in every frame, whatever its exposure.
     output_e2 : ndarray or float
         Variance added behind the register, e-^2.
+    of_past : float
+        Electrons for each of those that the frames before collected, where all have the same light.
     """
 
     rate_e_s: FloatArray | float = 0.0
     charge_e: FloatArray | float = 0.0
     output_e2: FloatArray | float = 0.0
+    of_past: float = 0.0
 
-    def variance_e2(self, exposure_s: ArrayLike, factor2: ArrayLike, em_gain: ArrayLike) -> FloatArray:
+    def variance_e2(
+        self, exposure_s: ArrayLike, factor2: ArrayLike, em_gain: ArrayLike, past_e: ArrayLike = 0.0
+    ) -> FloatArray:
         """Return the variance of an exposure, referred to the register input, e-^2.
 
         Parameters
@@ -66,15 +71,35 @@ class FrameTerm(NamedTuple):
             Of the frame.
         factor2, em_gain : array_like
             As of `frame_variance_e2`.
+        past_e : array_like
+            Electrons that each of the frames before collected.
         """
-        charge = self.rate_e_s * np.asarray(exposure_s, float) + self.charge_e
+        charge = (
+            self.rate_e_s * np.asarray(exposure_s, float) + self.charge_e + self.of_past * np.asarray(past_e, float)
+        )
         return np.asarray(frame_variance_e2(charge, factor2, self.output_e2, em_gain))
 
     @classmethod
     def total(cls, terms: "Iterable[FrameTerm]") -> "FrameTerm":
         """Return the sum of independent terms."""
-        rate, charge, output = zip(*terms, strict=True)
-        return cls(sum(rate), sum(charge), sum(output))
+        return cls(*(sum(part) for part in zip(*terms, strict=True)))
+
+    def over(self, pixels: ArrayLike, light_e_s: ArrayLike, light_e: ArrayLike) -> "FrameTerm":
+        """Return the term of a sum of pixels, in every frame of which light leaves the same; nothing is left of past.
+
+        Parameters
+        ----------
+        pixels : array_like
+            How many they are, or the sum of their squared weights.
+        light_e_s, light_e : array_like
+            Electrons of the sum that come with time, and in every frame.
+        """
+        area, rate, charge = (np.asarray(part, float) for part in (pixels, light_e_s, light_e))
+        return FrameTerm(
+            area * self.rate_e_s + self.of_past * rate,
+            area * self.charge_e + self.of_past * charge,
+            area * self.output_e2,
+        )
 
 
 def ramp_factors(readout_mode: str, n_reads: int) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 Only the pixels of the hole see the star and are drawn; light elsewhere smears into their columns. That is exact where
 no charge of other pixels enters the hole (bloomed columns, register tails, deferred charge) and where frames add up
-(`simulator.camera.emccd`); `hole_stackable` says whether, and by which limit not. A sum over frames of different
+(`simulator.camera.camera`); `hole_stackable` says whether, and by which limit not. A sum over frames of different
 light has the law of one draw of its mean: a visit of many is drawn once, whatever the epochs of its wavefront, and so
 are all visits where only their sum counts.
 
@@ -23,8 +23,15 @@ from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
-from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, brightest_stamp, table_stamps, visit_stamps, visit_waves
+from simulator.observing.observation import (
+    MAX_VISIT,
+    Observation,
+    Visit,
+    brightest_stamp,
+    table_stamps,
+    visit_stamps,
+    visit_waves,
+)
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.

@@ -1,4 +1,4 @@
-from catalogs.spectral_types import StellarParameters as StellarParameters, stellar_parameters as stellar_parameters
+from catalogs.stellar_physics import StellarParameters as StellarParameters, stellar_parameters as stellar_parameters
 from simulator.target.albedo import (
     albedo_flags as albedo_flags,
     albedo_notes as albedo_notes,

@@ -230,7 +230,7 @@ def _constant(value: float) -> Albedo:
 
 @functools.lru_cache(maxsize=64)
 def _user_table(wavelength_nm: tuple[float, ...], albedo: tuple[float, ...]) -> Albedo:
-    from simulator.band_integrals import check_table
+    from simulator.passbands import check_table
 
     wavelength, values = check_table("albedo", wavelength_nm, albedo)
     return Albedo(wavelength, values)

@@ -7,7 +7,7 @@ import numpy as np
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, read_curve
 from cpic_core import InputError, read_file
-from simulator.band_integrals import check_table
+from simulator.passbands import check_table
 
 _MAX_BYTES = 200_000_000
 _SPEED_OF_LIGHT_NM_S = 2.99792458e17

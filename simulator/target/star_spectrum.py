@@ -21,7 +21,7 @@ import numpy as np
 
 from catalogs import SpectralLibrary, Spectrum, load_pickles, load_stellar_grid, parse_spectral_type, stellar_parameters
 from cpic_core import InputError, bounded_fits, check_number, is_file, numeric_context, open_file
-from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
+from simulator.passbands import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 from simulator.target.spectrum_table import photon_flux
 
@@ -44,7 +44,7 @@ def library_photlam(spectral_type: str) -> tuple[np.ndarray, np.ndarray, tuple[s
     Parameters
     ----------
     spectral_type : str
-        MK type, see `catalogs.spectral_types.parse_spectral_type`.
+        MK type, see `catalogs.stellar_physics.parse_spectral_type`.
 
     Returns
     -------

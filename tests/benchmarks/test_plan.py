@@ -9,9 +9,8 @@ from cpic_planner.confirm import make_plan
 from cpic_planner.etc import build_model
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import rank_targets
-from cpic_planner.report.figures import contrast_diagram
-from cpic_planner.report.panel_figure import Mark, Panels, PanelSheet
-from cpic_planner.report.sky_figures import margin_figure, sky_map
+from cpic_planner.report.image_figures import Mark, Panels, PanelSheet
+from cpic_planner.report.ranking_figures import contrast_diagram, margin_figure, sky_map
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 from simulator.imaging import HoleZone

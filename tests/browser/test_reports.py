@@ -6,9 +6,8 @@ import io
 import pytest
 from PIL import Image
 
-from cpic_planner.report.document import Column, Document, Figure, Fold, Paragraph, link, table
+from cpic_planner.report.document import Column, Document, Figure, Fold, Paragraph, link, page_html, table
 from cpic_planner.report.drawing import new_figure, save, style
-from cpic_planner.report.write import page_html
 
 pytestmark = [pytest.mark.browser, pytest.mark.slice]
 ROWS = [(f"star {number}", (7 * number) % 11) for number in range(1, 10)] + [("=1+1 star 10", 4)]

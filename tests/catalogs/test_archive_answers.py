@@ -14,11 +14,10 @@ from xml.sax.saxutils import escape, quoteattr
 import pytest
 
 from catalogs import RefreshError, TapService, load_stars
-from catalogs.archive_answers import read_answer
+from catalogs.archives import ask, read_answer
 from catalogs.exoplanet_archive import read_archive
-from catalogs.simbad_answer import read_measurements, read_stars
+from catalogs.simbad import read_measurements, read_stars
 from catalogs.table_files import RawTable, column_of
-from catalogs.tap_client import ask
 
 NO_LONG, NO_INT = -(2**63), -(2**31)
 STARS = [

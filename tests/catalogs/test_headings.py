@@ -9,12 +9,11 @@ import yaml
 from astropy import units as u
 
 from catalogs import QUANTITIES
-from catalogs.known_planet_columns import COLUMNS
-from catalogs.known_planets import load_known_planets
+from catalogs.known_planets import COLUMNS, load_known_planets
 from catalogs.nomenclature import designation_key
 from catalogs.table_cells import CONVENTIONS, heading
 from catalogs.table_files import TableBytes, parse_table
-from catalogs.user_table import user_table
+from catalogs.user_tables import user_table
 
 KINDS = {"stars": QUANTITIES, "planets": COLUMNS}
 FILE = Path(__file__).resolve().parents[2] / "catalogs" / "data" / "headings.csv"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from catalogs.known_planet_columns import reference_text, settle
+from catalogs.known_planets import reference_text, settle
 
 MASS = {"best_mass_mjup": 2.0, "best_mass_err_mjup": 0.1}
 

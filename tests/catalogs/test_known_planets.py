@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from catalogs import load_known_planets, load_stars, star_key
-from catalogs.known_planet_columns import COLUMNS, FLAGS, GIVEN_FLAGS, INPUT_ONLY, STATUSES
-from catalogs.known_planets import planets_updated
+from catalogs.known_planets import COLUMNS, FLAGS, GIVEN_FLAGS, INPUT_ONLY, STATUSES, planets_updated
 
 NUMBERS = [name for name, column in COLUMNS.items() if column.kind != "text" and name not in INPUT_ONLY]
 

@@ -15,8 +15,8 @@ from catalogs import (
     planets_ecsv,
     refresh_planets,
 )
-from catalogs.known_planet_table import NUMBERS, TABLE_COLUMNS
-from catalogs.planet_refresh import difference, newer_updates
+from catalogs.exoplanet_archive import difference
+from catalogs.known_planets import NUMBERS, TABLE_COLUMNS, newer_updates
 from catalogs.table_files import TableBytes
 
 

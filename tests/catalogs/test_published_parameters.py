@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from catalogs import StarTable, catalogue_info, load_stars, open_catalogue, snapshot_vintage
-from catalogs.published_parameters import parameters_vintage, published_parameters, updated_columns
+from catalogs.stars import parameters_vintage, published_parameters, updated_columns
 from catalogs.stellar_physics import (
     colour_temperature,
     luminosity_from_diameter,

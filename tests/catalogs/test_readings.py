@@ -1,8 +1,7 @@
 """What the texts of tables mean: spectral types, names of stars, plain values."""
 
 from catalogs import parse_spectral_type, resolve_star, stellar_parameters
-from catalogs.spectral_types import is_composite, luminosity_class
-from catalogs.stellar_physics import is_giant, spectral_letter
+from catalogs.stellar_physics import is_composite, is_giant, luminosity_class, spectral_letter
 from cpic_core import parse_yaml
 
 

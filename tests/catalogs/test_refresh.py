@@ -23,7 +23,7 @@ from catalogs import (
     stars_at,
     stored_tables,
 )
-from catalogs.star_columns import COLUMNS
+from catalogs.stars import COLUMNS
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from catalogs import file_name, set_aside, stored_tables
-from catalogs.refreshed_tables import loss_refused
+from catalogs.archives import loss_refused
 
 WHEN = datetime(2026, 3, 9, 4, 5, 6, tzinfo=UTC)
 

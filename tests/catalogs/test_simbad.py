@@ -3,7 +3,7 @@
 import pytest
 
 from catalogs import Cuts, TapService, queries, service_url
-from catalogs.tap_client import ask
+from catalogs.archives import ask
 
 STARS, MEASUREMENTS = queries(Cuts())
 
@@ -85,7 +85,7 @@ def test_settings_are_checked(refused, make, words):
 @pytest.mark.network
 def test_the_real_service_answers_both_questions():
     cuts = Cuts(v_mag_max=4.0, parallax_min_mas=250.0)
-    from catalogs.simbad_answer import read_measurements, read_stars
+    from catalogs.simbad import read_measurements, read_stars
 
     stars, measurements = (ask(TapService(), service_url(TapService()), query) for query in queries(cuts))
     answer = read_stars(stars)

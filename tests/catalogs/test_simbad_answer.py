@@ -7,10 +7,9 @@ import pytest
 from astropy import units as u
 
 from catalogs import Cuts, RefreshError, TapService, queries
-from catalogs.archive_answers import asked_columns
-from catalogs.simbad_answer import read_measurements, read_stars
+from catalogs.archives import ask, asked_columns
+from catalogs.simbad import read_measurements, read_stars
 from catalogs.table_files import RawTable, column_of
-from catalogs.tap_client import ask
 
 STARS, MEASUREMENTS = queries(Cuts())
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from catalogs import ADDED_FLAGS, Cuts, RefreshError, TapService, load_stars, refresh_stars, resolve_star
-from catalogs.simbad_answer import blends, match_snapshot, own_names, read_stars, row_name
-from catalogs.star_columns import COLUMNS, FLAGS
+from catalogs.simbad import blends, match_snapshot, own_names, read_stars, row_name
+from catalogs.stars import COLUMNS, FLAGS
 from catalogs.stellar_physics import bolometric_correction, colour_temperature
 
 
@@ -117,7 +117,7 @@ def test_names_stay_unique():
 
 def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
     from catalogs import queries
-    from catalogs.tap_client import ask
+    from catalogs.archives import ask
 
     answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     listed, alone = blends(answer)
@@ -128,7 +128,7 @@ def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
 def test_no_two_objects_are_one_star_of_the_snapshot(simbad):
     next(row for row in simbad.tables["ids"] if row["oidref"] == 11)["ids"] += "|HIP 8102"  # a stray identifier
     from catalogs import queries
-    from catalogs.tap_client import ask
+    from catalogs.archives import ask
 
     answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     rows = [row for row in match_snapshot(answer, load_stars()) if row >= 0]

@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from catalogs.star_systems import Member, adopt_parallaxes, group_systems, is_blend_id
+from catalogs.simbad import Member, adopt_parallaxes, group_systems, is_blend_id
 
 NAN = float("nan")
 

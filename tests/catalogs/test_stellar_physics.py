@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from catalogs import load_johnson_v, load_stars, load_stellar_grid, luminosity_from_v
-from catalogs.star_columns import parallax_flags, type_flags
+from catalogs.stars import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     bolometric_correction,
     bulk_columns,

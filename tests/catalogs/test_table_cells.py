@@ -3,11 +3,10 @@
 import pytest
 
 from catalogs import QUANTITIES, RawTable, load_known_planets, open_catalogue
-from catalogs.known_planet_columns import COLUMNS
-from catalogs.known_planets import own_rows
+from catalogs.known_planets import COLUMNS, own_rows
 from catalogs.table_cells import heading
 from catalogs.table_files import TableBytes, column_of, parse_table
-from catalogs.user_table import user_table
+from catalogs.user_tables import user_table
 
 
 @pytest.mark.parametrize(

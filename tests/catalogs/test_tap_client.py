@@ -8,8 +8,8 @@ import pytest
 from astropy.io.votable import from_table
 from astropy.table import MaskedColumn, Table
 
-from catalogs import Cuts, RefreshError, TapService, queries, tap_client
-from catalogs.tap_client import ask
+from catalogs import Cuts, RefreshError, TapService, archives, queries
+from catalogs.archives import ask
 
 STARS, _ = queries(Cuts())
 
@@ -227,7 +227,7 @@ def test_an_interruption_ends_the_process_and_the_next_question_has_its_own_answ
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(tap_client, "wait", interrupt)
+        patched.setattr(archives, "wait", interrupt)
         with pytest.raises(KeyboardInterrupt):
             asked(simbad)
     simbad.mode = ""
@@ -236,21 +236,21 @@ def test_an_interruption_ends_the_process_and_the_next_question_has_its_own_answ
 
 def test_a_process_that_died_is_replaced(simbad):
     asked(simbad)
-    tap_client._PROCESS._child.kill()
-    tap_client._PROCESS._child.wait()
+    archives._PROCESS._child.kill()
+    archives._PROCESS._child.wait()
     assert "* tau Cet" in asked(simbad)["main_id"]
 
 
 def test_a_process_that_may_be_about_to_end_is_replaced(simbad, monkeypatch):
     """It ends when it has been idle for a while."""
     asked(simbad)
-    first = tap_client._PROCESS._child
+    first = archives._PROCESS._child
     asked(simbad)
-    assert tap_client._PROCESS._child is first
+    assert archives._PROCESS._child is first
     now = time.monotonic()
-    monkeypatch.setattr(time, "monotonic", lambda: now + 0.6 * tap_client.IDLE_S)
+    monkeypatch.setattr(time, "monotonic", lambda: now + 0.6 * archives.IDLE_S)
     asked(simbad)
-    assert tap_client._PROCESS._child is not first
+    assert archives._PROCESS._child is not first
     assert first.returncode is not None
 
 

@@ -46,7 +46,7 @@ def test_a_request_may_not_go(to, changes, words):
 
 
 def test_a_process_that_is_asked_nothing_ends(monkeypatch):
-    """Whoever started it may have gone without a word; `catalogs.tap_client` ends it otherwise."""
+    """Whoever started it may have gone without a word; `catalogs.archives` ends it otherwise."""
     monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
     monkeypatch.setattr(tap_session, "IDLE_S", 0.0)
     ours, theirs = os.pipe()

@@ -12,7 +12,7 @@ from astropy.table import MaskedColumn, Table
 from hypothesis import given, settings, strategies as st
 
 from catalogs import ADDED_FLAGS, data_credits, load_stars, open_catalogue, stellar_parameters
-from catalogs.star_columns import FLAGS
+from catalogs.stars import FLAGS
 from catalogs.stellar_physics import bolometric_correction
 
 SIMPLE = "name,distance_pc,v_mag,sp_type\nfirst,10,5.5,G2V\nsecond,20,6,K1V\n"

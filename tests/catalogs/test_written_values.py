@@ -10,7 +10,7 @@ from astropy.time import Time
 from hypothesis import given, strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catalogs.written_values import (
+from catalogs.table_cells import (
     converted,
     join_sexagesimal,
     read_angles,

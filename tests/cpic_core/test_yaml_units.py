@@ -7,7 +7,7 @@ import pytest
 from cpic_core import InputError, converted, unit_of
 from cpic_core.yaml_files import load_yaml
 from cpic_planner.queries import EtcQuestion, Written, read_value
-from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey.strategy import load_strategies
 from simulator import load_instrument, load_scene
 
 WRITTEN = [

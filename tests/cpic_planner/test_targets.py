@@ -84,10 +84,10 @@ def test_remarks_on_a_file_reach_the_log_once(mine, caplog):
 
 def test_a_catalogue_is_read_once_for_many_names(mine, monkeypatch):
     from cpic_planner import signal_to_noise
-    from cpic_planner.api import keywords
+    from cpic_planner.api import functions
 
     opened = []
-    monkeypatch.setattr(keywords, "as_catalogue", lambda source: opened.append(source) or open_catalogue(source))
+    monkeypatch.setattr(functions, "as_catalogue", lambda source: opened.append(source) or open_catalogue(source))
     answers = signal_to_noise(["near", "wide"], time_s=3000, separation_arcsec=0.5, bands=["F520"], catalog=mine)
     assert len(answers) == 2
     assert opened == [mine]

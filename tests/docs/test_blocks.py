@@ -10,7 +10,7 @@ import yaml
 from cpic_planner.cli import main as command_line
 from cpic_planner.planets import load_population
 from cpic_planner.queries import Question
-from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey.strategy import load_strategies
 from cpic_planner.web import application
 from simulator import load_instrument, load_scene
 from tests.cpic_planner.web.conftest import Browser

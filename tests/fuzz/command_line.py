@@ -51,18 +51,14 @@ class Option:
 @functools.cache
 def options_of(*words: str) -> tuple[Option, ...]:
     """Return the options of a command, those that it shares with others too, but the one that asks for silence."""
-    from cpic_planner.cli import asking, image_commands, known_command, main, searched_commands, study_commands
-    from cpic_planner.cli.etc_command import etc
-    from cpic_planner.cli.rank_command import rank
+    from cpic_planner.cli import command as making, main, run_commands, star_commands
     from cpic_planner.schemas import QUESTIONS
 
-    late: dict[str, Any] = {"etc": etc, "rank": rank}
-    late |= {name: getattr(image_commands, name) for name in ("plan", "confirm", "simulate")}
-    late |= {name: getattr(searched_commands, name) for name in ("curve", "roc")}
-    late |= {name: getattr(known_command, name) for name in ("known", "visibility")}
-    late |= {name: getattr(study_commands, name) for name in ("whatif", "tradeoff")}
+    late: dict[str, Any] = {
+        name: getattr(star_commands if hasattr(star_commands, name) else run_commands, name) for name in QUESTIONS
+    }
     if words[0] in late:
-        command = asking.command_of(late[words[0]], pkgutil.resolve_name(QUESTIONS[words[0]]))
+        command = making.command_of(late[words[0]], pkgutil.resolve_name(QUESTIONS[words[0]]))
     else:
         command = main.app.built
         for word in words:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cpic_planner.cli import etc_command
+from cpic_planner.cli import star_commands
 from cpic_planner.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.mark.parametrize("source", ["README.md", "help"])
 def test_first_command_detects(source, capsys):
     text = (
-        inspect.getdoc(etc_command.etc).partition("Examples:")[2]
+        inspect.getdoc(star_commands.etc).partition("Examples:")[2]
         if source == "help"
         else (ROOT / source).read_text("utf-8")
     )

@@ -65,18 +65,17 @@ def entries(model: type[BaseModel]) -> list[Entry]:
 
     found = []
     for name, field in model.model_fields.items():
-        look = described(name, field)
-        meaning = look.meaning or look.label or name.replace("_", " ")
+        said = described(name, field)
+        meaning = said.description or said.title or name.replace("_", " ")
         inner = list(models_in(field.annotation))
         links = "".join(f" See [{one.__name__}](#{anchored('result', one.__name__)})." for one in inner)
         kind = said_type(field.annotation)
         numeric = not inner and ("number" in kind or "integer" in kind)
-        unit = look.unit or ""
         found.append(
             Entry(
                 anchored("column", model.__name__, name),
                 name,
-                (kind.replace("_", r"\_"), code(unit) if numeric else "", marked(meaning) + links),
+                (kind.replace("_", r"\_"), code(said.unit) if numeric else "", marked(meaning) + links),
             )
         )
     return found

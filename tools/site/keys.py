@@ -21,9 +21,8 @@ def files() -> Iterator[tuple[str, str, type[BaseModel], Mapping[str, Provenance
     from cpic_planner.planets import load_population
     from cpic_planner.planets.population import PopulationConfig
     from cpic_planner.queries import Ensemble
-    from cpic_planner.survey.strategy import SurveyStrategy
-    from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
-    from cpic_planner.survey.visibility.config import VisibilityConfig, load_visibility
+    from cpic_planner.survey.strategy import StrategiesConfig, SurveyStrategy, load_strategies
+    from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
     from simulator import Instrument, Scene, load_instrument
     from simulator.config.simulation import SimulationConfig
 

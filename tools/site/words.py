@@ -48,8 +48,8 @@ def registered() -> dict[str, list[Entry]]:
 def flags() -> list[Entry]:
     """Return the flags of answers, stars and known planets, with their words."""
     from catalogs import ADDED_FLAGS
-    from catalogs.known_planet_columns import FLAGS as OF_PLANETS
-    from catalogs.star_columns import FLAGS as OF_STARS
+    from catalogs.known_planets import FLAGS as OF_PLANETS
+    from catalogs.stars import FLAGS as OF_STARS
     from cpic_planner.registry import LIBRARIES
     from cpic_planner.report.words import FLAGS as OF_ANSWERS
 

@@ -6,7 +6,7 @@ import pytest
 import cpic_planner as cp
 from catalogs import load_known_planets, open_catalogue, resolve_star
 from cpic_core import InputError
-from cpic_planner.api.named import named
+from cpic_planner.api.one_star import named
 from cpic_planner.etc import build_model
 from cpic_planner.queries import EtcQuestion
 from cpic_planner.ranking import KnownChoice

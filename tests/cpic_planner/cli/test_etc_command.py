@@ -295,7 +295,7 @@ def test_a_plot_does_not_change_the_answer(call, tmp_path):
 def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
     import shlex
 
-    from cpic_planner.cli.etc_command import etc
+    from cpic_planner.cli.star_commands import etc
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("cpic_planner.confirm.etc_images.AIM", 0.3)  # images as few as will do

@@ -7,7 +7,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner import signal_to_noise
-from cpic_planner.cli.asking import command_of
+from cpic_planner.cli.command import command_of
 from cpic_planner.cli.main import app
 from cpic_planner.queries import EtcQuestion, SimulateQuestion, changed_instrument, options_of
 from cpic_planner.schemas import QUESTIONS

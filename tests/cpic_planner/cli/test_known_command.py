@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from cpic_planner.cli import known_command
+from cpic_planner.cli import star_commands
 from cpic_planner.cli.main import main
 from cpic_planner.results import KnownResult, RankResult
 from simulator import load_scene
@@ -171,7 +171,7 @@ def test_refusals_are_one_line(refuses, arguments, says):
 def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_planets.csv").write_text(MINE)
-    examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(known_command.known), re.M)
+    examples = re.findall(r"^  cpic (.*)$", inspect.getdoc(star_commands.known), re.M)
     assert len(examples) >= 6
     for example in examples:
         words = shlex.split(example)

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.known_planet_columns import COLUMNS, FLAGS, flags_of
-from catalogs.known_planets import load_known_planets
+from catalogs.known_planets import COLUMNS, FLAGS, flags_of, load_known_planets
 from cpic_planner.planets.published_orbits import draw_known, ephemeris, known_uniforms
 
 STAR, DISTANCE_PC, MJD = "tau Cet", 3.65, 61771.0

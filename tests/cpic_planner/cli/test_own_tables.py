@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cpic_planner import load_targets, rank_targets
-from cpic_planner.cli.asking import REJECTS_ENDINGS
+from cpic_planner.cli.command import REJECTS_ENDINGS
 from cpic_planner.ranking import MOST_OWN
 from cpic_planner.results import RankedTarget, RankResult
 

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from cpic_core import LOGGER, announce
-from cpic_planner.cli import options, progress
+from cpic_planner.cli import command, progress
 from cpic_planner.cli.main import main
 from cpic_planner.cli.progress import Bar, Lines, Reporter, watch
 
@@ -168,7 +168,7 @@ def test_verbose_lines_come_at_once_and_not_twice(capsys, monkeypatch):
 
 
 def test_progress_of_its_own_outside_a_command(capsys, hasty):
-    with options.progress("frames", total=2) as advance:
+    with command.progress("frames", total=2) as advance:
         advance("one")
         time.sleep(0.1)
         advance("two")

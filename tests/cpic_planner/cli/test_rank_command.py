@@ -143,11 +143,11 @@ def test_sensitivity(done, few):
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
 def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
-    from cpic_planner.report import etc_figures, sky_figures
+    from cpic_planner.report import answers, ranking_figures
 
     figures = []
-    monkeypatch.setattr(sky_figures, "MOST_STARS", 3)
-    monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(ranking_figures, "MOST_STARS", 3)
+    monkeypatch.setattr(answers, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
     out, err = done(*few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
@@ -206,7 +206,7 @@ def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words)
 
 @pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
-    from cpic_planner.cli.rank_command import rank
+    from cpic_planner.cli.star_commands import rank
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_stars.csv").write_bytes(Path(few[1]).read_bytes())

@@ -14,7 +14,7 @@ import catalogs
 from catalogs import Cuts, RefreshError, TapService, open_catalogue
 from cpic_core import InputError
 from cpic_planner import load_targets, rank_targets, signal_to_noise
-from cpic_planner.cli.refreshed_files import refresh_catalog, target_path
+from cpic_planner.cli.catalog_command import refresh_catalog, target_path
 
 pytestmark = pytest.mark.usefixtures("nothing_is_lost")
 EMBEDDED = Path(catalogs.__file__).parent / "data"
@@ -148,7 +148,7 @@ def test_a_full_or_closed_disk_is_a_failure_in_one_line(simbad, data_folder, mon
     def refuse(path, text, *, key):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("cpic_planner.cli.refreshed_files.write_named", refuse)
+    monkeypatch.setattr("cpic_planner.cli.catalog_command.write_named", refuse)
     with pytest.raises(RefreshError, match="No space left on device.*--out or CPIC_DATA_DIR"):
         refresh_catalog(service=service(simbad))
     assert content(data_folder) == {}

@@ -8,7 +8,7 @@ import shlex
 import pytest
 
 from cpic_planner import contrast_curve
-from cpic_planner.cli import searched_commands
+from cpic_planner.cli import star_commands
 from cpic_planner.results import CurveResult, RocResult
 
 PLACED = ("--band", "F662", "--separation-arcsec", "0.6")
@@ -99,10 +99,10 @@ def test_what_cannot_be_asked_is_refused_in_one_line(refuses, arguments, words):
     refuses(arguments, words)
 
 
-@pytest.mark.parametrize("command", [searched_commands.curve, searched_commands.roc])
+@pytest.mark.parametrize("command", [star_commands.curve, star_commands.roc])
 def test_the_examples_of_the_help_are_good_questions(done, monkeypatch, command):
     asked = []
-    monkeypatch.setattr(searched_commands, "_run", lambda question, job, *rest: asked.append((question, job.digest)))
+    monkeypatch.setattr(star_commands, "_run", lambda question, job, *rest: asked.append((question, job.digest)))
     lines = re.findall(r"^ *cpic (.*)$", inspect.getdoc(command), re.MULTILINE)
     for line in lines:
         done(*shlex.split(line))

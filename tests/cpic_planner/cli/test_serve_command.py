@@ -10,14 +10,14 @@ import time
 
 import pytest
 
-from cpic_planner.cli import serve_command
+from cpic_planner.cli import upkeep_command
 from cpic_planner.cli.main import main
 
 COMMAND = "serve"
 
 
 def test_without_the_extra_one_line_says_what_to_install(refuses, monkeypatch):
-    monkeypatch.setattr(serve_command, "_NEEDED", ("starlette", "no_such_package"))
+    monkeypatch.setattr(upkeep_command, "_NEEDED", ("starlette", "no_such_package"))
     refuses([], ["not installed", 'pip install "cpic-planner[web]"'])
 
 

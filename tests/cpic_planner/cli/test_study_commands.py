@@ -31,7 +31,7 @@ def mine(tmp_path):
 @pytest.fixture
 def no_figures(monkeypatch):
     """The report without its figures, which take longer than a small survey; nobody looks at them."""
-    monkeypatch.setattr("cpic_planner.report.figures.whatif_figures", lambda result: {})
+    monkeypatch.setattr("cpic_planner.report.whatif_figures.whatif_figures", lambda result: {})
 
 
 COMMAND = "whatif"

@@ -120,7 +120,7 @@ def test_bad_input_is_one_line(refuses, options, words):
 
 @pytest.mark.long
 def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
-    from cpic_planner.cli.known_command import visibility
+    from cpic_planner.cli.star_commands import visibility
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_limits.yaml").write_text("moon_deg: 40\n")

@@ -154,9 +154,9 @@ def test_plan_holds_no_clock_host_or_path(finished):
 @pytest.fixture
 def no_page(monkeypatch):
     """Leave the page with its figures empty."""
-    monkeypatch.setattr("cpic_planner.report.write.page_html", lambda document: "")
-    monkeypatch.setattr("cpic_planner.report.figures.plan_figures", lambda *given, **more: {})
-    monkeypatch.setattr("cpic_planner.report.figures.panel_pictures", lambda *given: {})
+    monkeypatch.setattr("cpic_planner.report.files.page_html", lambda document: "")
+    monkeypatch.setattr("cpic_planner.report.plan.plan_figures", lambda *given, **more: {})
+    monkeypatch.setattr("cpic_planner.report.plan.panel_pictures", lambda *given: {})
 
 
 @pytest.mark.long

@@ -5,10 +5,8 @@ import math
 import pytest
 
 import cpic_planner
-from cpic_planner.confirm.curve import _programme as programme_of_curve
-from cpic_planner.confirm.roc import _programme as programme_of_roc
+from cpic_planner.confirm.curve import AskedStar, _programme as programme_of_curve, _programme as programme_of_roc
 from cpic_planner.confirm.scene import _work, scene_target
-from cpic_planner.confirm.searched import AskedStar
 from cpic_planner.etc import build_model, diagonal_pa_deg, reference_distance_au, signal_to_noise
 from cpic_planner.queries import (
     MAX_FRAMES,
@@ -69,7 +67,7 @@ def confirmed(scene, band, options):
 
 def calculated(star, band, separation, options, **planet):
     asked = {"target": star, "bands": [band], "companions": "off", "separation_arcsec": separation, **planet}
-    from cpic_planner.api.keywords import model_of, stars_named
+    from cpic_planner.api.functions import model_of, stars_named
     from cpic_planner.api.one_star import closed_forms
 
     question = EtcQuestion.of(asked | options)

@@ -19,7 +19,7 @@ from cpic_planner.etc import (
     reference_distance_au,
     usable_range_arcsec,
 )
-from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.jobs.job import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import find_target

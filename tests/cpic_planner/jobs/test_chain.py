@@ -11,11 +11,10 @@ from astropy.io import fits
 
 from cpic_core import InputError
 from cpic_planner.jobs import check_tree
-from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.jobs.folder import LIST_NAME, open_run_folder
 from cpic_planner.jobs.job import RECORD
-from cpic_planner.jobs.written_files import LIST_NAME
 from cpic_planner.results import Column
-from cpic_planner.survey.store import ResultStore, Table
+from cpic_planner.survey.tables import ResultStore, Table
 
 MINE = "0000000a-0000000b-0000000c-0000000d-0000000e"
 TUNED = MINE.replace("0e", "ff")

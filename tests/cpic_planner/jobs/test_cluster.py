@@ -1,7 +1,7 @@
 import pytest
 
+from cpic_core import ClusterError
 from cpic_planner.jobs.cluster import TaskQueue
-from cpic_planner.jobs.engine import ClusterError
 
 ROOM = 8
 

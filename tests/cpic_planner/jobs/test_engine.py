@@ -10,8 +10,8 @@ import dask
 import distributed  # noqa: F401, its settings are there before one is changed for a test
 import pytest
 
-from cpic_core import stream
-from cpic_planner.jobs.engine import ClusterError, run_tasks
+from cpic_core import ClusterError, stream
+from cpic_planner.jobs.job import run_tasks
 
 
 def draw(name, index):
@@ -115,7 +115,7 @@ def test_tasks_that_end_every_worker_are_named_after_all_others(tmp_path):
 def test_workers_that_never_start_end_the_run(monkeypatch, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import os\nos._exit(7)\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("cpic_planner.jobs.local_cluster._VAIN", 1)
+    monkeypatch.setattr("cpic_planner.jobs.cluster._VAIN", 1)
     with pytest.raises(ClusterError, match="workers ended without a result, the last with status 7"):
         list(run_tasks(divmod, [(1, 1), (2, 1)], workers=2))
 

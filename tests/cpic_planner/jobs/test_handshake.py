@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from cpic_core import InputError, differing_words, fingerprint
-from cpic_planner.jobs import handshake
-from cpic_planner.jobs.engine import ClusterError, run_tasks
-from cpic_planner.jobs.local_cluster import quiet_dask
+from cpic_core import ClusterError, InputError, differing_words, fingerprint
+from cpic_planner.jobs import cluster
+from cpic_planner.jobs.cluster import quiet_dask
+from cpic_planner.jobs.job import run_tasks
 
 ROOT = Path(__file__).resolve().parents[3]
 OWN = (str(ROOT), str(Path(__file__).parent))
@@ -95,11 +95,11 @@ def test_another_processor_is_accepted_and_told(scheduler, tmp_path):
 def test_a_worker_that_was_not_asked_compares_for_itself(monkeypatch):
     asked = str(fingerprint())
     load = pickle.dumps((divmod, (3,)))
-    assert handshake.call(asked, load, (17,)) == (asked, (5, 2))
-    monkeypatch.setattr(handshake, "get_worker", lambda: type("Worker", (), {"address": "tcp://there:1"}))
+    assert cluster.call(asked, load, (17,)) == (asked, (5, 2))
+    monkeypatch.setattr(cluster, "get_worker", lambda: type("Worker", (), {"address": "tcp://there:1"}))
     wrong = "-".join(["ffffffff", *asked.split("-")[1:]])
-    with pytest.raises(handshake.ForeignWorkerError, match="worker tcp://there:1 has other code$"):
-        handshake.call(wrong, b"not even unpacked", ())
+    with pytest.raises(cluster.ForeignWorkerError, match="worker tcp://there:1 has other code$"):
+        cluster.call(wrong, b"not even unpacked", ())
 
 
 class Client:
@@ -113,14 +113,14 @@ class Client:
 
 
 def test_code_without_a_handshake_is_other_code_and_a_worker_that_has_gone_is_passed_over():
-    mine = handshake.introduced()
-    handshake.refuse_foreign(Client(tcp_a=mine, tcp_b=OSError("gone")), ["tcp://a", "tcp://b"], "tcp://s:1")
-    older = Client(tcp_a=ModuleNotFoundError("No module named 'cpic_planner.jobs.handshake'"))
+    mine = cluster.introduced()
+    cluster.refuse_foreign(Client(tcp_a=mine, tcp_b=OSError("gone")), ["tcp://a", "tcp://b"], "tcp://s:1")
+    older = Client(tcp_a=ModuleNotFoundError("No module named 'cpic_planner.jobs.cluster'"))
     with pytest.raises(InputError, match=r"\(worker tcp://a has other code \(No module named"):
-        handshake.refuse_foreign(older, ["tcp://a"], "tcp://s:1")
-    newer = handshake.Introduced("9.9.9", mine.fingerprint)
+        cluster.refuse_foreign(older, ["tcp://a"], "tcp://s:1")
+    newer = cluster.Introduced("9.9.9", mine.fingerprint)
     with pytest.raises(ClusterError, match=r"worker tcp://a has version 9.9.9 \(here .*were files changed"):
-        handshake.refuse_foreign(Client(tcp_a=newer), ["tcp://a"], None)
+        cluster.refuse_foreign(Client(tcp_a=newer), ["tcp://a"], None)
 
 
 @pytest.mark.parametrize(("name", "said"), [(None, "there are none"), ("/nowhere.pem", "No such file")])

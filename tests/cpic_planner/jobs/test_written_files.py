@@ -11,8 +11,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.cli.main import main
-from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.jobs.written_files import LIST_NAME
+from cpic_planner.jobs.folder import LIST_NAME, open_run_folder
 
 PRODUCTS = ("plan.json", "report.html")
 

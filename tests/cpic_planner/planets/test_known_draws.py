@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 from scipy.stats import beta, kstest, truncnorm, uniform
 
 from catalogs import load_known_planets
-from catalogs.known_planet_table import KnownPlanetTable as table_of_columns
+from catalogs.known_planets import KnownPlanetTable as table_of_columns
 from cpic_planner.planets import draw_known, ephemeris, known_uniforms, places_at, planets_of
 from cpic_planner.planets.masses import STAR_MJUP
 from cpic_planner.planets.published_orbits import QUANTITIES

@@ -17,8 +17,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.figures import HoleEdges, LimitCurve
-from cpic_planner.report.panel_figure import Panels
+from cpic_planner.report.image_figures import Panels
+from cpic_planner.report.ranking_figures import HoleEdges, LimitCurve
 from cpic_planner.results import (
     ConfirmResult,
     EtcResult,

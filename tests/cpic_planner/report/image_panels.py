@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cpic_planner.report.panel_figure import Mark, Panels
+from cpic_planner.report.image_figures import Mark, Panels
 from cpic_planner.results import PlanResult
 from simulator.imaging import HoleZone
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.report import write_figure
-from cpic_planner.report.confirm_sections import albedo_figure, albedo_picture
+from cpic_planner.report.image_figures import albedo_figure, albedo_picture
 from cpic_planner.validation import fit_albedo
 from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument

@@ -4,7 +4,8 @@ import io
 import pytest
 
 from cpic_planner.report import ranking_csv, ranking_ecsv
-from cpic_planner.report.files import MEASUREMENT_COLUMNS, measurements_csv, targets_csv
+from cpic_planner.report.confirm import MEASUREMENT_COLUMNS, measurements_csv
+from cpic_planner.report.whatif import targets_csv
 from cpic_planner.results import RankedTarget, columns_of
 
 

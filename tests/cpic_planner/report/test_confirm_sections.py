@@ -4,11 +4,10 @@ import pytest
 from rich.console import Console
 
 from cpic_planner.report import print_confirm
-from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
+from cpic_planner.report.confirm import ConfirmReport, confirm_document, measure_table, outcome_text
+from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.image_figures import measure_table, snr_figure
-from cpic_planner.report.summary import outcome_text
-from cpic_planner.report.write import page_html
+from cpic_planner.report.image_figures import snr_figure
 
 HOSTILE = "<script>alert('x')</script>"
 

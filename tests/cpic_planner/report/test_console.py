@@ -20,7 +20,7 @@ from cpic_planner.report import (
     print_sensitivity,
     print_simulation,
 )
-from cpic_planner.report.numbers import size_text
+from cpic_planner.report.words import size_text
 from cpic_planner.results import (
     CheckResult,
     FindingRecord,

@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from cpic_planner.report import print_confirm
-from cpic_planner.report.console import albedo_text
+from cpic_planner.report.confirm import albedo_text
 
 
 def shown(function, *arguments, width=100):

@@ -4,11 +4,11 @@ import pytest
 
 from cpic_core import Registry
 from cpic_planner.report import document as doc
-from cpic_planner.report.confirm_sections import CONFIRM_SECTIONS, ConfirmReport, confirm_document
+from cpic_planner.report.confirm import CONFIRM_SECTIONS, ConfirmReport, confirm_document
+from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.plan_sections import PLAN_SECTIONS, PlanReport, plan_document
-from cpic_planner.report.whatif_sections import WHATIF_SECTIONS, WhatIfReport, whatif_document
-from cpic_planner.report.write import page_html
+from cpic_planner.report.plan import PLAN_SECTIONS, PlanReport, plan_document
+from cpic_planner.report.whatif import WHATIF_SECTIONS, WhatIfReport, whatif_document
 
 HOSTILE = "<script>alert('x')</script>"
 PAGES = {"plan": PLAN_SECTIONS, "confirm": CONFIRM_SECTIONS, "whatif": WHATIF_SECTIONS}

@@ -13,17 +13,17 @@ from PIL import Image
 
 from cpic_planner.report import image_figures, new_figure, place_labels, style
 from cpic_planner.report.drawing import band_style, literal, save
-from cpic_planner.report.figures import (
-    contrast_diagram,
-    detections_figure,
-    differences_figure,
-    plan_figures,
-    time_figure,
-    yields_figure,
+from cpic_planner.report.image_figures import (
+    Mark,
+    PanelSheet,
+    panel_picture,
+    shown_in_both_lights,
+    snr_figure,
+    tick_labels,
 )
-from cpic_planner.report.image_figures import snr_figure
-from cpic_planner.report.panel_figure import Mark, PanelSheet, panel_picture, shown_in_both_lights, tick_labels
-from cpic_planner.report.sky_figures import map_longitude, margin_figure, marker_area, sky_map
+from cpic_planner.report.plan import plan_figures
+from cpic_planner.report.ranking_figures import contrast_diagram, map_longitude, margin_figure, marker_area, sky_map
+from cpic_planner.report.whatif_figures import detections_figure, differences_figure, time_figure, yields_figure
 
 
 def content(picture):

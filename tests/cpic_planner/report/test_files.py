@@ -9,7 +9,7 @@ from astropy.table import Table
 from rich.console import Console
 
 from cpic_planner.report import Sheet, form_text, print_etc, print_rank
-from cpic_planner.report.files import latex_text
+from cpic_planner.report.cells import latex_text
 from cpic_planner.version import __version__
 
 

@@ -11,7 +11,8 @@ from cpic_core import visible
 from cpic_planner.queries.rank import read_star_names
 from cpic_planner.ranking.sensitivity import load_ranking
 from cpic_planner.report import Sheet, form_text, print_rank, ranking_csv, ranking_ecsv
-from cpic_planner.report.files import measurements_csv, targets_csv
+from cpic_planner.report.confirm import measurements_csv
+from cpic_planner.report.whatif import targets_csv
 from cpic_planner.results import PlannedVisitRow, csv_text, ecsv_text, names_of, taken_of, values_of
 from cpic_planner.survey.observed import read_log, read_schedule
 

@@ -5,7 +5,7 @@ import pytest
 
 from catalogs import load_stars
 from cpic_planner.report import duration_text
-from cpic_planner.report.numbers import (
+from cpic_planner.report.words import (
     MISSING,
     contrast_text,
     count_text,

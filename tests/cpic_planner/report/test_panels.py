@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.panel_figure import Panels, compass, residual_limit, stack_scale
+from cpic_planner.report.image_figures import Panels, compass, residual_limit, stack_scale
 from simulator.imaging import HoleZone
 
 

@@ -10,14 +10,11 @@ from cpic_planner.etc import build_model
 from cpic_planner.ranking import KnownChoice
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.registry import LIBRARIES, SCORES, Library
-from cpic_planner.report.decision import summary_sentences
+from cpic_planner.report.confirm import calibration_sentence
+from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.figures import panel_pictures, plan_figures
-from cpic_planner.report.numbers import duration_text
-from cpic_planner.report.plan_sections import PlanReport, plan_document
-from cpic_planner.report.summary import calibration_sentence
-from cpic_planner.report.words import dec_text, ra_text
-from cpic_planner.report.write import page_html
+from cpic_planner.report.plan import PlanReport, panel_pictures, plan_document, plan_figures, summary_sentences
+from cpic_planner.report.words import dec_text, duration_text, ra_text
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, PlanResult, ScheduleImages, SeenRow
 from cpic_planner.targets import find_target
 from cpic_planner.validation import calibrate

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from cpic_planner.report.cells import row_cells
-from cpic_planner.report.priorities import print_ensemble
+from cpic_planner.report.ranking import print_ensemble
 from cpic_planner.results import EnsembleBar, EnsembleRecord, RankedTarget
 
 BAR = EnsembleBar(

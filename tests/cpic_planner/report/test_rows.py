@@ -25,15 +25,14 @@ from cpic_planner.results import (
     columns_of,
     csv_text,
     ecsv_text,
-    known,
     names_of,
     planned,
+    ranked,
     surveyed,
     taken_of,
     values_of,
 )
-from cpic_planner.results.base import VOCABULARY
-from cpic_planner.results.table import data_frame
+from cpic_planner.results.base import VOCABULARY, data_frame
 from cpic_planner.schemas import RESULTS
 
 
@@ -123,7 +122,7 @@ def test_units_are_units_and_stand_in_the_names(row):
         (planned.BandConfirmation, "detected", "bool", "", "detected"),
         (planned.BandConfirmation, "audit", "", "", "audit"),
         (surveyed.SurveyTarget, "slots", "string", "", "slots"),
-        (known.KnownPlanetRow, "mass_mjup", "", "M_jup", "M_J"),
+        (ranked.KnownPlanetRow, "mass_mjup", "", "M_jup", "M_J"),
     ],
 )
 def test_type_unit_and_heading(row, name, dtype, unit, heading):
@@ -138,11 +137,11 @@ def test_what_the_vocabulary_says_is_said_once():
         new = {child for parent in new for child in parent.__subclasses__()} - results
         results |= new
     mine = [item for item in results if item.__module__.startswith("cpic_planner.")]
-    for word, look in VOCABULARY.items():
+    for word, told in VOCABULARY.items():
         having = [item for item in mine if word in item.model_fields]
         assert having, word
         for item in having:
-            assert item.model_fields[word].description != look.meaning or not look.meaning, (word, item)
+            assert item.model_fields[word].description != told.description or not told.description, (word, item)
 
 
 def test_schemas_state_meaning_and_unit_of_shared_words():

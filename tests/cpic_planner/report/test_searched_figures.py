@@ -9,7 +9,7 @@ import pytest
 
 from cpic_planner import contrast_curve, roc_curve
 from cpic_planner.report.drawing import new_figure, power_ticks
-from cpic_planner.report.searched_sections import (
+from cpic_planner.report.searches import (
     completeness_csv,
     curve_figure,
     curve_pictures,

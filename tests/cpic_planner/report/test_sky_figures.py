@@ -7,7 +7,8 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
 from cpic_planner.registry import SCORES
-from cpic_planner.report import drawing, figures, rank_figure, sky_figures
+from cpic_planner.report import drawing, ranking_figures
+from cpic_planner.report.ranking_figures import contrast_diagram, margin_figure, rank_figure, sky_map
 from cpic_planner.report.words import VERDICTS
 
 
@@ -38,7 +39,7 @@ def drawn(monkeypatch):
         made.append(plain(*arguments, **named))
         return made[-1]
 
-    for module in (sky_figures, figures):
+    for module in (ranking_figures,):
         monkeypatch.setattr(module, "new_figure", kept)
     return made
 
@@ -48,9 +49,7 @@ def words_of(figure: Figure) -> list[str]:
     return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
 
 
-@pytest.mark.parametrize(
-    "draw", [sky_figures.margin_figure, sky_figures.sky_map, figures.contrast_diagram, rank_figure]
-)
+@pytest.mark.parametrize("draw", [margin_figure, sky_map, contrast_diagram, rank_figure])
 def test_legends_have_the_words_of_the_verdicts(mixed, drawn, draw):
     draw(mixed)
     (figure,) = drawn
@@ -61,7 +60,7 @@ def test_legends_have_the_words_of_the_verdicts(mixed, drawn, draw):
     assert not re.search(r"margin[^;]*1|detection margin|: detection", said)
 
 
-@pytest.mark.parametrize("draw", [sky_figures.margin_figure, sky_figures.sky_map, figures.contrast_diagram])
+@pytest.mark.parametrize("draw", [margin_figure, sky_map, contrast_diagram])
 def test_counts_are_those_of_the_verdicts_whatever_the_margins(mixed, drawn, draw):
     draw(mixed)
     words = " ".join(words_of(drawn[0]))

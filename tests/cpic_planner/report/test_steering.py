@@ -12,12 +12,11 @@ from rich.console import Console
 
 from cpic_core import dump_json
 from cpic_planner import report
-from cpic_planner.report import files
-from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
-from cpic_planner.report.figures import panel_pictures, plan_figures
-from cpic_planner.report.plan_sections import PlanReport, plan_document
-from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.report.write import page_html
+from cpic_planner.report import confirm, ranking, whatif
+from cpic_planner.report.confirm import ConfirmReport, confirm_document
+from cpic_planner.report.document import page_html
+from cpic_planner.report.plan import PlanReport, panel_pictures, plan_document, plan_figures
+from cpic_planner.report.whatif import WhatIfReport, whatif_document
 
 STEERS = "\x1b[31m\x07\x9b1m\u202e\u2066\u2028\x7f\x00α é "
 NAMES = {"name", "target", "star", "planet", "scene", "strategy", "reference", "catalogue", "description", "message"}
@@ -77,11 +76,11 @@ def test_tables(printers, name, form):
 
 
 def test_files(rank, plan, confirmation, compared):
-    check(files.ranking_csv(renamed(rank)))
-    check(files.ranking_ecsv(renamed(rank)))
-    check(files.measurements_csv(renamed(plan)))
-    check(files.measurements_csv(renamed(confirmation)))
-    check(files.targets_csv(renamed(compared(["one", "two"]))))
+    check(ranking.ranking_csv(renamed(rank)))
+    check(ranking.ranking_ecsv(renamed(rank)))
+    check(confirm.measurements_csv(renamed(plan)))
+    check(confirm.measurements_csv(renamed(confirmation)))
+    check(whatif.targets_csv(renamed(compared(["one", "two"]))))
     check(dump_json(renamed(rank).model_dump(mode="json")))
 
 

@@ -2,15 +2,11 @@
 
 import pytest
 
-from cpic_planner.report.plan_sections import PlanReport, plan_document
-from cpic_planner.report.summary import (
-    dial_text,
-    error_text,
-    modelled_groups,
-    modelled_sentence,
-    velocities_sentence,
-)
-from cpic_planner.report.write import page_html
+from cpic_planner.report.confirm import modelled_groups, modelled_sentence
+from cpic_planner.report.document import page_html
+from cpic_planner.report.plan import PlanReport, plan_document
+from cpic_planner.report.ranking import velocities_sentence
+from cpic_planner.report.words import dial_text, error_text
 
 
 def test_the_dial_in_words(plan):

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from cpic_planner.report.numbers import unused_text
-from cpic_planner.report.priorities import lacking_lines
-from cpic_planner.report.summary import programme_sentences
+from cpic_planner.report.confirm import programme_sentences
+from cpic_planner.report.known import lacking_lines
+from cpic_planner.report.words import unused_text
 from cpic_planner.results import BandConfirmation
 
 HOUR = 3600.0

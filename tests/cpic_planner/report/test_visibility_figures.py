@@ -10,8 +10,7 @@ from cpic_planner.etc import build_model
 from cpic_planner.ranking import KnownChoice
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.report import known_figure, visibility_figure, write_figure
-from cpic_planner.survey.visibility.calendar import visibility_result
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.survey.visibility import load_visibility, visibility_result
 from cpic_planner.targets import Targets, find_target
 from simulator import load_instrument
 from simulator.config import albedo_spec

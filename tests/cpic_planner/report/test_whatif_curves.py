@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.whatif_curves import convergence_figure, curves_figure, sweep_figure
+from cpic_planner.report.whatif_figures import convergence_figure, curves_figure, sweep_figure
 
 SWEPT = [f"{base} contrast={value}" for base in ("one", "two") for value in ("1e-8", "3e-9", "1e-9")]
 LONG = [f"{base} contrast={value}e-9" for base in ("one", "two", "three") for value in range(1, 5)]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.numbers import decimals
-from cpic_planner.report.whatif_doubt import doubt_figure
-from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.report.write import page_html
+from cpic_planner.report.document import page_html
+from cpic_planner.report.whatif import WhatIfReport, whatif_document
+from cpic_planner.report.whatif_figures import doubt_figure
+from cpic_planner.report.words import decimals
 from cpic_planner.survey import load_strategies, with_doubt
 from cpic_planner.survey.doubt import doubted, record_of
 

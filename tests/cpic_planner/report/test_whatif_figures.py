@@ -1,6 +1,6 @@
 import pytest
 
-from cpic_planner.report.figures import WHATIF_FIGURES, whatif_figures
+from cpic_planner.report.whatif_figures import WHATIF_FIGURES, whatif_figures
 
 ALL = ["yields", "differences", "curves", "time", "calendar", "sky", "detections", "convergence"]
 

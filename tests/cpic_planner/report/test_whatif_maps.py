@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.report import drawing
-from cpic_planner.report.whatif_maps import (
+from cpic_planner.report.whatif_figures import (
     FEW,
     calendar_figure,
     left_out,

@@ -1,10 +1,10 @@
 import pytest
 
+from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.numbers import decimals
-from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
-from cpic_planner.report.write import page_html
+from cpic_planner.report.whatif import WhatIfReport, whatif_document
+from cpic_planner.report.whatif_figures import WHATIF_FIGURES
+from cpic_planner.report.words import decimals
 from cpic_planner.results import (
     ChangeRecord,
     FactRow,

@@ -1,7 +1,7 @@
 import pytest
 
 from cpic_planner.report import hanging_text
-from cpic_planner.report.whatif_words import (
+from cpic_planner.report.whatif import (
     between,
     changed_settings,
     extent_text,

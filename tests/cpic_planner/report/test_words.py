@@ -4,6 +4,7 @@ import pytest
 from cpic_core import Reason
 from cpic_planner.etc import budget, build_model
 from cpic_planner.etc.questions import signal_to_noise
+from cpic_planner.report.plan import not_imaged_lines, targets_sentences
 from cpic_planner.report.words import (
     FLAGS,
     LIMITS,
@@ -12,12 +13,10 @@ from cpic_planner.report.words import (
     cap_sentence,
     flag_text,
     limit_text,
-    not_imaged_lines,
     reason_text,
     remedy_text,
     score_number,
     short_limit,
-    targets_sentences,
     term_text,
 )
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, ScheduleImages

@@ -1,6 +1,6 @@
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.report import write_whatif
-from cpic_planner.report.files import targets_csv
+from cpic_planner.report.whatif import targets_csv
 
 
 def test_page_and_table_are_written_the_same_every_time(compared, tmp_path):

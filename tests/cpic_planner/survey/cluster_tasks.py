@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from cpic_core import stream
-from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.jobs.job import run_tasks
 from cpic_planner.results import Column
-from cpic_planner.survey.store import ResultStore, Table
+from cpic_planner.survey.tables import ResultStore, Table
 
 N_TASKS = 40
 TABLES = (

@@ -11,9 +11,8 @@ from scipy.stats import norm
 
 from cpic_planner.etc import build_model
 from cpic_planner.queries import Strategy
-from cpic_planner.survey import alarms
-from cpic_planner.survey.alarms import background_alarms, galactic_deg, noise_alarms, star_counts_deg2
-from cpic_planner.survey.detection import Setting
+from cpic_planner.survey import detection
+from cpic_planner.survey.detection import Setting, background_alarms, galactic_deg, noise_alarms, star_counts_deg2
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.targets import find_target
 from simulator import load_instrument
@@ -98,7 +97,7 @@ def test_background_stars(model):
 
 def test_background_stars_of_an_even_sky(model, monkeypatch):
     """A thousand stars a square degree, however faint: those on the area in which an aperture lies in the hole."""
-    monkeypatch.setattr(alarms, "star_counts_deg2", lambda limit, *place: np.full(np.shape(limit), 1000.0))
+    monkeypatch.setattr(detection, "star_counts_deg2", lambda limit, *place: np.full(np.shape(limit), 1000.0))
     found = background_alarms(model, find_target("tau Cet")[0], [SETTING], DetectionRule())
     metrics = model.metrics["F520"]
     side = metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec

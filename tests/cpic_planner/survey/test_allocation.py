@@ -9,9 +9,8 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings, strategies as st
 
-from cpic_planner.survey import bounds
-from cpic_planner.survey.allocation import Effort, make_schedule
-from cpic_planner.survey.schedule import Problem
+from cpic_planner.survey import schedule as module
+from cpic_planner.survey.schedule import Effort, Problem, make_schedule
 
 LIMITS = st.fixed_dictionaries(
     {
@@ -118,7 +117,7 @@ def test_bounds_are_true_wherever_the_search_ends(problems, seed, needed, limits
     """With no search tree at all it is the cuts that bound a star; with a few nodes, whichever is lower."""
     problem = problems.random_problem(seed, slots=4, needed=needed, **limits)
     effort = Effort(rounds=0, choice=1, gap=0.1, nodes=nodes, bounds=1, cuts=3)
-    with mock.patch.object(bounds, "_DEEP", 0 if nodes < 12 else 5):
+    with mock.patch.object(module, "_DEEP", 0 if nodes < 12 else 5):
         schedule = make_schedule(problem, effort)
     assert problems.allowed(problem, visits_of(schedule))
     assert schedule.bound >= problems.optimum(problem) - 1e-9

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc import aperture_rates, build_model, stack_noise
-from cpic_planner.survey.prepare import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
+from cpic_planner.survey.prepare import (
+    assumed_model,
+    imaged_model,
+    mirror_noise_nm,
+    raw_contrast_median,
+    with_contrast,
+)
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import Frames, confirm_task, expected_of, star_scene, task_of

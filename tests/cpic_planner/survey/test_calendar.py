@@ -12,10 +12,8 @@ from astropy.time import Time
 from cpic_planner.etc import build_model
 from cpic_planner.survey.calendar import Calendar, Sight, make_calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import Setting
-from cpic_planner.survey.strategy import Revisits
-from cpic_planner.survey.strategy_file import UniverseConfig
-from cpic_planner.survey.visibility.calendar import visibility
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.survey.strategy import Revisits, UniverseConfig
+from cpic_planner.survey.visibility import load_visibility, visibility
 from cpic_planner.targets import Targets, find_target
 from simulator import load_instrument
 

@@ -10,12 +10,20 @@ from cpic_planner.etc import build_model
 from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Strategy
 from cpic_planner.survey.calendar import make_calendar
-from cpic_planner.survey.candidates import candidates, chosen_stars, screen, settings_of
+from cpic_planner.survey.candidates import (
+    N_DRAWS,
+    N_KNOWN,
+    Host,
+    PlanningSky,
+    candidates,
+    chosen_stars,
+    screen,
+    settings_of,
+)
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
-from cpic_planner.survey.planning import N_DRAWS, N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.strategy import VisitRule
-from cpic_planner.survey.universe import NEW
-from cpic_planner.survey.visibility.config import load_visibility
+from cpic_planner.survey.universe import NEW, albedos_of
+from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

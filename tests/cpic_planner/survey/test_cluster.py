@@ -15,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from cpic_planner.jobs.engine import ClusterError
+from cpic_core import ClusterError
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey import run_whatif
-from cpic_planner.survey.store import ResultStore
+from cpic_planner.survey.tables import ResultStore
 
 pytestmark = pytest.mark.long
 HERE = Path(__file__).resolve().parent

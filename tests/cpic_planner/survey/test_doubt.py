@@ -11,7 +11,7 @@ from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt
 from cpic_planner.survey.doubt import doubted, played, record_of, weights_of
 from cpic_planner.survey.prepare import assumed_model, prepare
 from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.strategy_file import DoubtRule
+from cpic_planner.survey.strategy import DoubtRule
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.whatif import whatif_cost
 

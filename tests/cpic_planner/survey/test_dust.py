@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import lognorm
 
+from cpic_planner.survey.candidates import N_DRAWS
 from cpic_planner.survey.detection import expected_signals
-from cpic_planner.survey.planning import N_DRAWS, albedos_of, dust_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy import DustLaw
-from cpic_planner.survey.universe import draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import albedos_of, draw_planet_sample, dust_of, star_mass_msun
 from simulator.config import deep_merge
 
 STAR, LAW = "eps Eri", {"median": 30.0, "p95": 3000.0}

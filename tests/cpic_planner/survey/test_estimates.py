@@ -12,10 +12,9 @@ from hypothesis import assume, given, strategies as st
 from scipy.stats import norm, t as student
 
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
-from cpic_planner.survey.events import TABLES, rows_of
-from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.store import ResultStore, read_table
+from cpic_planner.survey.outcome import convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.simulate import rows_of, simulate_survey
+from cpic_planner.survey.tables import TABLES, ResultStore, read_table
 
 
 @functools.cache

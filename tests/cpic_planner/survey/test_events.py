@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cpic_planner.survey.events import Events
+from cpic_planner.survey.simulate import Events
 
 
 def test_alarms_count_where_the_visit_was_made():

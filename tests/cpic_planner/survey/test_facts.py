@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 
 from cpic_planner.results import WhatIfResult
-from cpic_planner.survey import facts as module, load_strategies, run_whatif, with_universe
-from cpic_planner.survey.estimates import difference_interval, mean_interval
-from cpic_planner.survey.facts import ALL, FACTS, QUANTITIES, counts_of, taken_back
-from cpic_planner.survey.store import read_table
+from cpic_planner.survey import load_strategies, run_whatif, with_universe
+from cpic_planner.survey.outcome import (
+    ALL,
+    FACTS,
+    QUANTITIES,
+    counts_of,
+    difference_interval,
+    facts_record,
+    mean_interval,
+    taken_back,
+)
+from cpic_planner.survey.tables import read_table
 from cpic_planner.survey.whatif import whatif_cost
 
 ALL_FACTS = ("known_planets", "rv", "stability", "known_giants", "companions", ALL)
@@ -151,13 +159,13 @@ def test_the_statement_names_the_fact_that_moves_most_planets_and_most_new_ones(
     one, two, rare = [1, 0] * 100, [2, 1] * 100, [1] + [0] * 199
     states = {fact.name: config for fact in FACTS}
     without = {name: [now] for name in states} | {"rv": [counts(one, zero)], "known_planets": [counts(zero, two)]}
-    said = module.facts_record(states, [outcome], [now], without).statement
+    said = facts_record(states, [outcome], [now], without).statement
     assert said.startswith("The fact that moves most planets is what was published on known planets since 2019: plain")
     assert f"finds {outcome.planets.mean:.2f} with it and 1.50 without" in said
     assert "The fact that moves most new planets is what radial velocities exclude: plain finds" in said
     without["known_planets"] = [now]
-    said = module.facts_record(states, [outcome], [now], without).statement
+    said = facts_record(states, [outcome], [now], without).statement
     assert said.count("The fact that moves most") == 1
     without["rv"] = [counts(rare, zero)]
-    said = module.facts_record(states, [outcome], [now], without).statement
+    said = facts_record(states, [outcome], [now], without).statement
     assert said == "No single fact changes the planets found by more than chance."

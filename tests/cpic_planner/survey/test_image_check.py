@@ -7,13 +7,7 @@ import pytest
 from scipy.stats import chi2, poisson
 
 from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.whatif import (
-    REALISATIONS,
-    _poisson_interval,
-    image_sample,
-    image_task,
-    sampled_detections,
-)
+from cpic_planner.survey.whatif import REALISATIONS, _poisson_interval, image_sample, image_task, sampled_detections
 from simulator import load_scene
 
 

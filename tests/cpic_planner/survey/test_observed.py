@@ -14,13 +14,13 @@ from catalogs import load_known_planets, star_key
 from cpic_core import InputError
 from cpic_planner.etc import build_model
 from cpic_planner.planets import load_population
+from cpic_planner.survey.candidates import N_KNOWN, Host, PlanningSky
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals, reach_au
 from cpic_planner.survey.observed import ObservedVisit, missed, read_log, read_schedule, resampled
-from cpic_planner.survey.planning import N_KNOWN, Host, PlanningSky, albedos_of
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.universe import NEW, albedos_of, draw_planet_sample, star_mass_msun
 from cpic_planner.targets import find_target
 from simulator import load_instrument
 

@@ -10,11 +10,10 @@ import cpic_planner.survey.prepare as prepare_module
 import cpic_planner.survey.simulate as module
 from cpic_planner.planets import astrometric_error_arcsec, orbit_quality
 from cpic_planner.survey.detection import detection_chance
-from cpic_planner.survey.orbit_visits import LEAST_ODDS, best_slots, orbit_chance
-from cpic_planner.survey.orbits import Epoch, found_orbits, next_window, positions_of
+from cpic_planner.survey.orbits import LEAST_ODDS, next_window, orbit_chance
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.schedule import StarValue
-from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.simulate import Epoch, best_slots, found_orbits, positions_of, simulate_survey
 from cpic_planner.survey.universe import NEW
 
 STAR, SEASON = "eps Eri", {"start_utc": "2033-01-01", "duration_days": 1095, "slot_days": 30}

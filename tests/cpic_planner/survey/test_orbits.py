@@ -17,11 +17,9 @@ from cpic_planner.planets import (
 from cpic_planner.survey.calendar import sun_position_angle_deg
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit
-from cpic_planner.survey.orbits import Epoch, found_orbits, logged_epochs
-from cpic_planner.survey.planning import albedos_of
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.universe import NEW, draw_planet_sample
+from cpic_planner.survey.simulate import Epoch, found_orbits, logged_epochs, simulate_survey
+from cpic_planner.survey.universe import NEW, albedos_of, draw_planet_sample
 
 STAR = 1
 

@@ -14,12 +14,20 @@ from astropy.table import Table
 from catalogs import parse_table, read_bytes, read_rows
 from cpic_planner.planets import load_population
 from cpic_planner.results import PlannedVisitRow, VisitsResult, values_of
-from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
-from cpic_planner.survey.events import rows_of
 from cpic_planner.survey.observed import COLUMNS, read_schedule
-from cpic_planner.survey.outcome import VISIT_FILES, differences, outcome, planned_rows, rank_changes, visit_files
+from cpic_planner.survey.outcome import (
+    VISIT_FILES,
+    difference_interval,
+    differences,
+    mean_interval,
+    outcome,
+    planned_rows,
+    rank_changes,
+    spread,
+    visit_files,
+)
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.simulate import rows_of, simulate_survey
 from cpic_planner.survey.visibility import load_visibility, visibility
 
 

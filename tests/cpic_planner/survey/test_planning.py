@@ -9,18 +9,10 @@ import pytest
 from catalogs import load_known_planets
 from cpic_planner.etc import LEAST_PROBABILITY, build_model
 from cpic_planner.planets import load_population
-from cpic_planner.survey import planning
-from cpic_planner.survey.candidates import settings_of
+from cpic_planner.survey import candidates
+from cpic_planner.survey.candidates import Host, Looks, PlanningSky, _Latest, settings_of
 from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
-from cpic_planner.survey.planning import (
-    KNOWN_ALBEDO,
-    Host,
-    Looks,
-    PlanningSky,
-    _Latest,
-    albedos_of,
-)
-from cpic_planner.survey.universe import NEW, at_known_place
+from cpic_planner.survey.universe import KNOWN_ALBEDO, NEW, albedos_of, at_known_place
 from cpic_planner.targets import find_target
 from simulator import load_instrument
 
@@ -63,13 +55,13 @@ def worked_out(monkeypatch):
     calls = []
 
     def noting(name):
-        work = getattr(planning, name)
+        work = getattr(candidates, name)
 
         def noted(*arguments, **named):
             calls.append(name)
             return work(*arguments, **named)
 
-        monkeypatch.setattr(planning, name, noted)
+        monkeypatch.setattr(candidates, name, noted)
 
     noting("draw_planet_sample")
     noting("pair_signals")

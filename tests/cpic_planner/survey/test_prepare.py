@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.survey.prepare import known_table, prepare
-from cpic_planner.survey.strategy_file import UniverseConfig
+from cpic_planner.survey.strategy import UniverseConfig
 
 
 def test_surveys_share_their_calendar_and_stars(small):

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
-from cpic_planner.survey.plans import greedy
-from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, in_order, visit_odds
+from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, greedy, in_order, visit_odds
 from cpic_planner.survey.universe import NEW
 
 LIMITS = st.fixed_dictionaries(

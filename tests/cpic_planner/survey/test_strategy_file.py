@@ -3,7 +3,7 @@
 import pytest
 
 from cpic_planner.survey import load_strategies, varied, with_exact_calendars, with_universe
-from cpic_planner.survey.strategy_file import UniverseConfig, sources_of
+from cpic_planner.survey.strategy import UniverseConfig, sources_of
 from simulator.config import load_instrument
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given, settings, strategies as st
 
 from cpic_planner.survey import load_strategies, variation_lines, varied, with_universe
-from cpic_planner.survey.sweeps import SHORT_NAMES
+from cpic_planner.survey.strategy import SHORT_NAMES
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 

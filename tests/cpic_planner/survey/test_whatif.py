@@ -14,7 +14,7 @@ from cpic_planner.results import DifferenceRecord, WhatIfResult
 from cpic_planner.survey import run_whatif, varied
 from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import read_ground
-from cpic_planner.survey.store import read_table
+from cpic_planner.survey.tables import read_table
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.whatif import decided_by, whatif_cost
 from simulator.config import content_hash

@@ -30,7 +30,7 @@ def test_runs_act_as_their_frames(decay_s, exposure_s, readout_s) -> None:
         full_well_e=WELL,
         exposure_s=exposure_s,
         readout_s=readout_s,
-        decay_s=decay_s,
+        memory_s=50.0 * decay_s,
     )
     expected = law(one_by_one, exposure_s)
     np.testing.assert_allclose(law(list(runs), exposure_s), expected, rtol=1e-12, atol=1e-20 * expected.max())
@@ -51,10 +51,10 @@ def test_a_million_frames_cost_no_more_than_one_and_old_light_is_forgotten() -> 
             full_well_e=WELL,
             exposure_s=1.0,
             readout_s=0.1,
-            decay_s=300.0,
+            memory_s=50.0 * 300.0,
         )
     )
     assert made == [500_000]
     assert found[0].age_s == pytest.approx(0.1)
     # the series to its end: 1 / (1 - exp(-1.1 / 300))
-    np.testing.assert_allclose(found[0].charge_e, 1.0 / (1.0 - np.exp(-1.1 / 300.0)), rtol=1e-9)
+    assert found[0].weight(300.0) == pytest.approx(1.0 / (1.0 - np.exp(-1.1 / 300.0)), rel=1e-9)

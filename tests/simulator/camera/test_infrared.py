@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 from cpic_core import InputError
 from simulator.camera import InfraredCamera, MaskBit, load_calibration_set
-from simulator.camera.infrared import ReadStack, read_times
+from simulator.camera.camera import ReadStack, read_times
 from simulator.config import InfraredDetector, load_instrument
 from simulator.detectors import PastExposure
 from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, well_signal

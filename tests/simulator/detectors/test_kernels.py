@@ -8,9 +8,9 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from cpic_core import stream
-from simulator.detectors import collection, kernels, limit_kernels
+from simulator.detectors import kernels, visible as collection
 from simulator.detectors.gain import pixel_keys
-from simulator.detectors.transfer import chances_of_loss
+from simulator.detectors.visible import chances_of_loss
 
 
 def counts_of(mean, draws=1_000_000):
@@ -86,7 +86,7 @@ def test_transfer_conserves_charge(seed, by_row, top):
 
 def spilled(charge, full_well=100.0):
     after, flags = charge.copy(), np.zeros(charge.shape, bool)
-    drained = limit_kernels.vertical_spill(after, full_well, flags)
+    drained = kernels.vertical_spill(after, full_well, flags)
     return after, drained, flags
 
 
@@ -138,7 +138,7 @@ def test_blooming_asks_the_compiled_kernel_only_where_a_pixel_overflows(monkeypa
 
     def load(name):
         asked.append(name)
-        return limit_kernels
+        return kernels
 
     monkeypatch.setattr(collection, "load_kernels", load)
     whole = SimpleNamespace(rows=slice(None), columns=slice(None))
@@ -168,7 +168,7 @@ def test_tails_of_the_register_conserve_charge(seed):
     rng = np.random.default_rng(seed)
     charge = np.where(rng.random((9, 41)) < 0.1, rng.integers(0, 3000, (9, 41)), 5).astype(float)
     after, flags = charge.copy(), np.zeros(charge.shape, bool)
-    residue = limit_kernels.serial_spill(after, 100.0, flags)
+    residue = kernels.serial_spill(after, 100.0, flags)
     assert after.sum() + residue == charge.sum()
     assert after.max() <= 100
     # Charge only moves towards pixels read later.
@@ -180,7 +180,7 @@ def test_a_tail_is_as_long_as_its_charge():
     charge = np.zeros((2, 50))
     charge[0, 10] = 1050
     flags = np.zeros(charge.shape, bool)
-    assert limit_kernels.serial_spill(charge, 100.0, flags) == 0
+    assert kernels.serial_spill(charge, 100.0, flags) == 0
     assert charge[0, 10:21].tolist() == [100] * 10 + [50]
     assert np.flatnonzero(flags[0]).tolist() == list(range(10, 21))
 
@@ -249,6 +249,6 @@ def test_rounding_at_random_keeps_the_mean():
 def test_the_converter_cuts_and_counts():
     level = np.array([-1e20, -0.6, -0.4, 0.5, 1.5, 2.4, 16383.4, 16383.6, 1e20])
     out, clipped = np.empty(9, np.uint16), np.zeros(9, bool)
-    assert limit_kernels.digitise(level, 16383.0, out, clipped) == 4
+    assert kernels.digitise(level, 16383.0, out, clipped) == 4
     assert out.tolist() == [0, 0, 0, 0, 2, 2, 16383, 16383, 16383]
     assert clipped.tolist() == [True, True, False, False, False, False, False, True, True]

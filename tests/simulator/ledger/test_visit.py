@@ -9,6 +9,7 @@ import pytest
 
 from simulator.camera import FrameNoise
 from simulator.config import load_instrument, load_scene
+from simulator.detectors import FrameTerm
 from simulator.ledger import visit
 from simulator.ledger.visit import stamp_flaws, visit_variance_e2
 
@@ -19,7 +20,7 @@ def random_visit(rng):
     spread = 10.0 ** rng.uniform(-4, 4, 6)
     light = dict(zip(("planet", "halo", "other", "sky", "column", "speckle"), spread, strict=True))
     frame = FrameNoise(rng.uniform(1.0, 2.0), *10.0 ** rng.uniform(-3, 3, 4), bool(rng.random() < 0.8))
-    frame = replace(frame, added_e2={"pattern": float(10.0 ** rng.uniform(-3, 3))})
+    frame = replace(frame, added={"pattern": FrameTerm(output_e2=float(10.0 ** rng.uniform(-3, 3)))})
     settings = {
         "exposure_s": 10.0 ** rng.uniform(-2, 2.5),
         "n_frames": int(10 ** rng.uniform(0, 4)),

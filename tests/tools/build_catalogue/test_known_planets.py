@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from catalogs.archive_answers import asked_columns
+from catalogs.archives import asked_columns
 from tools.build_catalogue.builders import known_planets as builder
 
 COLUMNS = [column for column, row in asked_columns("ps").items() if row["quantity"]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs import position_angle, separation_arcsec, tangent_offset
-from catalogs.star_systems import is_blend_id
+from catalogs.simbad import is_blend_id
 from tools.build_catalogue.builders._star_identity import Identity
 from tools.build_catalogue.builders._star_select import Removed
 from tools.build_catalogue.builders._star_sources import SimbadStar

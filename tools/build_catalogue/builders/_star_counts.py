@@ -3,8 +3,8 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from catalogs.spectral_types import luminosity_class
-from catalogs.star_systems import is_blend_id
+from catalogs.simbad import is_blend_id
+from catalogs.stellar_physics import luminosity_class
 from tools.build_catalogue.builders._star_identity import Identity
 from tools.build_catalogue.builders._star_select import MIN_PARALLAX_MAS, Removed
 from tools.build_catalogue.builders._star_sources import SimbadStar

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from catalogs import luminosity_from_v
-from catalogs.spectral_types import luminosity_class
-from catalogs.star_columns import parallax_flags, type_flags
+from catalogs.stars import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     GRAVITY_SOURCE,
     INFRARED_SOURCE,
@@ -20,6 +19,7 @@ from catalogs.stellar_physics import (
     colour_temperature,
     gravity,
     is_giant,
+    luminosity_class,
     mass_of,
     nearest_subtype,
     radius_from_luminosity,

@@ -3,7 +3,7 @@
 1. Cut: spectral type starting with F, G or K, parallax >= 25 mas, V <= 7.5 (no lower limit).
 2. Match to Hipparcos-2 by position at J2000.
 3. Composites (one entry for the blended light of several stars) leave when a component has its own entry.
-4. The members of a bound system take one parallax (:mod:`catalogs.star_systems`). A row whose adopted parallax is
+4. The members of a bound system take one parallax (:mod:`catalogs.simbad`). A row whose adopted parallax is
    below 25 mas leaves.
 5. What remains is the sample, which the paper cut by the parallaxes of its time. Its distances are then those of newer
    parallaxes where these are better (`is_better`), shared anew: some 50 stars turn out to be farther than 40 pc.
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from catalogs import separation_arcsec
-from catalogs.star_systems import CLOSE_ARCSEC, Member, adopt_parallaxes, group_systems, is_blend_id
+from catalogs.simbad import CLOSE_ARCSEC, Member, adopt_parallaxes, group_systems, is_blend_id
 from tools.build_catalogue.builders._star_sources import Hipparcos2, Parallax, SimbadStar
 
 MIN_PARALLAX_MAS = 25.0

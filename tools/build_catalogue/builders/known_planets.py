@@ -4,7 +4,7 @@ Two extracts of the NASA Exoplanet Archive are distributed with EXOSIMS: the con
 planets found by radial velocities of 2016-05-15. Rows and values are those of 2019. Where that default solution gives
 no time of periastron or conjunction and the one of 2016 does, the orbit (period, time, eccentricity, argument of
 periastron, with errors and reference) is the whole one of 2016, so that elements of two fits are never mixed; the row
-is flagged. Masses, limits and assumed inclinations are read as `catalogs.known_planet_columns` says. Errors are half
+is flagged. Masses, limits and assumed inclinations are read as `catalogs.known_planets` says. Errors are half
 the width of the published interval; the archive's 0 for an error means that none is given.
 """
 
@@ -16,8 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from catalogs.exoplanet_archive import believe, host_among, settled
-from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, UPDATES_ONLY, flags_of, reference_text
-from catalogs.known_planets import DATA_FILE
+from catalogs.known_planets import COLUMNS, DATA_FILE, INPUT_ONLY, UPDATES_ONLY, flags_of, reference_text
 from cpic_core import InputError
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows

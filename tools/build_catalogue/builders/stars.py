@@ -17,7 +17,7 @@ import numpy as np
 
 from catalogs import Column
 from catalogs.coordinates import ecliptic
-from catalogs.star_columns import COLUMNS, FLAGS
+from catalogs.stars import COLUMNS, FLAGS
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows, known_star_rows
 from tools.build_catalogue.builders._star_companions import fill_companions

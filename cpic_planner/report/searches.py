@@ -1,0 +1,633 @@
+"""Contrast curves and operating characteristics: in words, on the terminal, drawn, and as reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cpic_core import Registry
+from cpic_planner import results
+from cpic_planner.jobs import RunFolder
+from cpic_planner.registry import LIBRARIES
+from cpic_planner.report import document as doc, drawing
+from cpic_planner.report.answers import flag_lines
+from cpic_planner.report.cells import print_note, print_table, row_cells
+from cpic_planner.report.document import page_html
+from cpic_planner.report.drawing import (
+    Look,
+    Picture,
+    band_style,
+    contrast_axes,
+    literal,
+    new_figure,
+    save,
+    separation_ticks,
+    style,
+)
+from cpic_planner.report.words import (
+    duration_text,
+    full_name,
+    pretty_name,
+    prose,
+    share_text,
+    significant,
+    star_text,
+    status_text,
+    terms,
+)
+from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, RecoveredRow, RocResult, RocRow
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+
+_HALF_STEPS = 2.0
+"""Levels of a search that the terminal shows, in each unit."""
+
+
+def curve_sentences(result: results.CurveResult) -> list[str]:
+    """Return what contrast curves say, in sentences."""
+    said = []
+    for band in result.bands:
+        rows = [row for row in result.points if row.band == band.band and row.contrast_limit_blind is not None]
+        best = min(rows, key=lambda row: row.contrast_limit_blind or math.inf, default=None)
+        if best is None:
+            said.append(f"{band.band}: no limit: {band.message or status_text(band.status)}.")
+            continue
+        assert best.contrast_limit_blind is not None  # as the rows are chosen
+        said.append(
+            f"{band.band}: half of the planets of contrast {best.contrast_limit_blind:.1e} at "
+            f"{best.separation_arcsec:.2f} arcsec are found blind in {_programme_text(band)}."
+        )
+        if band.images_message:
+            said.append(f"No images in {band.band}: {band.images_message}.")
+        ratios = [
+            row.measured_limit / row.contrast_limit_threshold
+            for row in rows
+            if row.measured_limit is not None and row.contrast_limit_threshold
+        ]
+        if ratios:
+            mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
+            said.append(
+                f"In {band.images} simulated images the limit at the threshold is {significant(mean, 2)} times the "
+                f"predicted one, mean of {len(ratios)} separation{'s' * (len(ratios) != 1)}."
+            )
+    if result.recovered:
+        n, hits = (sum(getattr(row, name) for row in result.recovered) for name in ("n_injected", "n_recovered"))
+        expected = sum(row.n_injected * row.predicted for row in result.recovered)
+        said.append(f"Of {n} injected planets blind searches find {hits}; the law of detection expects {expected:.0f}.")
+    return said
+
+
+def roc_sentences(result: results.RocResult) -> list[str]:
+    """Return what an operating characteristic says, in sentences."""
+    said = []
+    for band in result.bands:
+        row = next((one for one in result.levels if one.band == band.band and one.sigma == result.sigma), None)
+        if row is None or band.contrast is None or band.separation_arcsec is None:
+            said.append(f"{band.band}: no answer: {band.message or status_text(band.status)}.")
+            continue
+        said.append(
+            f"{band.band}: a planet of contrast {band.contrast:.2e} at {band.separation_arcsec:.2f} arcsec is found "
+            f"blind with {share_text(row.detection_probability)} % and at its known place with "
+            f"{share_text(row.detection_probability_known_place)} %, at {result.sigma:g}σ ({row.false_alarms:.1e} "
+            f"false alarms a search), in {_programme_text(band)}."
+        )
+        if row.n_planets:
+            said.append(
+                f"Searches of {row.n_planets} simulated images find it in {row.n_detected}, and have {row.n_false} "
+                f"false alarm{'s' * (row.n_false != 1)} in {row.n_searches} without it."
+            )
+        if band.images_message:
+            said.append(f"No images in {band.band}: {band.images_message}.")
+    return said
+
+
+def _programme_text(band: results.SearchedProgramme) -> str:
+    """Return a programme in words."""
+    if band.time_s is None or band.visits is None:
+        return "no programme"
+    visits = f"{band.visits} visit{'s' * (band.visits != 1)}"
+    return f"{visits}, {duration_text(band.time_s)} in all"
+
+
+def print_curve(result: results.CurveResult, console: Console, *, full: bool = False) -> None:
+    """Print contrast limits, recovered planets, and what they say.
+
+    Parameters
+    ----------
+    result : CurveResult
+    console : Console
+    full : bool
+        Also the programme of each band.
+    """
+    title = f"{star_text(result)}; contrast limits at {result.sigma:g}σ in {duration_text(result.time_s)}"
+    measured = any(row.measured_limit is not None for row in result.points)
+    layout = (
+        "band separation_arcsec contrast_limit_blind contrast_limit_known_place/4 contrast_limit_threshold/3 "
+        f"{'measured_limit/1 measured_throughput/5 ' * measured}core_throughput/7 azimuth_share/6 threshold/8 status"
+    )
+    cells = row_cells(results.CurveRow, layout)
+    print_table(console, title, cells, result.points, explained=True, legend=True)
+    if result.recovered:
+        layout = (
+            "band separation_arcsec contrast n_injected/2 n_recovered/1 recovered recovered_low/3 recovered_high/3 "
+            "predicted"
+        )
+        console.print()
+        print_table(console, "Injected planets", row_cells(results.RecoveredRow, layout), result.recovered, legend=True)
+    if full:
+        _print_programmes(results.SearchedProgramme, result.bands, console)
+    _print_below(console, curve_sentences(result), flag_lines(result.bands, result.note))
+
+
+def print_roc(result: results.RocResult, console: Console, *, full: bool = False) -> None:
+    """Print levels of a search, its false alarms and detections, and what they say.
+
+    Parameters
+    ----------
+    result : RocResult
+    console : Console
+    full : bool
+        Also the programme of each band, and every level.
+    """
+    title = f"{star_text(result)}; detections and false alarms"
+    images = any(row.n_searches for row in result.levels)
+    counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
+    layout = (
+        f"band sigma false_alarms detection_probability {counted}false_alarms_known_place/5 "
+        "detection_probability_known_place/4"
+    )
+    rows = [row for row in result.levels if full or row.sigma == result.sigma or not row.sigma * _HALF_STEPS % 1.0]
+    print_table(console, title, row_cells(results.RocRow, layout), rows, legend=True)
+    if full:
+        _print_programmes(results.RocProgramme, result.bands, console)
+    _print_below(console, roc_sentences(result), flag_lines(result.bands, result.note))
+
+
+def _print_below(console: Console, said: Sequence[str], flags: Sequence[str]) -> None:
+    """Say what numbers mean, and what is to be known beside them."""
+    print_note(console, *said)
+    if flags:
+        console.print()
+        print_note(console, *flags)
+
+
+def _print_programmes(
+    kind: type[results.SearchedProgramme], rows: Sequence[results.SearchedProgramme], console: Console
+) -> None:
+    layout = "band separation_arcsec contrast visits frames em_gain visit_time_s/1 time_s resolution_elements/2"
+    console.print()
+    print_table(console, "Programmes", row_cells(kind, layout), rows, legend=True)
+
+
+_LIMITS: tuple[tuple[str, str, Look], ...] = (
+    # Wide and pale, so that a line at a known place is seen on it where the two are equal.
+    ("contrast_limit_blind", "half found blind", {"ls": "-", "lw": 3.6, "alpha": 0.45}),
+    ("contrast_limit_known_place", "half found at a known place", {"ls": (0, (4, 2)), "lw": 1.3}),
+    ("contrast_limit_threshold", "at the threshold", {"ls": ":", "lw": 1.7}),
+)
+
+
+_HIGH, _LOW = 3.9, 2.9
+"""Heights of the curves and of a row of smaller panels, inches."""
+
+
+_GREY = "#444444"
+
+
+_POINT: Look = {"ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
+
+
+_CONTOURS = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
+_FEWEST = 0.3
+"""False alarms counted and expected below which nothing is shown."""
+
+
+Panel = Callable[["Axes"], None]
+
+
+def curve_figure(result: CurveResult) -> Figure:
+    """Draw the contrast curves of all bands, their maps of completeness, and recovered planets."""
+    panels: list[Panel] = [_map_panel(result, one) for one in result.maps]
+    if result.recovered:
+        panels.append(lambda axes: _draw_recovered(axes, result.recovered))
+    with style():
+        rows = math.ceil(len(panels) / 2)
+        figure = new_figure(_HIGH + _LOW * rows)
+        grid = figure.add_gridspec(1 + rows, 2, height_ratios=[_HIGH, *[_LOW] * rows])
+        _draw_curves(figure.add_subplot(grid[0, :]), result)
+        for number, draw in enumerate(panels):
+            last = number == len(panels) - 1 and number % 2 == 0
+            draw(figure.add_subplot(grid[1 + number // 2, slice(None) if last else number % 2]))
+        figure.suptitle(literal(_title(result)), fontsize=12)
+    return figure
+
+
+def curve_pictures(result: CurveResult) -> dict[str, Picture]:
+    """Return the same as pictures of a report: ``curves``, and where they are there ``maps`` and ``recovered``."""
+    level, bands = f"{result.sigma:g}", ", ".join(dict.fromkeys(row.band for row in result.points))
+    alone: list[Panel] = [lambda axes: _draw_curves(axes, result)]
+    found = {
+        "curves": _picture(
+            alone,
+            _HIGH,
+            alt=f"Contrast limit against separation in {bands or 'no band'}.",
+            caption="Contrast of planets on the diagonal of a quadrant that one programme shows: those of which half "
+            "are found blind and at a known place, and that whose significance is the threshold of small samples for "
+            f"the false-alarm probability of {level}σ. Symbols: the last, measured in simulated images.",
+        )
+    }
+    if result.maps:
+        found["maps"] = _picture(
+            [_map_panel(result, one) for one in result.maps],
+            _LOW,
+            alt=f"Probability of a detection by separation and contrast in {bands}.",
+            caption="Probability that one programme finds a planet blind, wherever around the star it stands: where a "
+            "part of the circle lies outside the dark hole, planets there are not found. Dashed: contrast of which "
+            "half are found on the diagonal.",
+        )
+    if result.recovered:
+        found["recovered"] = _picture(
+            [lambda axes: _draw_recovered(axes, result.recovered)],
+            _LOW,
+            alt=f"Fraction of {sum(row.n_injected for row in result.recovered)} injected planets that were recovered, "
+            "against the fraction predicted.",
+            caption="Planets put one at a time into simulated images at drawn azimuths and searched for blind: "
+            "fraction found against that which the law of detection expects, one point a separation and contrast. "
+            "Bars: 68 %.",
+        )
+    return found
+
+
+def roc_figure(result: RocResult) -> Figure:
+    """Draw the probability of a detection against false alarms, and false alarms counted in images."""
+    with style():
+        counted = any(row.n_searches for row in result.levels)
+        figure = new_figure(_HIGH)
+        _draw_roc(figure.add_subplot(1, 1 + counted, 1), result)
+        if counted:
+            _draw_alarms(figure.add_subplot(1, 2, 2), result)
+        figure.suptitle(literal(_title(result)), fontsize=12)
+    return figure
+
+
+def roc_pictures(result: RocResult) -> dict[str, Picture]:
+    """Return the same as pictures of a report: ``roc``, and with images ``alarms``."""
+    bands = ", ".join(dict.fromkeys(row.band for row in result.levels)) or "no band"
+    found = {
+        "roc": _picture(
+            [lambda axes: _draw_roc(axes, result)],
+            _HIGH,
+            alt=f"Probability of a detection against false alarms of a search in {bands}.",
+            caption="Probability that the planet is found as the level of a detection moves, against the false alarms "
+            "that one search expects: of a blind search in all its resolution elements, of a look at a known place in "
+            f"that one. Rings: the level of {result.sigma:g}σ. Symbols with bars of 68 %: blind searches of simulated "
+            "images.",
+        )
+    }
+    if any(row.n_searches for row in result.levels):
+        found["alarms"] = _picture(
+            [lambda axes: _draw_alarms(axes, result)],
+            _LOW,
+            alt="False alarms counted in images without planets against those expected.",
+            caption="Peaks of noise that pass for a planet in images without any, against as many as the level of the "
+            "search allows. Bars: one standard deviation.",
+        )
+    return found
+
+
+def _picture(panels: Sequence[Panel], height: float, *, alt: str, caption: str) -> Picture:
+    with style():
+        columns = min(len(panels), 2)
+        rows = math.ceil(len(panels) / columns)
+        figure = new_figure(height * rows)
+        for number, draw in enumerate(panels):
+            draw(figure.add_subplot(rows, columns, number + 1))
+        return save(figure, alt=alt, caption=caption)
+
+
+def _title(result: CurveResult | RocResult) -> str:
+    star = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
+    return f"{star}: one programme of at most {duration_text(result.time_s)}"
+
+
+def _draw_curves(axes: Axes, result: CurveResult) -> None:
+    from matplotlib.lines import Line2D
+
+    contrast_axes(axes)
+    looks, handles, shown = band_style([one.band for one in result.bands]), [], []
+    for band, (colour, marker) in looks.items():
+        rows = [row for row in result.points if row.band == band]
+        handles.append(Line2D([], [], color=colour, lw=2.0, label=band))
+        single = len(rows) == 1
+        for name, _, look in _LIMITS:
+            x, y = _line(rows, name)
+            axes.plot(x, y, color=colour, marker="_" if single else "", ms=14, **look)
+            shown += y[np.isfinite(y)].tolist()
+        seen = [row for row in rows if row.measured_limit is not None]
+        if seen:
+            x, y = _line(seen, "measured_limit")
+            errors = np.array([row.measured_limit_error or 0.0 for row in seen])
+            axes.errorbar(x, y, errors, color=colour, marker=marker, zorder=5, **_POINT)
+            shown += y.tolist()
+    handles += [Line2D([], [], color=_GREY, label=label, **look) for _, label, look in _LIMITS]
+    if any(row.measured_limit is not None for row in result.points):
+        look = {"color": _GREY, "marker": "o", "ms": 5, "ls": "none"}
+        handles.append(Line2D([], [], label=f"measured in {result.images} images", **look))
+    _of_contrasts(axes, [row.separation_arcsec for row in result.points], shown)
+    below: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6, "columnspacing": 1.6}
+    axes.legend(handles=handles, ncols=4, **below)
+
+
+def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
+    """Set the limits of the axes to what is shown, without the corners of the hole, where limits climb unbounded."""
+    if separations:
+        separation_ticks(axes, min(separations) / 1.04, max(separations) * 1.04)
+    if contrasts:
+        low, high = min(contrasts), float(np.percentile(contrasts, 97))
+        axes.set_ylim(low / 1.5, high * 1.8)
+    drawing.power_ticks(axes.yaxis)
+
+
+def _line(rows: Sequence[CurveRow], name: str) -> tuple[np.ndarray, np.ndarray]:
+    return _column(rows, "separation_arcsec"), _column(rows, name)
+
+
+def _map_panel(result: CurveResult, one: CompletenessMap) -> Panel:
+    rows = [row for row in result.points if row.band == one.band]
+    top = max(share for other in result.maps for share in other.azimuth_share)
+    return lambda axes: _draw_map(axes, one, rows, math.ceil(10.0 * top) / 10.0)
+
+
+def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow], top: float) -> None:
+    contrast_axes(axes)
+    axes.grid(visible=False)
+    place, contrast = np.array(one.separation_arcsec), np.array(one.contrast)
+    chance = np.array(one.azimuth_share)[:, None] * np.array(one.chance)
+    look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": top, "shading": "nearest", "rasterized": True}
+    if len(place) > 1:
+        mesh = axes.pcolormesh(place, contrast, chance.T, **look)
+        lines = axes.contour(place, contrast, chance.T, levels=_CONTOURS, colors="white", linewidths=0.8)
+        bar = axes.figure.colorbar(mesh, ax=axes, label="found blind, at any PA", ticks=_CONTOURS)
+        bar.add_lines(lines)
+        separation_ticks(axes, place[0], place[-1])
+    else:
+        axes.plot(np.full(contrast.shape, place[0]), contrast, color=_GREY, lw=0.5)
+        axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], cmap=look["cmap"], vmin=0.0, vmax=top)
+        separation_ticks(axes, place[0] / 1.2, place[0] * 1.2)
+    x, y = _line(rows, "contrast_limit_blind")
+    axes.plot(x, y, color="#D55E00", ls=(0, (4, 2)), lw=2.0, label="half found on the diagonal")
+    axes.legend(loc="lower center", fontsize=8, labelcolor="white")
+    axes.set_ylabel("contrast (flux ratio)")
+    axes.set_ylim(contrast[0], contrast[-1])
+    drawing.power_ticks(axes.yaxis)
+    axes.set_title(one.band, fontsize=10)
+
+
+def _draw_recovered(axes: Axes, rows: Sequence[RecoveredRow]) -> None:
+    looks = band_style([row.band for row in rows])
+    axes.grid(visible=True)
+    axes.plot([0, 1], [0, 1], color=_GREY, lw=1.0, ls=":")
+    for band, (colour, marker) in looks.items():
+        mine = [row for row in rows if row.band == band]
+        _draw_shares(axes, mine, "predicted", color=colour, marker=marker, label=band)
+    axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="fraction predicted", ylabel="fraction recovered")
+    axes.set_title(f"injected planets, {max(row.n_injected for row in rows)} a point", fontsize=10)
+    axes.legend(loc="upper left")
+
+
+def _draw_roc(axes: Axes, result: RocResult) -> None:
+    from matplotlib.lines import Line2D
+
+    looks, handles = band_style([one.band for one in result.bands]), []
+    axes.grid(visible=True)
+    axes.set(xscale="log", ylim=(-0.03, 1.03), xlabel="false alarms of one search", ylabel="probability of a detection")
+    counted = False
+    for band, (colour, marker) in looks.items():
+        rows = [row for row in result.levels if row.band == band]
+        if not rows:
+            continue
+        handles.append(Line2D([], [], color=colour, lw=2.0, label=band))
+        for suffix, dashes, width in (("", "-", 2.0), ("_known_place", (0, (4, 2)), 1.5)):
+            x, y = (_column(rows, f"{name}{suffix}") for name in ("false_alarms", "detection_probability"))
+            axes.plot(x, y, color=colour, ls=dashes, lw=width)
+            mark = [row.sigma for row in rows].index(result.sigma)
+            axes.scatter(x[mark], y[mark], s=70, facecolors="none", edgecolors=colour, linewidths=1.4, zorder=6)
+        if rows[0].n_planets:
+            counted = True
+            _draw_shares(axes, rows, "false_alarms", color=colour, marker=marker)
+    handles += [
+        Line2D([], [], color=_GREY, ls=ls, lw=lw, label=label)
+        for label, ls, lw in (("blind", "-", 2.0), ("at a known place", (0, (4, 2)), 1.5))
+    ]
+    look: Look = {"color": _GREY, "ls": "none", "marker": "o"}
+    handles.append(Line2D([], [], mfc="none", ms=8, label=f"level of {result.sigma:g}σ", **look))
+    if counted:
+        handles.append(Line2D([], [], ms=5, label="blind, in images", **look))
+    axes.legend(handles=handles, loc="upper left")
+
+
+def _column(rows: Sequence[CurveRow | RecoveredRow | RocRow], name: str) -> np.ndarray:
+    return np.array([getattr(row, name) for row in rows], float)
+
+
+def _draw_shares(axes: Axes, rows: Sequence[RecoveredRow | RocRow], name: str, **look: Any) -> None:
+    """Draw recovered fractions with their intervals against another column."""
+    x, y, low, high = (_column(rows, one) for one in (name, "recovered", "recovered_low", "recovered_high"))
+    axes.errorbar(x, y, [np.maximum(y - low, 0.0), np.maximum(high - y, 0.0)], **_POINT, **look)
+
+
+def _draw_alarms(axes: Axes, result: RocResult) -> None:
+    axes.grid(visible=True)
+    axes.set(xscale="log", yscale="log", xlabel="false alarms expected", ylabel="false alarms in the images")
+    ends = [1.0]
+    for band, (colour, marker) in band_style([one.band for one in result.bands]).items():
+        rows = [row for row in result.levels if row.band == band and row.n_searches]
+        expected = np.array([row.n_searches * row.false_alarms for row in rows])
+        counts = np.array([row.n_false for row in rows], float)
+        shown = (expected >= _FEWEST) & (counts > 0)
+        if not shown.any():
+            continue
+        errors = np.sqrt(counts[shown])
+        down = np.minimum(errors, 0.7 * counts[shown])
+        axes.errorbar(expected[shown], counts[shown], [down, errors], label=band, color=colour, marker=marker, **_POINT)
+        ends += [*expected[shown], *counts[shown]]
+    line = [min(ends) / 2.0, max(ends) * 2.0]
+    axes.plot(line, line, color=_GREY, lw=1.0, ls=":")
+    axes.set(xlim=line, ylim=line)
+    axes.set_title(f"{max((row.n_searches for row in result.levels), default=0)} images without planets", fontsize=10)
+    if len(axes.get_legend_handles_labels()[0]):
+        axes.legend(loc="upper left")
+
+
+CURVE_PRODUCTS = ("curve.csv", "completeness.csv", "recovered.csv", "report.html")
+"""Names of the files of a report of contrast curves."""
+
+
+ROC_PRODUCTS = ("roc.csv", "report.html")
+"""Names of the files of a report of operating characteristics."""
+
+
+_WORDS = "contrast; significance; threshold; speckle floor; blind search; separation; dark hole; core throughput; RDI"
+
+
+_PROGRAMME = (
+    "band:row,left separation_arcsec contrast visits frames em_gain visit_time_s time_s resolution_elements images"
+)
+
+
+@dataclass(frozen=True)
+class SearchedReport:
+    """Searches and their pictures, by the keys of `searched_figures.curve_pictures` or `roc_pictures`."""
+
+    result: Any
+    pictures: Mapping[str, Picture]
+
+
+CURVE_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
+"""Sections of the report of contrast curves, in their order."""
+
+
+ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
+"""Sections of the report of operating characteristics, in their order."""
+
+
+def write_curve(folder: RunFolder, result: results.CurveResult) -> None:
+    """Write ``curve.csv``, ``completeness.csv``, ``recovered.csv`` and ``report.html``, each whole."""
+    folder.write("curve.csv", _csv(results.CurveRow, result.points))
+    folder.write("completeness.csv", completeness_csv(result))
+    folder.write("recovered.csv", _csv(results.RecoveredRow, result.recovered))
+    about = "Contrast curves for CPI-C: how faint a planet one programme of the star shows, by separation and band."
+    page = SearchedReport(result, curve_pictures(result))
+    folder.write("report.html", _page(CURVE_SECTIONS, page, result, "contrast curve", about, curve_sentences(result)))
+
+
+def write_roc(folder: RunFolder, result: results.RocResult) -> None:
+    """Write ``roc.csv`` and ``report.html``, each whole."""
+    folder.write("roc.csv", _csv(results.RocRow, result.levels))
+    about = "Operating characteristic for CPI-C: how likely a search finds a planet, against its false alarms."
+    page = SearchedReport(result, roc_pictures(result))
+    folder.write("report.html", _page(ROC_SECTIONS, page, result, "detection statistics", about, roc_sentences(result)))
+
+
+def completeness_csv(result: results.CurveResult) -> str:
+    """Return the maps of completeness as CSV, one line a band, separation and contrast."""
+    names = ("band", "separation_arcsec", "contrast", "azimuth_share", "chance", "chance_known_place")
+    rows = []
+    for one in result.maps:
+        columns = zip(one.separation_arcsec, one.azimuth_share, one.chance, one.chance_known_place, strict=True)
+        for place, share, *chances in columns:
+            for cell in zip(one.contrast, *chances, strict=True):
+                contrast, blind, known = cell
+                rows.append(dict(zip(names, (one.band, place, contrast, share, blind, known), strict=True)))
+    return results.csv_text(names, rows)
+
+
+def _csv(kind: type[results.Result], rows: Sequence[results.Result]) -> str:
+    return results.csv_text(results.names_of(kind), [results.values_of(row) for row in rows])
+
+
+def _page(
+    sections: Registry[doc.Section[doc.D]],
+    page: doc.D,
+    result: results.SearchedResult,
+    what: str,
+    about: str,
+    sentences: Sequence[str],
+) -> str:
+    star = full_name(result.target, result.hip)
+    title = f"CPI-C {what} of {star}, configuration {result.config_hash}"
+    summary = [doc.Paragraph(" ".join(sentences), "lead")]
+    return page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
+
+
+@doc.section_of(CURVE_SECTIONS, "curves", "Contrast curves")
+def _curves(page: SearchedReport) -> Iterator[doc.Block]:
+    yield doc.Figure(page.pictures["curves"], key="curves")
+    layout = (
+        "band:row,left separation_arcsec contrast_limit_blind contrast_limit_known_place contrast_limit_threshold "
+        "measured_limit measured_throughput core_throughput azimuth_share threshold"
+    )
+    yield doc.table(
+        "Contrast limits",
+        "Limits by band and separation.",
+        doc.row_columns(results.CurveRow, layout),
+        page.result.points,
+    )
+
+
+@doc.section_of(CURVE_SECTIONS, "completeness", "Completeness")
+def _completeness(page: SearchedReport) -> Iterator[doc.Block]:
+    if "maps" in page.pictures:
+        yield doc.Figure(page.pictures["maps"], key="maps")
+
+
+@doc.section_of(CURVE_SECTIONS, "injected", "Injected planets")
+def _injected(page: SearchedReport) -> Iterator[doc.Block]:
+    if "recovered" not in page.pictures:
+        return
+    yield doc.Figure(page.pictures["recovered"], key="recovered")
+    layout = (
+        "band:row,left separation_arcsec contrast n_injected n_recovered recovered recovered_low recovered_high "
+        "predicted"
+    )
+    caption = "Planets found by blind searches, with the interval that holds 68 %, and what the law expects."
+    yield doc.table("Injected planets", caption, doc.row_columns(results.RecoveredRow, layout), page.result.recovered)
+
+
+@doc.section_of(ROC_SECTIONS, "detections", "Detections and false alarms")
+def _detections(page: SearchedReport) -> Iterator[doc.Block]:
+    for key, picture in page.pictures.items():
+        yield doc.Figure(picture, key=key)
+    layout = (
+        "band:row,left sigma false_alarms detection_probability false_alarms_known_place "
+        "detection_probability_known_place n_searches n_false n_planets n_detected recovered"
+    )
+    caption = "Levels of a detection: what the law expects, and what searches of simulated images counted."
+    yield doc.table("Levels", caption, doc.row_columns(results.RocRow, layout), page.result.levels)
+
+
+@doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
+@doc.section_of(ROC_SECTIONS, "programmes", "Programmes and assumptions")
+def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
+    """Yield the programme of each band, and what was taken for granted."""
+    result = page.result
+    kind = results.RocProgramme if isinstance(result, results.RocResult) else results.SearchedProgramme
+    caption = "The programme that every number of a band is about."
+    yield doc.table("Programmes", caption, doc.row_columns(kind, _PROGRAMME), result.bands)
+    for one in result.bands:
+        if one.message or one.images_message:
+            yield doc.Paragraph(f"{one.band}: {one.message or one.images_message}", "note")
+    if flags := flag_lines(result.bands, result.note):
+        yield doc.Items(flags)
+    library = LIBRARIES[result.reference_library]
+    yield doc.Facts(
+        [
+            ("Instrument", result.instrument),
+            ("Wall time", f"at most {duration_text(result.time_s)} a band"),
+            ("Level", f"the false-alarm probability of {result.sigma:g}σ in each resolution element"),
+            ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {result.n_modes} modes."]),
+            ("Date", result.date_utc[:10]),
+            ("Star table", result.catalogue),
+            *doc.notes_fact(result.notes),
+        ]
+    )
+
+
+@doc.section_of(CURVE_SECTIONS, "reproduce", "Reproducing this")
+@doc.section_of(ROC_SECTIONS, "reproduce", "Reproducing this")
+def _reproduced(page: SearchedReport) -> Iterator[doc.Block]:
+    tables = "`curve.csv`, `completeness.csv`, `recovered.csv`" if page.result.kind == "curve" else "`roc.csv`"
+    note = f"Numbers in full: `{page.result.kind}.json`; tables: {tables}."
+    yield from doc.reproduced_blocks(page.result, doc.marked(note))
+    yield doc.Items(prose()["credits"])
+    yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])

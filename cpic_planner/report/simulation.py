@@ -1,0 +1,207 @@
+"""Simulated sequences, checks of products, values of instruments and columns of user tables on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpic_core import listed
+from cpic_planner import results
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.confirm import modelled_groups
+from cpic_planner.report.words import (
+    MISSING,
+    count_text,
+    counted,
+    decimals,
+    duration_text,
+    shortened,
+    significant,
+    size_text,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+_WIDE = 60
+
+
+_OPTION = {"stars": "--catalog", "planets": "--known-planets"}
+"""Option that takes a table of each kind."""
+
+
+_WORDS = {"not known": "heading not known"}
+
+
+def print_columns(result: results.ColumnsResult, console: Console) -> None:
+    """Print what the columns of a file are taken for, and how many of its rows can be used."""
+    for table in result.tables:
+        rows = f"{table.n_usable} of {table.n_rows} row{'s' * (table.n_rows != 1)} can be used"
+        title = f"{result.file} as a table of {table.taken_as} ({_OPTION[table.taken_as]}): {rows}"
+        cells = row_cells(
+            results.ColumnTaken,
+            "heading quantity unit reason",
+            quantity=lambda row: row.quantity or "not used",
+            unit=_unit,
+            reason=_remark,
+        )
+        print_table(console, title, cells, table.columns, last_width=_WIDE)
+        if table.left_out:
+            shown = row_cells(
+                results.ReasonLeftOut,
+                "done count column first reason",
+                first=Cells("first", _first, right=False, label="first of them"),
+            )
+            print_table(console, "Left out, by reason", shown, table.left_out, last_width=_WIDE)
+        print_plain(console, *(note for note in table.notes if not _is_shown(note, result.file)))
+    if len(result.tables) > 1:
+        print_note(console, "The file can be read both as stars and as planets: the option decides.")
+    if any(row.unit_assumed for table in result.tables for row in table.columns):
+        print_note(console, "(assumed): the file names no unit, and this one is taken.")
+
+
+def _unit(row: results.ColumnTaken) -> str:
+    return f"{row.unit} (assumed)" if row.unit_assumed else row.unit or MISSING
+
+
+def _remark(row: results.ColumnTaken) -> str:
+    return row.convention if row.quantity else _WORDS.get(row.reason, row.reason)
+
+
+def _first(row: results.ReasonLeftOut) -> str:
+    return f"row {row.row}{f' ({row.name})' * bool(row.name)}: {row.value}"
+
+
+def _is_shown(note: str, file: str) -> bool:
+    """Tell whether a remark says what the tables show."""
+    said = note.removeprefix(f"{file}: ")
+    return said.startswith("columns not used") or " left out: " in said or " taken as missing: " in said
+
+
+_FEW = 3
+
+
+def _columns(sequences: Sequence[results.PlannedSequenceRow]) -> str:
+    """Return the names of the first columns of sequences, the visit where there are programmes."""
+    visit = " visit" if any(item.visit for item in sequences) else ""
+    return f"obsid kind{visit} target/2 band frames"
+
+
+_OWN: dict[str, Any] = {
+    "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
+    "target": lambda item: shortened(item.target),
+    "frames": Cells(
+        "frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}", fields=("n_frames", "exposure_s")
+    ),
+}
+
+
+def print_simulation(result: results.SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
+    """Print what the frames of each sequence hold, and where its files are."""
+    cells = row_cells(
+        results.SimulatedSequence,
+        f"{_columns(result.sequences)} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
+        adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}", fields=("adu_min", "adu_max")),
+        **_OWN,
+    )
+    print_table(
+        console, f"{result.name}: {counted(len(result.sequences), 'sequence')}", cells, result.sequences[:limit]
+    )
+    if len(result.sequences) > limit:
+        print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
+    note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
+    print_note(console, note)
+    for programme in result.programmes:
+        _print_programme(programme, out, console, limit)
+    _print_left_out(result.sequences, console)
+    print_plain(console, *_files_text(result.sequences, out), wraps=False)
+
+
+def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
+    """Print when the visits of a programme are, and where its list is."""
+    title = f"{programme.target}: {counted(programme.visits, 'science visit')}"
+    if programme.reference_visits:
+        title += f" and {counted(programme.reference_visits, 'reference visit')}"
+        title += f" of {programme.reference}" if programme.reference != programme.target else ""
+    visits: dict[tuple[str, str, float, float], list[results.VisitRow]] = {}
+    for row in programme.sequences:
+        visits.setdefault((row.folder, row.band, row.exposure_s, row.em_gain), []).append(row)
+    cells = row_cells(
+        results.VisitRow,
+        "folder band/2 start_utc n_frames window/1 roll_deg/3",
+        of=itemgetter(0),
+        start_utc=lambda rows: rows[0].start_utc[:19],
+        n_frames=Cells("frames × s", lambda rows: f"{sum(row.n_frames for row in rows)} × {rows[0].exposure_s:g}"),
+        window=Cells("windows", lambda rows: str(len(rows))),
+    )
+    print_table(console, title, cells, list(visits.values())[:limit])
+    more = len(visits) - limit
+    listed = f"The visits are listed in {out / programme.file}."
+    scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
+    span = f"The programme spans {decimals(programme.span_days, 2)} days{scheme}."
+    print_note(console, " ".join([f"{count_text(more)} more are not shown."] * (more > 0) + [span, listed]))
+
+
+def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
+    """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
+    modelled = [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled]
+    for group in modelled_groups(modelled):
+        gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
+        cells = [
+            Cells("left out", lambda row: row.effect.effect, right=False),
+            Cells("predicted size", lambda row: row.size),
+            Cells("", lambda row: row.where, right=False),
+        ]
+        print_plain(console, f"Left out of {listed(group.names, _FEW)} for the tolerance:", bold=True)
+        print_table(console, "", cells, gone, last_width=console.width)
+        print_note(console, f"Predicted error: {group.errors}.")
+        # All of a frame is kept here: what is said of its region does not apply.
+        print_note(console, f"Optics: {group.knobs.split('; ', 1)[1]}.")
+
+
+def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
+    """Return the files where there are few, folders where there are many."""
+    if len(sequences) <= _FEW:
+        return [str(out / item.file) for item in sequences]
+    folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
+    return [f"files in {listed([*folders], _FEW)}"]
+
+
+def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: int = 40) -> None:
+    """Print the sequences of a simulation that has not been run, and what it would plan."""
+    cells = row_cells(
+        results.PlannedSequenceRow,
+        f"{_columns(plan.sequences)} em_gain/1 start_utc/3",
+        start_utc=lambda item: item.start_utc[:19],
+        **_OWN,
+    )
+    print_table(
+        console, f"{plan.name}: {counted(plan.n_sequences, 'sequence')}", cells, plan.sequences[:limit], last_width=19
+    )
+    if plan.n_sequences > limit:
+        print_note(console, f"... and {plan.n_sequences - limit} more")
+    _print_left_out(plan.sequences, console)
+    time, disk = duration_text(plan.wall_s), size_text(1e6 * plan.disk_mb)
+    cost = f"about {time} with {plan.workers} worker(s), {significant(plan.memory_mb)} MB memory a worker, {disk} disk"
+    print_plain(console, f"{count_text(plan.n_frames)} frames, {cost}", wraps=False)
+
+
+def print_check(result: results.CheckResult, console: Console) -> None:
+    """Print what a check found, file by file."""
+    layout, unit = "hdu keyword severity message", lambda item: "" if item.hdu is None else str(item.hdu)
+    cells = row_cells(results.FindingRecord, layout, hdu=unit)
+    for path in dict.fromkeys(item.path for item in result.findings):
+        print_plain(console, path, wraps=False)
+        rows = [item for item in result.findings if item.path == path]
+        print_table(console, "", cells, rows, last_width=console.width)
+    severities = f"{counted(result.n_errors, 'error')}, {counted(result.n_warnings, 'warning')}"
+    said = severities if result.findings else "nothing wrong"
+    print_plain(console, f"{counted(result.n_files, 'Level-0 file')} checked: {said}")
+
+
+def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:
+    """Print values of an instrument, in the columns that ``layout`` names."""
+    print_table(console, result.title, row_cells(results.InstrumentValue, layout), result.values, last_width=60)
