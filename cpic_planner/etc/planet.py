@@ -2,7 +2,7 @@
 
 A planet with a separation and no position angle stands on the diagonal of a dark quadrant, the upper right one if it is
 dark. Around a star whose companion lights the hole it stands in the quadrant that holds least of that light. The noise
-of a measurement is that of the whole annulus (`simulator.signal.companions`), nearly the same for all quadrants; but
+of a measurement is that of the whole annulus (`simulator.signal.light`), nearly the same for all quadrants; but
 the scatter of the planet's own aperture is least there.
 """
 

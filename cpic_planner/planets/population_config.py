@@ -116,7 +116,7 @@ mean_anomaly_deg : Law
         Mass of the planets, which velocities of the star show: one number, or the least that their radius has by that
         relation (`cpic_planner.planets.mass_radius.least_mass`), as where none is stated beside a radius.
     albedo : AlbedoSpec
-        What `simulator.config.light.albedo_spec` reads; all planets of a kind share it, except that an albedo without
+        What `simulator.config.scene.albedo_spec` reads; all planets of a kind share it, except that an albedo without
         ``insolation_au`` follows each planet's own light.
     semi_major_axis_scale : {"none", "insolation"}
         ``insolation``: orbits are those around a star of one solar luminosity, and grow with ``sqrt(L)``.

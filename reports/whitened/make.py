@@ -25,7 +25,7 @@ from simulator.config import Instrument, load_instrument
 from simulator.imaging import Psf, centred_axis, single_band_psf, visit_responses
 from simulator.knobs import FIDELITIES
 from simulator.signal import REGION_LAMBDA_D, Whitening, speckle_covariance, with_noise
-from simulator.signal.speckle_visits import Stamps, stamps_around
+from simulator.signal.speckle_modes import Stamps, stamps_around
 
 HERE = Path(__file__).resolve().parent
 OFFSET_NM, HELD_OUT, SEED = 0.05, 1000, 7

@@ -31,9 +31,9 @@ from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import Targets, find_target, rank_sample, targets_from_table
 from cpic_planner.validation import target_scene
 from simulator import load_instrument, planet_contrast, spectrum_generator
-from simulator.band_integrals import band_integral
 from simulator.config import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
 from simulator.imaging import aperture_sums, overlap_weights, single_band_psf
+from simulator.passbands import band_integral
 from simulator.target import albedo_source, scene_sources, sky_to_detector
 
 SEPARATION = 0.7
