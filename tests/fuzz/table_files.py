@@ -112,7 +112,7 @@ def _read(kind: str, path: Path) -> Any:
     from cpic_planner.ranking.sensitivity import load_ranking
     from cpic_planner.survey.observed import read_log, read_schedule
     from simulator.target.albedo_grid import read_albedo
-    from simulator.target.spectrum_table import read_spectrum
+    from simulator.target.star_spectrum import read_spectrum
 
     if kind == "stars":
         found = load_targets(path)
