@@ -179,7 +179,7 @@ def _text(path: Path) -> str:
 
 
 def _beginning(path: Path) -> str:
-    from cpic_core.user_files import open_file
+    from cpic_core.files import open_file
 
     with open_file(path, key="--folder", allowed="a file of a run", max_bytes=MOST_BYTES) as file:
         return file.read(1000).decode("utf-8", "replace")
