@@ -22,7 +22,7 @@ from cpic_planner.report import style
 from simulator.config import load_instrument
 from simulator.passbands import Passbands, v_photon_rate, vega_v_photon_rate
 from simulator.target import load_parametric_grid, planet_albedo, stellar_spectrum
-from simulator.target.parametric import phase_curve
+from simulator.target.albedo import phase_curve
 from tools.calibrate_albedo.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, read_table
 from tools.report_parts import png
 

@@ -242,7 +242,7 @@ class _Atmosphere(FrozenModel):
 
 
 class ParametricAlbedo(_Atmosphere):
-    """Rayleigh scattering over a cloud deck with methane absorption; see `simulator.target.parametric`."""
+    """Rayleigh scattering over a cloud deck with methane absorption; see `simulator.target.albedo`."""
 
     model: Literal["parametric"] = "parametric"
 

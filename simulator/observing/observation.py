@@ -37,7 +37,6 @@ from simulator.imaging import (
     TablePsf,
     VisitLight,
     Window,
-    apodizer_energy,
     centred_axis,
     full_star_map,
     off_axis_light,
@@ -309,7 +308,7 @@ def static_light(
         seen, inside, beyond = _columns_of(instrument, band, area)
     corner = (detector.star_row - seen.centre[0], detector.star_column - seen.centre[1])
     stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=seen.shape)
-    sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf)
+    sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * psf.apodizer_energy
     whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
     bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
     others = off_axis_light(

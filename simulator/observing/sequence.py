@@ -38,7 +38,7 @@ from simulator.config import (
 )
 from simulator.detectors import Exposure, PastExposure
 from simulator.effects import cosmic_ray_rate, effect_files, sky_rate_e_s_arcsec2, stray_light_parts
-from simulator.imaging import apodizer_energy, single_band_psf, sky_transmission, window_of
+from simulator.imaging import single_band_psf, sky_transmission, window_of
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
 from simulator.target import Source
@@ -563,7 +563,7 @@ def _background(
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=ra_deg, dec_deg=dec_deg, start_utc=start_utc)
     psf = single_band_psf(band, instrument=instrument)
     window = window_of(psf, instrument, full=True)
-    rates = sky.rate_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf) * sky_transmission(psf, window)
+    rates = sky.rate_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * psf.apodizer_energy * sky_transmission(psf, window)
     stray = stray_light_parts(instrument, band, window.shape)
     return rates + sum(stray.values()), sky_ledger(instrument, band=band, sky=sky, stray=stray)
 

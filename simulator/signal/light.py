@@ -228,7 +228,7 @@ def drift_halo(
     separation_arcsec : ndarray
         From the source.
     rms_nm, slope, wavelength_nm : float
-        As of `simulator.imaging.clear_pupil.scattered_light`.
+        As of `simulator.imaging.table_metrics.scattered_light`.
     """
     return scattered_light(separation_arcsec / metrics.lambda_d_arcsec, rms_nm, slope, wavelength_nm)
 

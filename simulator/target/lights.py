@@ -15,8 +15,14 @@ from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTabl
 from simulator.passbands import band_integral, band_projection, product_samples
 from simulator.target.albedo import albedo_notes, albedo_table, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
-from simulator.target.spectrum_table import photon_flux, read_spectrum
-from simulator.target.star_spectrum import StarModel, StarSpectrum, stellar_spectrum, thermal_photlam
+from simulator.target.star_spectrum import (
+    StarModel,
+    StarSpectrum,
+    photon_flux,
+    read_spectrum,
+    stellar_spectrum,
+    thermal_photlam,
+)
 
 
 @dataclass(frozen=True, eq=False)
