@@ -12,7 +12,7 @@ from catalogs import open_catalogue, velocity_limit
 from cpic_core import InputError, only_sent_files
 from cpic_planner import report
 from cpic_planner.api import prepared, visibility_of
-from cpic_planner.api.one_star import named
+from cpic_planner.api.one_star import star_or_planet
 from cpic_planner.queries import EtcQuestion, KnownQuestion, RankQuestion, VisibilityQuestion, called_as, observed_utc
 from cpic_planner.results import Explanation, KnownResult, RankedTarget, Result, StarResult, VisibilityResult
 from cpic_planner.targets import Targets
@@ -152,7 +152,7 @@ def star_answer(pairs: Pairs) -> StarAnswer:
     with called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
         date = {"date_utc": given["date_utc"]} if "date_utc" in given else {}
         table = open_catalogue()
-        star, note, _ = named(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
+        star, note, _ = star_or_planet(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
         name, ready = str(star.name[0]), _prepared()
         question = KnownQuestion.of({"star": name} | date)
         utc = observed_utc(question)

@@ -86,6 +86,7 @@ from simulator.config.simulation import (
     SKY_KINDS as SKY_KINDS,
     SequenceConfig as SequenceConfig,
     SequenceKind as SequenceKind,
+    SequenceSettings as SequenceSettings,
     SimulationConfig as SimulationConfig,
     meaningful_keys as meaningful_keys,
     of_no_use as of_no_use,
