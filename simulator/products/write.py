@@ -28,20 +28,34 @@ from cpic_core import (
 from simulator.camera import Frame, camera_keywords
 from simulator.config import Detector, Section
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
-from simulator.products.keywords import KEYWORD_FILE, Value, checked_value, escaped, load_keywords
-from simulator.products.naming import ProductName, claim, clear_stale_parts, product_name, temporary_folders
+from simulator.products.keywords import (
+    KEYWORD_FILE,
+    Value,
+    append_compressed,
+    append_image,
+    append_primary,
+    append_table,
+    checked_value,
+    escaped,
+    header_cards,
+    load_keywords,
+)
 from simulator.products.sequence import (
     SCIENCE_KINDS,
     FrameSequence,
+    ProductName,
     Truth,
     camera_of,
     check_sequence,
+    claim,
+    clear_stale_parts,
     pointing_deg,
+    product_name,
     settings_of,
     sky_places,
     star_deg,
+    temporary_folders,
 )
-from simulator.products.units import append_compressed, append_image, append_primary, append_table, header_cards
 
 DISTRIBUTION = "cpic-planner"
 MAX_ROWS = 999

@@ -12,10 +12,8 @@ from scipy.stats import norm
 from cpic_core import Status, stream
 from cpic_planner.etc import SearchedRegion, equivalent_sigma
 from cpic_planner.validation import RdiResult, ReducedStack
-from cpic_planner.validation.detection import _candidate, search, searcher
 from cpic_planner.validation.injection import inject, recovered
-from cpic_planner.validation.search_field import Peak
-from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
+from cpic_planner.validation.search import Peak, _candidate, filter_kernel, search, searcher, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
 from simulator.imaging import visit_frames

@@ -10,13 +10,16 @@ from cpic_planner.confirm.scene import _work
 from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, planet_templates, visit_pair
 from cpic_planner.validation.confirm import _false, positions_of
-from cpic_planner.validation.detection import MATCH_LAMBDA_D
-from cpic_planner.validation.measure import forced_photometry, measure_planets, searcher_of
-from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.reduced import smoothed
-from cpic_planner.validation.speckle_maps import matched_sum
-from cpic_planner.validation.templates import obstacle, pixels_of
-from cpic_planner.validation.whitened import SpeckleModel
+from cpic_planner.validation.measure import (
+    SpeckleModel,
+    forced_photometry,
+    measure_planets,
+    obstacle,
+    pixels_of,
+    searcher_of,
+)
+from cpic_planner.validation.rdi import rdi_subtract, smoothed
+from cpic_planner.validation.search import MATCH_LAMBDA_D, matched_sum
 from simulator import load_instrument, load_scene
 from simulator.signal import REGION_LAMBDA_D
 
