@@ -35,6 +35,7 @@ SequenceKind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LAS
 SKY_KINDS: tuple[SequenceKind, ...] = ("SCI", "DSF", "CALS")
 SEQUENCE_KINDS: tuple[SequenceKind, ...] = (*SKY_KINDS, "BIAS", "DARK", "FLAT", "BKG", "LASER")
 DEFAULT_EXPOSURE_S = 10.0
+MAX_FRAMES = 1_000_000
 
 _COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
 _SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance", "scene_model")
@@ -94,7 +95,7 @@ class SequenceSettings(FrozenModel):
         (DEFAULT_EXPOSURE_S,), description="Exposure of a frame; repeat, or 30,300, for several."
     )
     em_gain: tuple[Gain, ...] = Field((1.0,), description="Actual EM gain; repeat, or 1,20, for several.")
-    frames: Annotated[Whole, Field(ge=1, le=1_000_000)] = Field(1, description="Frames of a sequence.")
+    frames: Annotated[Whole, Field(ge=1, le=MAX_FRAMES)] = Field(1, description="Frames of a sequence.")
     roll_deg: Real = Field(0.0, description="Roll of the telescope.")
     star_offset_arcsec: tuple[Offset, Offset] = Field(
         (0.0, 0.0), description="Place of the star relative to the centre of the mask."
