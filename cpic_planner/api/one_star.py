@@ -139,7 +139,7 @@ class NamedPlanet:
         return self.choice.content() | {"planet": self.name}
 
 
-def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targets, str, NamedPlanet | None]:
+def star_or_planet(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targets, str, NamedPlanet | None]:
     """Return the star that a name means, a remark on it, and its planet where the name is one of a known planet.
 
     Parameters
@@ -161,7 +161,7 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     try:
         resolve_star(name, catalogue.table)
     except InputError as error:
-        planet = planet_named(_choice(question), name, error)
+        planet = planet_of_name(_choice(question), name, error)
     star, remark = find_target(name if planet is None else planet.star, **about)
     if planet is None:
         return star, remark, None
@@ -172,7 +172,7 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     return star, remark, planet
 
 
-def planet_named(choice: KnownChoice, name: str, unknown: InputError) -> NamedPlanet:
+def planet_of_name(choice: KnownChoice, name: str, unknown: InputError) -> NamedPlanet:
     """Return the known planet of a name that no star has.
 
     Parameters
@@ -323,26 +323,27 @@ def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band:
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
         objective: etc.Objective = "significance" if question.snr is None else "snr"
         them = etc.planets_of(list(grid), planet, contrast)
-        (group,) = etc.groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
-        best.append(float(grid[int(np.argmin(_cost(question, model, group)))]))
+        level = question.snr or question.sigma
+        cases = etc.cases_of(model, star, [band], them, fixed, objective=objective, value=level)
+        best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
     return best
 
 
-def _cost(question: EtcQuestion, model: etc.EtcModel, group: etc.Group) -> FloatArray:
+def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    cases, every, given = group.cases, group.programmes, model.strategy.visits
+    every, given = cases.programmes, model.strategy.visits
     if not question.asks_time:
-        times = questions.times_of(question, model, cases.bands[0].band)
-        return group.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
+        times = questions.times_of(question, model, cases.bands[0])
+        return cases.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
         visits = every.quickest() if given is None else fixed
         time_s = visits * model.time_s(every.solved(visits)[0])
-    cost = np.where(group.possible, time_s, np.inf)
+    cost = np.where(cases.possible, time_s, np.inf)
     endless = etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)
-    return cost if np.isfinite(cost).any() else group.missed_in(endless)
+    return cost if np.isfinite(cost).any() else cases.missed_in(endless)
 
 
 def checked(
@@ -378,24 +379,31 @@ def checked(
     return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
 
 
+def _closed_forms_of(
+    question: EtcQuestion, star: Targets, planet: NamedPlanet | None
+) -> tuple[EtcQuestion, Targets, EtcModel, list[EtcAnswer]]:
+    """Return a question as it is answered about a star or its known planet, the star at its roll, model and answers."""
+    star = as_asked(question, star)
+    if planet is None:
+        model = model_of(question)
+        return question, star, model, closed_forms(question, model, star)
+    question = planet.question(question)
+    return question, star, model_of(question), planet.answers(question, star)
+
+
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """Return the answers about all stars of a question."""
-    from cpic_planner.api.one_star import named
-
     model, plain = model_of(question), question.fidelity is None and question.tolerance is None
     try:
         stars = stars_named(question)
     except InputError:
         # A name that no star has may be that of a planet.
-        answers, catalogue = [], catalogue_of(question)
+        answers: list[EtcAnswer] = []
+        catalogue = catalogue_of(question)
         for name in question.target:
-            star, _, planet = named(question, name, catalogue)
-            if planet is None:
-                answers += _answered(question.model_copy(update={"target": (str(star.name[0]),)}))
-                continue
-            one, star = planet.question(question), as_asked(question, star)
-            found = planet.answers(one, star)
-            answers += found if plain else checked(one, model_of(one), [star], found)
+            star, _, planet = star_or_planet(question, name, catalogue)
+            one, star, model, found = _closed_forms_of(question, star, planet)
+            answers += found if plain else checked(one, model, [star], found)
         return answers
     if not stars:
         return []
@@ -612,17 +620,12 @@ def answered(
         For an unknown star or band, or a value out of range.
     """
     table = open_catalogue(question.catalog) if question.v_mag is None else catalogue_of(question)
-    star, about, known = named(question, question.target[0], table)
+    star, about, known = star_or_planet(question, question.target[0], table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, asked_for = as_asked(question, star), question.hashed()
-    if known is None:
-        model = model_of(question)
-        found: Sequence[EtcAnswer] = closed_forms(question, model, star)
-    else:
-        question = known.question(question)
-        model, found = model_of(question), known.answers(question, star)
-        asked_for |= {"known_planet": known.content()}
+    asked_for = question.hashed() | ({} if known is None else {"known_planet": known.content()})
+    found: Sequence[EtcAnswer]
+    question, star, model, found = _closed_forms_of(question, star, known)
     if question.dial.fidelity != "quick":
         found = check(question, model, [star], found)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet

@@ -24,7 +24,7 @@ from cpic_planner.etc import (
 from cpic_planner.planets import PopulationConfig, StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed

@@ -38,8 +38,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "cpic_planner/survey/detection.py": (),
     "simulator/detectors/gain.py": (),
     "cpic_planner/survey/visibility.py": (),
-    "cpic_planner/ranking/known_completeness.py": (),
-    "cpic_planner/ranking/in_zone.py": (),
+    "cpic_planner/ranking/completeness.py": (),
 }
 
 PARTNER = {

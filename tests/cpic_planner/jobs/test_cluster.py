@@ -122,7 +122,7 @@ def other_code(tmp_path):
     shutil.copytree(ROOT / "cpic_core", place / "cpic_core", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("catalogs", "simulator", "cpic_planner"):
         (place / name).symlink_to(ROOT / name)
-    streams = place / "cpic_core" / "random_streams.py"
+    streams = place / "cpic_core" / "runtime.py"
     text = streams.read_text()
     assert "np.random.SFC64(" in text
     streams.write_text(text.replace("np.random.SFC64(", "np.random.PCG64("))

@@ -14,7 +14,7 @@ import pytest
 import cpic_planner.survey.simulate as module
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.ranking import inside_zone
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.candidates import N_DRAWS
 from cpic_planner.survey.detection import expected_signals
 from cpic_planner.survey.prepare import prepare
