@@ -9,7 +9,7 @@ from simulator.imaging.annuli import (
     APART_RADII as APART_RADII,
     STEP_PIXELS as STEP_PIXELS,
     AnnulusLight as AnnulusLight,
-    ByGeometry as ByGeometry,
+    by_geometry as by_geometry,
     error_halo as error_halo,
     light_around as light_around,
     mean_over as mean_over,
@@ -44,7 +44,6 @@ from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import (
-    Unkeyed as Unkeyed,
     at_contrast as at_contrast,
     mean_contrast as mean_contrast,
     measured_states as measured_states,

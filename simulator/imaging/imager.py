@@ -16,7 +16,7 @@ holds both together to 1e-12 of the peak.
 import functools
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -308,19 +308,6 @@ class Imager:
         values = (y.size + x.size) * len(self.transmission) * self.wavelengths_m.size
         waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
         return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
-
-
-@dataclass(frozen=True)
-class Optics:
-    """An optical model that equals any other with the same content: a key to what is kept of it."""
-
-    key: str
-    imager: Imager = field(compare=False)
-
-    @classmethod
-    def of(cls, imager: Imager) -> "Optics":
-        """Return the key of a model."""
-        return cls(imager.content_key, imager)
 
 
 @dataclass(frozen=True, eq=False)
