@@ -23,9 +23,9 @@ from simulator.config import DiscSource, ExtendedSource, ImageSource, Instrument
 from simulator.config.map_files import SCALE_TOLERANCE, pixel_scale, read_maps, real_map
 from simulator.imaging.build import build_imager
 from simulator.imaging.external import ExternalPsf
-from simulator.imaging.imager import Imager, centred_axis
+from simulator.imaging.imager import Imager
 from simulator.imaging.psf import Psf, wide_on_axis
-from simulator.imaging.sampling import pixel_axis
+from simulator.imaging.sampling import centred_axis, pixel_axis
 from simulator.imaging.scene_image import (
     BandTransfer,
     KernelTransfer,

@@ -25,7 +25,7 @@ from cpic_core import FloatArray, InputError, NDArray, load_quietly
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging import pupil_symmetry as parity
 from simulator.imaging.pupil import Aberrations
-from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
+from simulator.imaging.sampling import PixelAxis, centred_axis, integrate_pixels, pixel_axis
 from simulator.imaging.zones import BandGeometry, HoleZone
 from simulator.knobs import Knobs
 
@@ -35,22 +35,6 @@ Waves = tuple[parity.HalfWaves, ...]  # of one axis, one for each wavelength
 KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB
 KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next one with the same nodes: 4 MB
 N_KEPT_GRIDS = 24
-
-
-def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
-    """Return the pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
-
-    Parameters
-    ----------
-    n_pixels : int
-        Pixels a side.
-    pixel_arcsec : float
-        Side of a pixel, arcsec.
-    centre : float, optional
-        Pixel of the star; ``n_pixels // 2`` by default.
-    """
-    star = n_pixels // 2 if centre is None else centre
-    return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ from cpic_core import FloatArray, InputError, Keyed, check_word, numeric_context
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
-from simulator.imaging.imager import Engine, Imager, centred_axis
+from simulator.imaging.imager import Engine, Imager
 from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.sampling import centred_axis
 from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.imaging.zones import BandGeometry, HoleStatus
 from simulator.knobs import FIDELITIES, Knobs
