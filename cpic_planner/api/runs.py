@@ -130,7 +130,7 @@ def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") 
     InputError
         For what is neither, or has no star in common.
     """
-    from cpic_planner.ranking.compare import ENDINGS, Ranking, compare_rankings, load_ranking
+    from cpic_planner.ranking.sensitivity import ENDINGS, Ranking, compare_rankings, load_ranking
 
     if isinstance(other, results.RankResult):
         before = Ranking.of(other)

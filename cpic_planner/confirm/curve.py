@@ -140,8 +140,8 @@ def clearest_place(
         Contrast of the planet instead of a model of it.
     """
     planets = etc.planets_of(grid_arcsec, planet, contrast)
-    (group,) = etc.groups_of(model, star, [band], planets, etc.FixedFrames(), "significance", None)
-    missed = group.missed_in(etc.Span.of(model, question.wall_s, question.visit_time_s))
+    cases = etc.cases_of(model, star, [band], planets, objective="significance")
+    missed = cases.missed_in(etc.Span.of(model, question.wall_s, question.visit_time_s))
     return float(planets.separation_arcsec[np.argmin(missed)])
 
 

@@ -29,11 +29,9 @@ from typing import Any
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
-from cpic_planner.etc.detection import near_threshold
+from cpic_planner.etc.detection import MIN_SIGMA, equivalent_sigma, near_threshold, search_threshold, searched_region
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
-from cpic_planner.etc.search_level import MIN_SIGMA, search_threshold, searched_region
-from cpic_planner.etc.tails import equivalent_sigma
 from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import annulus_floor, error_light_share
 

@@ -45,8 +45,6 @@ from cpic_planner.queries.rank import (
     CONTRAST as CONTRAST,
     DEFAULT_YEARS as DEFAULT_YEARS,
     FILTERS as FILTERS,
-    MAX_PLANETS as MAX_PLANETS,
-    N_PLANETS as N_PLANETS,
     OCCURRENCE as OCCURRENCE,
     Ensemble as Ensemble,
     EnsembleChoice as EnsembleChoice,

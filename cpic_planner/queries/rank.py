@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from cpic_core import FloatArray, InputError, faults_by_line, is_file, read_text, stream, unguarded
-from cpic_planner.planets import Law, PopulationConfig, load_population, read_law
+from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, load_population, read_law
 from cpic_planner.queries import shared
 from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
 from cpic_planner.queries.etc import KnownPlanetsQuestion
@@ -247,11 +247,6 @@ class VisibilityQuestion(shared.CatalogQuestion):
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
     )
-
-
-N_PLANETS = 4000
-"""Planets that a ranking draws."""
-MAX_PLANETS = 1_000_000
 
 
 def read_exclusions(given: Any) -> tuple[str, ...]:

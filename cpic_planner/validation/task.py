@@ -17,11 +17,20 @@ from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides
 from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation, EffectRecord, ModellingRecord
 from cpic_planner.targets import Targets
-from simulator.config import Instrument, Planet, Scene, SceneStar, Timing, companion_of, validate
+from simulator.config import (
+    MAX_FRAMES as MOST_FRAMES,
+    Instrument,
+    Planet,
+    Scene,
+    SceneStar,
+    Timing,
+    companion_of,
+    validate,
+)
 from simulator.imaging import LARGEST_NM, RMS_ERROR, expands, psf_metrics
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
-from simulator.observing import MAX_FRAMES as MOST_FRAMES, Role
+from simulator.observing import Role
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
@@ -531,7 +540,7 @@ class LibraryPlan:
         Whether the planet is in the reference frames too: then both visits are science, each the other's reference
         (`cpic_planner.validation.rdi`).
     noise_free : bool
-        Whether the expectation (`simulator.products.sequence.FrameSequence.expected_e`) stands for the reference
+        Whether the expectation (`simulator.observing.FrameSequence.expected_e`) stands for the reference
         frames. It is that of the science visit without planets, wavefront included: neither noise nor drift between
         the visits.
     flags : tuple of str

@@ -91,6 +91,7 @@ from simulator.config.scene import (
     true_distance_au as true_distance_au,
 )
 from simulator.config.simulation import (
+    MAX_FRAMES as MAX_FRAMES,
     PROGRAMME_KEYS as PROGRAMME_KEYS,
     SIMULATION_KEYS as SIMULATION_KEYS,
     SKY_KINDS as SKY_KINDS,

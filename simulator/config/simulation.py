@@ -35,6 +35,7 @@ SequenceKind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LAS
 SKY_KINDS: tuple[SequenceKind, ...] = ("SCI", "DSF", "CALS")
 SEQUENCE_KINDS: tuple[SequenceKind, ...] = (*SKY_KINDS, "BIAS", "DARK", "FLAT", "BKG", "LASER")
 DEFAULT_EXPOSURE_S = 10.0
+MAX_FRAMES = 1_000_000
 
 _COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
 _SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance", "scene_model")
@@ -144,7 +145,7 @@ class SequenceConfig(SpelledModel):
     camera: CameraName = "VIS"
     exposure_s: tuple[Exposure, ...] = (DEFAULT_EXPOSURE_S,)
     em_gain: tuple[Gain, ...] = (1.0,)
-    frames: Annotated[Whole, Field(ge=1, le=1_000_000)] = 1
+    frames: Annotated[Whole, Field(ge=1, le=MAX_FRAMES)] = 1
     roll_deg: Real = 0.0
     star_offset_arcsec: tuple[Offset, Offset] = (0.0, 0.0)
     role: Literal["science", "reference", "calibration"] = "science"

@@ -20,10 +20,10 @@ from typing import Any, Literal, TypeAlias, TypeGuard
 import numpy as np
 
 from cpic_core import InputError, as_path, bounded_fits, open_file, parse_json, parse_yaml, read_file, read_text
-from simulator.config import checked_utc
+from simulator.config import SKY_KINDS, checked_utc
 from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
 from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Profile, load_keywords, ones_sum
-from simulator.products.sequence import SCIENCE_KINDS, ProductName
+from simulator.products.sequence import ProductName
 from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
 
 Header: TypeAlias = Mapping[str, Any]
@@ -311,7 +311,7 @@ def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coord
         Whether the target has coordinates.
     """
     table = load_keywords()
-    needed = {"always": True, "sky": kind in SCIENCE_KINDS, "coordinates": coordinates and kind in SCIENCE_KINDS}
+    needed = {"always": True, "sky": kind in SKY_KINDS, "coordinates": coordinates and kind in SKY_KINDS}
     home = "image" if hdu else "primary"
     for keyword in table:
         found = [spelling for spelling in (keyword.name, *keyword.aliases) if spelling in header]
@@ -611,7 +611,7 @@ def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
         check_shared(report, header, headers[1], primary, number)
         _check_image(report, units, header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
-        if kind in SCIENCE_KINDS or "CTYPE1" in header:
+        if kind in SKY_KINDS or "CTYPE1" in header:
             check_world(report, header, primary, number)
         check_sums(report, units, number, header)
         facts.datasums.append(str(header.get("DATASUM", "")))
@@ -1111,7 +1111,7 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
     found: list[Finding] = []
     whole = file.resolve()
     folder, branch, root = whole.parent.name, whole.parent.parent.name, whole.parents[2]
-    expected = "SCI" if facts.name.kind in SCIENCE_KINDS else "CAL"
+    expected = "SCI" if facts.name.kind in SKY_KINDS else "CAL"
     if branch != expected:
         found.append(Finding(file, None, "", f"stands in {branch}, {facts.name.kind} belongs in {expected}"))
     begin = load_keywords().value(facts.primary, "EXPSTART")

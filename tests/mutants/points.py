@@ -41,8 +41,7 @@ MODULES: dict[str, tuple[str, ...]] = {
         "tests/cpic_planner/survey/test_visibility_rolls.py",
         "tests/cpic_planner/survey/test_visibility_limb.py",
     ),
-    "cpic_planner/ranking/known_completeness.py": (),
-    "cpic_planner/ranking/in_zone.py": (),
+    "cpic_planner/ranking/completeness.py": (),
 }
 
 PARTNER = {

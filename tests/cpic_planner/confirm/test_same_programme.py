@@ -5,7 +5,11 @@ import math
 import pytest
 
 import cpic_planner
-from cpic_planner.confirm.curve import AskedStar, _programme as programme_of_curve, _programme as programme_of_roc
+from cpic_planner.confirm.curve import (
+    AskedStar,
+    _curve_programme as programme_of_curve,
+    _roc_programme as programme_of_roc,
+)
 from cpic_planner.confirm.scene import _work, scene_target
 from cpic_planner.etc import build_model, diagonal_pa_deg, reference_distance_au, signal_to_noise
 from cpic_planner.queries import (

@@ -26,7 +26,7 @@ from cpic_planner.etc import (
     reflected_contrast,
     usable_range_arcsec,
 )
-from cpic_planner.etc.planet import QUADRANTS, dark_quadrants, reflected_share
+from cpic_planner.etc.rates import QUADRANTS, dark_quadrants, reflected_share
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import Targets, find_target, rank_sample, targets_from_table
 from cpic_planner.validation import target_scene

@@ -1,7 +1,14 @@
-"""Radii of planets from their masses, and the least masses of their radii: Chen & Kipping 2017, ApJ 834, 17."""
+"""Masses of stars; radii of planets from their masses, and the least masses of their radii.
+
+Planets follow Chen & Kipping 2017, ApJ 834, 17.
+"""
+
+import functools
+from collections.abc import Sequence
 
 import numpy as np
 
+from catalogs import load_stars, star_key
 from cpic_core import ArrayLike, FloatArray, InputError, check_finite
 
 EARTHS_IN_MJUP = 317.828
@@ -43,7 +50,7 @@ def radius_from_mass(mass_mjup: ArrayLike, deviate: ArrayLike = 0.0) -> FloatArr
 
     Examples
     --------
-    >>> from cpic_planner.planets.mass_radius import radius_from_mass
+    >>> from cpic_planner.planets.masses import radius_from_mass
     >>> round(float(radius_from_mass(1.0)), 2)
     1.23
     """
@@ -85,7 +92,7 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
 
     Examples
     --------
-    >>> from cpic_planner.planets.mass_radius import least_mass
+    >>> from cpic_planner.planets.masses import least_mass
     >>> least_mass([0.5, 1.0, 1.2]).round(3).tolist()
     [0.084, 0.273, 0.373]
     """
@@ -97,3 +104,65 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
     small = (np.minimum(earths, turns[0]) / _CONSTANT) ** (1.0 / _INDICES[0])
     middle = (np.clip(earths, *turns) / turns[0]) ** (1.0 / _INDICES[1])
     return np.asarray(small * middle / EARTHS_IN_MJUP)
+
+
+def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
+    """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
+    listed = [catalogue_name(name) for name in names]
+    # Published parameters change masses, not names: they are not read for stars that no catalogue holds.
+    masses = _masses() if any(listed) else {}
+    return np.array([np.nan if name is None else masses[name] for name in listed], float)
+
+
+def catalogue_name(name: str) -> str | None:
+    """Return the name in the embedded catalogue of the star that has some name; None for a star that is not in it."""
+    return name if name in _names() else _names_by_key().get(star_key(name))
+
+
+@functools.cache
+def _names() -> frozenset[str]:
+    return frozenset(load_stars(updates=False).column("name").tolist())
+
+
+@functools.cache
+def _names_by_key() -> dict[str, str]:
+    return {star_key(name): name for name in _names()}
+
+
+@functools.cache
+def _masses() -> dict[str, float]:
+    stars = load_stars()
+    return dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
+
+
+def star_masses_msun(
+    names: Sequence[str], log_g: ArrayLike, luminosity_lsun: ArrayLike, teff_k: ArrayLike
+) -> FloatArray:
+    """Return the masses of stars: of the embedded catalogue, else from gravity, luminosity and temperature.
+
+    Parameters
+    ----------
+    names : sequence of str
+        ``n`` stars.
+    log_g, luminosity_lsun, teff_k : array_like, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Solar masses; those that are not of the catalogue between 0.2 and 5, and 1 where a number is missing.
+
+    """
+    listed = catalogue_masses_msun(names)
+    return np.where(np.isfinite(listed), listed, masses_of_gravity_msun(log_g, luminosity_lsun, teff_k))
+
+
+def masses_of_gravity_msun(log_g: ArrayLike, luminosity_lsun: ArrayLike, teff_k: ArrayLike) -> FloatArray:
+    """Return masses from surface gravity, luminosity and temperature, solar masses, shape ``(n,)``.
+
+    ``log M = log g - 4.438 + 2 log R`` with ``R^2 = L (5772 K / Teff)^4``: the inverse of how
+    `catalogs.stellar_physics` fills the gravity. Held between 0.2 and 5, where a measured gravity and an assumed
+    luminosity disagree; 1 where a number is missing.
+    """
+    gravity, luminosity, teff = (np.asarray(part, float) for part in (log_g, luminosity_lsun, teff_k))
+    mass = 10.0 ** (gravity - 4.438) * luminosity * (5772.0 / teff) ** 4
+    return np.clip(np.where(np.isfinite(mass), mass, 1.0), 0.2, 5.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.planets.mass_radius import STAR_MJUP, least_mass, radius_from_mass
+from cpic_planner.planets.masses import STAR_MJUP, least_mass, radius_from_mass
 
 M_EARTH_KG, M_JUP_KG, M_SUN_KG = 5.9722e24, 1.89813e27, 1.98841e30
 R_EARTH_KM, R_JUP_KM = 6378.1, 71492.0

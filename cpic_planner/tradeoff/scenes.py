@@ -9,10 +9,12 @@ import math
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from cpic_core import InputError, load_yaml
 from cpic_planner.queries import Strategy
@@ -21,13 +23,12 @@ from cpic_planner.validation import images_of
 from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
 from simulator.imaging import SceneModel
 from simulator.knobs import FIDELITIES, Dial, Knobs
-from simulator.ledger import Choice, choose, forecast
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, choose, forecast
 from simulator.observing import Observation, Role, observe
 
 
 def this_machine() -> MachineRecord:
     """Return the processor, memory and software of this machine; nothing that names it."""
-    import numpy as np
     from threadpoolctl import threadpool_info
 
     np.ones((2, 2)) @ np.ones((2, 2))
@@ -317,3 +318,128 @@ def visit(
         scene_model=setup.scene_model,
         max_epochs=1 if setup.draw == "sums" else epochs or setup.epochs,
     )
+
+
+Group = Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
+REFERENCE = "reference"
+TOLERANCES_MEASURED = (0.003, 0.01, 0.03, 0.1, 0.3)
+QUICK_EPOCHS = 2
+
+
+@dataclass(frozen=True)
+class Point:
+    """One way to an answer.
+
+    Attributes
+    ----------
+    name, title : str
+    group : str
+        ``closed_form``: the exposure-time calculator; ``images``: images made in a stated way; ``tier`` and
+        ``tolerance``: what the effect ledger chooses for a dial; ``knob`` and ``effect``: the reference with one thing
+        changed.
+    n_cases : int
+        Questions that one call answers.
+    fidelity, tolerance
+        Of the dial.
+    setup : Setup or None
+        What is modelled, where the ledger does not decide it.
+    light_changes : bool
+        Whether the light on the detector differs from the reference's.
+    """
+
+    name: str
+    title: str
+    group: Group
+    n_cases: int = 1
+    fidelity: str | None = None
+    tolerance: float | None = None
+    setup: Setup | None = None
+    light_changes: bool = True
+
+    @property
+    def shares_process(self) -> bool:
+        """Whether it is measured beside others of its kind in one process."""
+        return self.group in ("knob", "effect")
+
+
+def points_of(case: FixedScene, *, main_only: bool = False) -> tuple[Point, ...]:
+    """Return every way that is tried on a scene, those that it will refuse included.
+
+    Parameters
+    ----------
+    case : FixedScene
+    main_only : bool
+        Leave out the reference with one thing changed.
+    """
+    if case.is_programme or main_only:
+        return tuple(_main(case))
+    return (*_main(case), *_knobs(case), *_effects(case))
+
+
+_STATED: tuple[tuple[str, str, Literal["sums", "frames"], Literal["hole", "full"], int], ...] = (
+    ("sums_quick", "sums of frames", "sums", "hole", QUICK_EPOCHS),
+    ("sums_standard", "sums of frames", "sums", "hole", SUM_EPOCHS),
+    ("hole_quick", "frames over the hole", "frames", "hole", QUICK_EPOCHS),
+    ("hole_standard", "frames over the hole", "frames", "hole", MAX_EPOCHS),
+    ("full_standard", "whole frames", "frames", "full", MAX_EPOCHS),
+)
+"""Images made in a stated way: name with the knobs, title, what is drawn, of which pixels, with how many wavefronts."""
+_OF_PROGRAMMES = ("etc", "etc_many", "sums_quick", "hole_standard")
+
+
+def _main(case: FixedScene) -> list[Point]:
+    points = [Point("etc", "closed form, one call", "closed_form")]
+    points.append(Point("etc_many", "closed form, per case of 10 000 in one call", "closed_form", n_cases=10_000))
+    for name, title, draw, region, epochs in _STATED:
+        knobs = name.partition("_")[2]
+        setup = Setup(draw, region, FIDELITIES[knobs], epochs, scene_model=case.scene_model)
+        points.append(Point(name, f"{title}, {knobs} knobs", "images", setup=setup))
+    dials = [Point(name, f"--fidelity {name}", "tier", fidelity=name) for name in ("quick", "standard")]
+    if case.is_programme:
+        # Standard knobs tell a visit to 0.05 %, far below what any number of realisations tells of a programme.
+        setup = Setup("sums", "hole", FIDELITIES["standard"], SUM_EPOCHS)
+        best = Point(REFERENCE, "reference: sums of frames, standard knobs, most realisations", "tier", setup=setup)
+        few = replace(setup, knobs=FIDELITIES["quick"], epochs=1)
+        one = Point("sums_one", "sums of frames, quick knobs, one wavefront a visit", "images", setup=few)
+        return [best, *(point for point in points if point.name in _OF_PROGRAMMES), one, *dials]
+    setup = reference_setup(case)
+    best = Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=setup)
+    levels = [(f"tolerance_{level:g}", level) for level in TOLERANCES_MEASURED]
+    dials += [Point(name, f"--tolerance {level:g}", "tolerance", tolerance=level) for name, level in levels]
+    return [best, *points, *dials]
+
+
+def _knobs(case: FixedScene) -> list[Point]:
+    best = reference_setup(case)
+
+    def one(name: str, title: str, **changes: Any) -> Point:
+        return Point(name, title, "knob", setup=replace(best, **changes))
+
+    def one_of_optics(name: str, title: str, **knobs: Any) -> Point:
+        return one(name, title, knobs=best.knobs.model_copy(update=knobs))
+
+    epochs = [count for count in (1, 2, 4) if count < min(case.n_frames, REFERENCE_EPOCHS)]
+    other = "exact" if case.scene_model == "paper" else "paper"
+    return [
+        *(one_of_optics(f"wavelengths_{n}", f"{n} wavelengths a band", wavelength_nodes=n) for n in (1, 2, 3, 4, 5)),
+        *(one_of_optics(f"pixel_nodes_{n}", f"{n} x {n} nodes a pixel", pixel_nodes=n) for n in (1, 2, 3, 4)),
+        one_of_optics("single", "single precision", precision="single"),
+        *(one_of_optics(f"pupil_{n}", f"{n} samples across the pupil", pupil_samples=n) for n in (64, 128)),
+        *(one(f"epochs_{n}", f"{n} wavefront{'s' * (n > 1)} a visit", epochs=n) for n in epochs),
+        one("window", "window around the hole", region="hole"),
+        one(f"{other}_scene", f"{other} scene model", scene_model=other),
+    ]
+
+
+def _effects(case: FixedScene) -> list[Point]:
+    switches = case.instrument.detector_of(case.band).switches.model_dump()
+    changes: dict[str, dict[str, Any]] = {name: {"switches": {name: False}} for name, on in switches.items() if on}
+    changes |= {"sky": {"sky": False}, "drift": {"drift": False}}
+    if case.scene.stars:
+        changes["other_stars"] = {"left_out": tuple(star.name for star in case.scene.stars)}
+    best, points = reference_setup(case), []
+    for name, change in changes.items():
+        words = "drift of the wavefront" if name == "drift" else name.replace("_", " ")
+        setup, new = replace(best, **change), "switches" not in change
+        points.append(Point(f"no_{name}", f"without {words}", "effect", setup=setup, light_changes=new))
+    return points

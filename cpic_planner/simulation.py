@@ -10,9 +10,8 @@ import os
 import shutil
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
-from types import SimpleNamespace
 from typing import Any, Unpack, cast
 
 import numpy as np
@@ -32,7 +31,7 @@ from cpic_planner.results import (
 )
 from cpic_planner.validation import modelling_record
 from cpic_planner.version import __version__
-from simulator import config, products
+from simulator import config, observing, products
 from simulator.camera import Frame
 from simulator.config import FrozenModel, Instrument, Scene, SequenceConfig, SimulationConfig, content_hash
 from simulator.knobs import FIDELITIES
@@ -63,40 +62,67 @@ class PlannedSequence:
     Attributes
     ----------
     entry : SequenceConfig
-    obsid : str
-        Eleven digits.
+    step : int
+        Number of band, exposure and gain in the entry.
     band : str
         Empty for BIAS and DARK.
-    camera : {"VIS", "NIR"}
     exposure_s, em_gain : float
-    realisation : int
     start_utc : str
-    name : ProductName
-        Places of its files below `folder`.
-    begin_mjd, end_mjd : float
-        Begin of the first and end of the last exposure, MJD (UTC).
+    times : SequenceTimes
+        Begin of the first and end of the last exposure, as those of one.
     part : VisitPart or None
         Which frames of which visit it has; None outside of a programme. The frames of ``entry`` are those of a visit.
     timing : Timing or None
         When the visits of its role are.
+    obsid : str
+        Eleven digits.
+    realisation : int
     programme : str
         Folder of the programme; empty for the only one of a simulation, and outside of one.
     """
 
     entry: config.SequenceConfig
-    obsid: str
+    step: int
     band: str
-    camera: str
     exposure_s: float
     em_gain: float
-    realisation: int
     start_utc: str
-    name: products.ProductName
-    begin_mjd: float
-    end_mjd: float
+    times: products.SequenceTimes
     part: products.VisitPart | None = None
     timing: config.Timing | None = None
+    obsid: str = ""
+    realisation: int = 0
     programme: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What the frames are: SCI, BIAS and so on."""
+        return self.entry.kind
+
+    @property
+    def instrument(self) -> Instrument:
+        """The instrument of the entry."""
+        return self.entry.instrument
+
+    @property
+    def camera(self) -> str:
+        """VIS or NIR."""
+        return self.entry.camera_of(self.band)
+
+    @property
+    def name(self) -> products.ProductName:
+        """Places of its files below `folder`."""
+        return products.product_name(cast(Any, self), self.times, self.obsid)
+
+    @property
+    def begin_mjd(self) -> float:
+        """Begin of the first exposure, MJD (UTC)."""
+        return float(self.times.begin_mjd[0])
+
+    @property
+    def end_mjd(self) -> float:
+        """End of the last exposure, MJD (UTC)."""
+        return float(self.times.end_mjd[0])
 
     @property
     def target(self) -> str:
@@ -127,14 +153,12 @@ class PlannedSequence:
         """Dead time after each frame."""
         return _readout_s(self.entry, self.camera)
 
-    def row(self) -> dict[str, Any]:
-        """Return the row in plain values."""
-        own = ("obsid", "target", "camera", "band", "exposure_s", "n_frames", "em_gain", "start_utc")
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a `PlannedSequenceRow` has beside the attributes of the same name."""
         role = self.entry.role if self.on_sky else ""
-        about: dict[str, Any] = {"kind": self.entry.kind, "role": role, "file": self.place(self.name.file)}
-        if self.part is not None:
-            about |= {"visit": self.part.visit + 1, "window": self.part.window + 1}
-        return {name: getattr(self, name) for name in own} | about
+        visit = {} if self.part is None else {"visit": self.part.visit + 1, "window": self.part.window + 1}
+        return {"role": role, "file": self.place(self.name.file)} | visit
 
     def settings(self, digest: Callable[[config.FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
         """Return what decides its frames, as plain values; scene and instrument by their hash."""
@@ -149,7 +173,7 @@ class PlannedSequence:
         visit |= {} if self.timing is None else {"timing": dataclasses.asdict(self.timing)}
         return plain | {name: getattr(self, name) for name in own} | switches | hashes | visit
 
-    def build(self) -> products.FrameSequence:
+    def build(self) -> "observing.FrameSequence":
         """Set up the sequence; frames are drawn when they are asked for."""
         entry = self.entry
         shared = {name: getattr(self, name) for name in ("em_gain", "realisation", "start_utc")}
@@ -211,45 +235,12 @@ def plan_sequences(simulation: config.SimulationConfig) -> tuple[PlannedSequence
                 hint = f"simulation.sequences.{used[obsid]} has it too"
                 raise InputError(f"{where}.obsid", obsid, allowed="a number of its own", hint=hint)
             used[obsid] = number
-            band, exposure_s, em_gain = item.grid
-            camera, times = entry.camera_of(band), item.times
-            what = SimpleNamespace(camera=camera, kind=entry.kind, instrument=entry.instrument)
-            planned.append(
-                PlannedSequence(
-                    entry=item.entry,
-                    obsid=obsid,
-                    band=band,
-                    camera=camera,
-                    exposure_s=exposure_s,
-                    em_gain=em_gain,
-                    realisation=realisations[item.step],
-                    start_utc=item.start_utc,
-                    name=products.product_name(cast(Any, what), times, obsid),
-                    begin_mjd=float(times.begin_mjd[0]),
-                    end_mjd=float(times.end_mjd[0]),
-                    part=item.part,
-                    timing=item.timing,
-                    programme=folder,
-                )
-            )
+            planned.append(replace(item, obsid=obsid, realisation=realisations[item.step], programme=folder))
     return tuple(planned)
 
 
-@dataclass(frozen=True)
-class _Dated:
-    """A sequence of an entry with its times; ``step`` counts band, exposure and gain, which are its ``grid``."""
-
-    entry: config.SequenceConfig
-    step: int
-    grid: tuple[str, float, float]
-    start_utc: str
-    times: products.SequenceTimes
-    part: products.VisitPart | None = None
-    timing: config.Timing | None = None
-
-
-def _dated(entry: config.SequenceConfig, begin_utc: str) -> tuple[list[_Dated], str]:
-    """Return the sequences of an entry in the order of time, and when the next entry may begin."""
+def _dated(entry: config.SequenceConfig, begin_utc: str) -> tuple[list[PlannedSequence], str]:
+    """Return the sequences of an entry in the order of time, without numbers, and when the next entry may begin."""
     grid = list(entry.grid())
     paces_s = [exposure_s + _readout_s(entry, entry.camera_of(band)) for band, exposure_s, _ in grid]
 
@@ -257,12 +248,12 @@ def _dated(entry: config.SequenceConfig, begin_utc: str) -> tuple[list[_Dated], 
         """Return the time from the begin of the first exposure to the end of the last."""
         return (n_frames - 1) * paces_s[step] + grid[step][1]
 
-    found: list[_Dated] = []
+    found: list[PlannedSequence] = []
     if not entry.is_programme:
         free_utc = begin_utc
         for step, pace_s in enumerate(paces_s):
             times = products.sequence_times(free_utc, lasts_s(step, entry.frames), 0.0, 1)
-            found.append(_Dated(entry, step, grid[step], free_utc, times))
+            found.append(PlannedSequence(entry, step, *grid[step], free_utc, times))
             free_utc = _later(free_utc, entry.frames * pace_s)
         return found, free_utc
     parts = products.visit_parts(entry, paces_s)
@@ -271,8 +262,8 @@ def _dated(entry: config.SequenceConfig, begin_utc: str) -> tuple[list[_Dated], 
     begins_s = np.array([part.start_s for part in parts])
     ends_s = begins_s + [lasts_s(part.step, part.n_frames) for part in parts]
     for part, times in zip(parts, products.times_after(begin_utc, begins_s, ends_s).each(), strict=True):
-        own = entries[part.role], part.step, grid[part.step]
-        found.append(_Dated(*own, times.start_utc, times, part, timings[part.role]))
+        own = entries[part.role], part.step, *grid[part.step]
+        found.append(PlannedSequence(*own, times.start_utc, times, part, timings[part.role]))
     return found, _later(begin_utc, max(part.start_s + part.n_frames * paces_s[part.step] for part in parts))
 
 
@@ -520,12 +511,15 @@ def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, wor
     Raises
     ------
     InputError
-        As `cpic_planner.simulation.run.simulate`, for what can be known before frames are made.
+        As `cpic_planner.simulation.simulate`, for what can be known before frames are made.
     """
     planned = plan_sequences(simulation)
     check_light(planned)
     records = [modelled(item) for item in planned]
-    rows = [PlannedSequenceRow(**item.row(), modelled=record) for item, record in zip(planned, records, strict=True)]
+    rows = [
+        PlannedSequenceRow.of(item, **item.about, modelled=record)
+        for item, record in zip(planned, records, strict=True)
+    ]
     return SimulationEstimate(
         name=simulation.name,
         n_sequences=len(planned),
@@ -545,7 +539,7 @@ def sequences_cost(
     ----------
     planned : sequence of PlannedSequence
     records : sequence of ModellingRecord or None
-        What each models, see `cpic_planner.simulation.run.modelled`.
+        What each models, see `cpic_planner.simulation.modelled`.
     truth : bool
         Whether the truth is written beside the products.
     """
@@ -644,7 +638,7 @@ def simulation_job(
     Parameters
     ----------
     planned : sequence of PlannedSequence
-        Its sequences, see `cpic_planner.simulation.run.plan_sequences`.
+        Its sequences, see `cpic_planner.simulation.plan_sequences`.
     simulation : SimulationConfig
     truth : bool
         Write the truth beside the products.
@@ -772,7 +766,7 @@ def _named_files(tree: Any) -> Iterator[str]:
 class _Tally:
     """The contents of the frames of a sequence, noted while they go by."""
 
-    sequence: products.FrameSequence
+    sequence: "observing.FrameSequence"
     adu_min: int = 2**16 - 1
     adu_max: int = 0
     saturated_pixels: int = 0
@@ -853,19 +847,14 @@ def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -
 
 def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
     assert item.part is not None
-    shared = {name: getattr(item.part, name) for name in ("role", "n_visits", "first_frame", "n_frames")}
-    shared |= {name: getattr(item, name) for name in ("obsid", "band", "exposure_s", "em_gain", "start_utc")}
-    return VisitRow(
+    return VisitRow.of(
+        item.part,
+        item,
+        item.entry,
         visit=item.part.visit + 1,
         window=item.part.window + 1,
-        folder=item.part.folder,
         file=(Path(item.part.folder) / item.name.file).as_posix(),
-        begin_mjd=item.begin_mjd,
-        end_mjd=item.end_mjd,
-        roll_deg=item.entry.roll_deg,
-        seed=item.entry.seed,
         streams=streams,
-        **shared,
     )
 
 
@@ -890,8 +879,9 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
 
 
 def _row(item: PlannedSequence, settings: dict[str, Any], body: Mapping[str, Any], truth: bool) -> SimulatedSequence:
-    return SimulatedSequence(
-        **item.row(),
+    return SimulatedSequence.of(
+        item,
+        **item.about,
         modelled=modelled(item),
         settings=settings,
         truth=item.place(item.name.truth) if truth else None,
