@@ -427,7 +427,7 @@ def test_a_batch_is_its_scenes_one_by_one():
         np.testing.assert_array_equal(alone.x_arcsec, table.x_arcsec)
         np.testing.assert_array_equal(alone["b"].photlam, table["b"].photlam)
     assert len(spectrum_generator([])) == 0
-    with pytest.raises(InputError, match="allowed: the name of a scene_of_source_table"):
+    with pytest.raises(InputError, match="allowed: the name of a scene of the batch"):
         batch["s9"]
 
 
