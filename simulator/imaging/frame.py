@@ -25,7 +25,7 @@ from simulator.imaging.build import build_imager
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.imager import Imager
 from simulator.imaging.psf import Psf, wide_on_axis
-from simulator.imaging.sampling import centred_axis, pixel_axis
+from simulator.imaging.sampling import centred_axis, overlap, pixel_axis
 from simulator.imaging.scene_image import (
     BandTransfer,
     KernelTransfer,
@@ -310,12 +310,9 @@ class Window:
 
     def stamp(self, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
         """Return where a stamp centred on the mask lies in the window, and the part of it that does."""
-        spans, parts = [], []
-        for middle, length in zip(self.centre, self.shape, strict=True):
-            low, high = max(middle - side // 2, 0), min(middle + side // 2 + 1, length)
-            spans.append(slice(low, high))
-            parts.append(slice(low - middle + side // 2, high - middle + side // 2))
-        return spans[0], spans[1], (parts[0], parts[1])
+        places = zip(self.centre, self.shape, strict=True)
+        (rows, above), (columns, beside) = (overlap(middle, side // 2, length) for middle, length in places)
+        return rows, columns, (above, beside)
 
 
 def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:

@@ -95,14 +95,7 @@ class Imager:
     @property
     def geometry(self) -> BandGeometry:
         """Lengths and hole of the band."""
-        return BandGeometry(
-            lambda_d_arcsec=self.lambda_d_arcsec,
-            pixel_scale_arcsec=self.pixel_scale_arcsec,
-            aperture_radius_arcsec=self.aperture_radius_arcsec,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            zone=self.zone,
-            stamp_pixels=self.knobs.stamp_pixels,
-        )
+        return BandGeometry.like(self, self.knobs.stamp_pixels)
 
     @property
     def hole_arcsec(self) -> tuple[float, float]:

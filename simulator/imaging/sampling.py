@@ -168,6 +168,22 @@ def centred_axis(n_pixels: int, pixel_arcsec: float = 1.0, centre: float | None 
     return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
 
 
+def overlap(middle: int, half: int, length: int) -> tuple[slice, slice]:
+    """Return the pixels of an axis that a stamp around one of them reaches, and the part of the stamp that lies there.
+
+    Parameters
+    ----------
+    middle : int
+        Pixel of the axis on which the centre of the stamp lies; it may lie beyond the axis.
+    half : int
+        Pixels of the stamp to either side of its centre.
+    length : int
+        Pixels of the axis.
+    """
+    low, high = max(middle - half, 0), min(middle + half + 1, length)
+    return slice(low, high), slice(low - middle + half, high - middle + half)
+
+
 def separations(n_pixels: int, pixel_arcsec: float) -> FloatArray:
     """Return the distance of every pixel of a square stamp from its centre pixel, shape (n_pixels, n_pixels).
 

@@ -36,7 +36,7 @@ from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, Keyed, ND
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded
-from simulator.imaging.sampling import PixelAxis, pixel_axis
+from simulator.imaging.sampling import PixelAxis, overlap, pixel_axis
 
 BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
 # (half width of the bell) x (frequency from which its transform stays below the leakage)
@@ -710,16 +710,10 @@ def paper_scene_image(
     kernels = _binned_kernels(Keyed(imager.content_key, imager), reach)
     cells = np.stack([cell[inside] for cell in places], axis=1).astype(np.intp)
     for (row, column), flux in zip(cells, sources.arrays[2][inside], strict=True):
-        spans = [_overlap(int(cell) // CELLS, reach, n) for cell, n in zip((row, column), image.shape, strict=True)]
+        spans = [overlap(int(cell) // CELLS, reach, n) for cell, n in zip((row, column), image.shape, strict=True)]
         kernel = kernels[row % CELLS, column % CELLS]
         image[spans[0][0], spans[1][0]] += flux * kernel[spans[0][1], spans[1][1]]
     return image
-
-
-def _overlap(pixel: int, reach: int, n_pixels: int) -> tuple[slice, slice]:
-    """Return the pixels of a window that a kernel around a pixel reaches, and the kernel's part that falls on them."""
-    low, high = max(pixel - reach, 0), min(pixel + reach + 1, n_pixels)
-    return slice(low, high), slice(low - pixel + reach, high - pixel + reach)
 
 
 @functools.lru_cache(maxsize=N_KEPT)

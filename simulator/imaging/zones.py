@@ -6,7 +6,7 @@ Whoever asks where a planet may stand asks the zone, and needs not know which it
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -382,6 +382,19 @@ class BandGeometry:
             zone=zone_of(instrument, band),
             stamp_pixels=stamp_pixels,
         )
+
+    @classmethod
+    def like(cls, optics: Any, stamp_pixels: int) -> "BandGeometry":
+        """Return the geometry of optics, or of their figures, that have its lengths and zone by the same names.
+
+        Parameters
+        ----------
+        optics : Imager or StampMetrics
+        stamp_pixels : int
+            Pixels of the stamp a side.
+        """
+        names = (field.name for field in fields(cls) if field.name != "stamp_pixels")
+        return cls(**{name: getattr(optics, name) for name in names}, stamp_pixels=stamp_pixels)
 
     def figures(self) -> dict[str, Any]:
         """Return the lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""

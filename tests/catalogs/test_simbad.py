@@ -39,7 +39,7 @@ from catalogs import (
     stars_at,
     stored_tables,
 )
-from catalogs.archives import ask, asked_columns
+from catalogs.archives import answer_columns, ask
 from catalogs.simbad import (
     Member,
     adopt_parallaxes,
@@ -219,7 +219,7 @@ def test_old_names_of_the_columns_are_understood(simbad, tap, names):
 def test_every_column_that_is_asked_for_is_known(tap):
     for query, table in ((STARS, "simbad_stars"), (MEASUREMENTS, "simbad_measurements")):
         asked = {column for _, column, _ in tap.parse(query)[1]["select"]} - {"mespos"}  # of the order of the list
-        listed = asked_columns(table)
+        listed = answer_columns(table)
         forms = {form: name for name, row in listed.items() for form in (name, *row["headings"].split())}
         assert {forms[column.replace("_", "") if column not in forms else column] for column in asked} == set(listed)
 
