@@ -17,7 +17,7 @@ from catalogs import open_catalogue, tables_read, taken_for, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared, visibility_of
-from cpic_planner.api.one_star import named
+from cpic_planner.api.one_star import star_or_planet
 from cpic_planner.queries import (
     FILTERS,
     EtcQuestion,
@@ -314,7 +314,7 @@ def star_answer(pairs: Pairs) -> StarResult:
     with called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
         date = {"date_utc": given["date_utc"]} if "date_utc" in given else {}
         table = open_catalogue()
-        star, note, _ = named(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
+        star, note, _ = star_or_planet(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
         name, ready = str(star.name[0]), _prepared()
         question = KnownQuestion.of({"star": name} | date)
         utc = observed_utc(question)
