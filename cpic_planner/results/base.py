@@ -199,9 +199,10 @@ class Row(Result):
 
 
 class Document(Result):
-    """Base of results that leave the program, with the version of their schema."""
+    """Base of results that leave the program: the version of their schema and their kind begin the file."""
 
     schema_version: Literal[1] = 1
+    kind: str = ""
 
 
 class RunResult(Document):

@@ -198,7 +198,6 @@ class ConfirmedTarget(Result):
 class ImagedResult(RunResult):
     """The findings in the images of a plan or scene: reproducible from configuration and seed."""
 
-    kind: str
     version: str
     config_hash: str
     seed: int

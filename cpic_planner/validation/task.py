@@ -15,7 +15,7 @@ from cpic_core import Outcome, Reason, Status, check_whole
 from cpic_planner import etc
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.ranking import best_in_band, no_frame_status
-from cpic_planner.results import BandConfirmation, EffectRecord, ModellingRecord
+from cpic_planner.results import BandConfirmation, EffectRecord, EtcAnswer, ModellingRecord
 from cpic_planner.targets import Targets
 from simulator.config import (
     MAX_FRAMES as MOST_FRAMES,
@@ -57,6 +57,14 @@ class Frames(NamedTuple):
     n_frames: int
     em_gain: float
     visits: int = 1
+
+    @classmethod
+    def of(cls, answer: EtcAnswer) -> "Frames | None":
+        """Return those of an answer of the calculator; None where it has no frame."""
+        per_visit = answer.frames_per_visit or answer.n_frames
+        if answer.exposure_s is None or not per_visit or answer.em_gain is None:
+            return None
+        return cls(answer.exposure_s, per_visit, answer.em_gain, answer.visits or 1)
 
 
 class ImageSettings(TypedDict, total=False):
