@@ -1,6 +1,6 @@
 """Registries: what can be chosen by name, each with all that the package knows of it in one entry.
 
-`cpic_planner.registry` has what a ranking can be by, `cpic_planner.registry` where reference frames
+`cpic_planner.registry` has what a ranking can be by and where reference frames
 can come from. Types, options of the command line, schemas and words derive from the entries.
 """
 

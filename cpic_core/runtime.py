@@ -1,4 +1,4 @@
-"""Heavy libraries, loaded on first use and without their chatter.
+"""Numeric context, named random streams, announcements of long work, and heavy libraries that load on first use.
 
 One numeric context for every command and public function: the same bytes for any number of processors.
 
@@ -6,6 +6,15 @@ A product of matrices adds in another order for another number of BLAS threads, 
 would depend on the machine, on ``OMP_NUM_THREADS`` and on ``taskset``.
 
 Announcements of work that takes a while: to a logger, silent unless somebody listens, or to whoever counts it.
+
+Special functions of `scipy` come without what its package loads beside them: they are compiled and load in
+milliseconds; ``import scipy.special`` takes as long as a whole question, most of it for array libraries that are not
+used here.
+
+Random streams are seeded and named by path, so that no draw depends on the order of execution. A stream is keyed by
+``(seed, *path)``; the path names target, role, band, realisation, frame and stage. Two different paths give
+independent streams (NumPy ``SeedSequence`` over a SHA-256 digest of the path), the same path gives the same numbers in
+any process. Adding a stage, or switching one off, therefore leaves the numbers of every other stage unchanged.
 """
 
 from __future__ import annotations
@@ -13,6 +22,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
+import hashlib
 import importlib
 import logging
 import os
@@ -22,10 +32,15 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Iterator
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
+
+from cpic_core.errors import InputError
+from cpic_core.quantities import NDArray
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -194,3 +209,95 @@ def announce(text: str) -> None:
         The work, and about how long it takes where that is known.
     """
     _LOG.info("%s", text)
+
+
+class _Face(ModuleType):
+    """A package that hands out compiled functions; its own code runs when the first other name is asked for."""
+
+    _lock: threading.RLock
+    _begun: bool
+
+    def __getattr__(self, name: str) -> Any:
+        own = vars(self)
+        compiled = getattr(sys.modules.get(f"{self.__name__}._ufuncs"), name, None)
+        if isinstance(compiled, np.ufunc):
+            return compiled
+        with own["_lock"]:
+            if not own["_begun"]:
+                own["_begun"] = True
+                assert self.__spec__ is not None
+                assert self.__spec__.loader is not None
+                self.__spec__.loader.exec_module(self)
+        if name in own:
+            return own[name]
+        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+
+
+@functools.cache
+def special() -> Any:
+    """Return the module of compiled special functions: ``special().ndtr`` is ``scipy.special.ndtr``.
+
+    Notes
+    -----
+    `scipy.special` itself loads on the first use of a name of its own, by whomever.
+    """
+    name = "scipy.special"
+    spec = None if name in sys.modules else find_spec(name)
+    if spec is not None:
+        face = module_from_spec(spec)
+        face.__class__ = _Face
+        vars(face).update(_lock=threading.RLock(), _begun=False)
+        sys.modules[name] = face
+    try:
+        return importlib.import_module(f"{name}._ufuncs")
+    except ImportError:  # a private name, which other versions may not have
+        return importlib.import_module(name)
+
+
+PathPart: TypeAlias = str | int
+MAX_SEED = 2**63 - 1
+_INTEGERS = (int, np.integer)
+_PARTS = (str, *_INTEGERS)
+
+
+def _words(seed: int, path: tuple[PathPart, ...]) -> NDArray[np.uint32]:
+    if isinstance(seed, bool) or not isinstance(seed, _INTEGERS) or not 0 <= int(seed) <= MAX_SEED:
+        raise InputError("seed", seed, allowed=f"an integer from 0 to {MAX_SEED}")
+    text = f"seed:{int(seed)}" + "".join([_text(cast(Any, type(part)), part) for part in path])
+    digest = hashlib.sha256(text.encode()).digest()
+    return np.frombuffer(digest, dtype="<u4").astype(np.uint32, copy=False)
+
+
+@functools.lru_cache(maxsize=4096)
+def _text(kind: Any, part: PathPart) -> str:
+    """Return a name with its kind and length, so that no two paths read alike."""
+    if kind is bool or not issubclass(kind, _PARTS):
+        raise InputError("stream path", part, allowed="strings and integers")
+    name = str(part)
+    return f"|{'s' if issubclass(kind, str) else 'i'}{len(name)}:{name}"
+
+
+def stream(seed: int, *path: PathPart) -> np.random.Generator:
+    """Yield the random generator of one named stage.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the run, 0 to 2**63 - 1.
+    *path : str or int
+        Names of target, role, band, realisation, frame, stage ...
+
+    Returns
+    -------
+    numpy.random.Generator
+        SFC64 generator (the fastest bit generator of NumPy) on an independent stream.
+
+    Examples
+    --------
+    >>> from cpic_core.runtime import stream
+    >>> a = stream(1, "HIP 71681", "science", "F520", 0, 3, "photons").random()
+    >>> b = stream(1, "HIP 71681", "science", "F520", 0, 3, "photons").random()
+    >>> a == b
+    True
+    """
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(_words(seed, path))))

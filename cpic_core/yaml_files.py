@@ -18,8 +18,8 @@ import numpy as np
 import yaml
 
 from cpic_core.errors import InputError
+from cpic_core.files import is_file, read_text
 from cpic_core.quantities import checked_array, converted, unit_of
-from cpic_core.user_files import is_file, read_text
 
 P = ParamSpec("P")
 R = TypeVar("R")

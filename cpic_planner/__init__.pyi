@@ -26,7 +26,7 @@ from cpic_planner.etc.from_rates import (
     snr_for_rates as snr_for_rates,
     time_for_rates as time_for_rates,
 )
-from cpic_planner.planets.population_config import load_population as load_population
+from cpic_planner.planets.population import load_population as load_population
 from cpic_planner.queries.shared import ReferencePlanet as ReferencePlanet, Strategy as Strategy
 from cpic_planner.survey.strategy import load_strategies as load_strategies
 from cpic_planner.targets import load_targets as load_targets

@@ -9,57 +9,22 @@ references, with the principal components around it (Amara & Quanz 2012, MNRAS 4
 Images are rows of pixels, shape (images, pixels). Two rolls are reduced by the same entry, each the other's reference.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Annotated, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
 
+if TYPE_CHECKING:
+    from cpic_planner.queries.shared import Reduction as LibrarySettings, ReferenceStar
+
 Visits = TypeVar("Visits", int, FloatArray)
-
-
-class StarSettings(Protocol):
-    """The settings of another star that a library reads (`cpic_planner.queries.shared.ReferenceStar`)."""
-
-    @property
-    def v_mag(self) -> float:
-        """V magnitude."""
-
-    @property
-    def teff_k(self) -> float:
-        """Temperature."""
-
-    @property
-    def log_g(self) -> float:
-        """log10 of the surface gravity in cm/s2."""
-
-    @property
-    def metallicity(self) -> float:
-        """log10 of the metallicity over the Sun's."""
-
-
-class LibrarySettings(Protocol):
-    """The settings of a strategy that a library reads (`cpic_planner.queries.shared.Strategy`)."""
-
-    @property
-    def reference_ratio(self) -> float:
-        """Reference frames per science frame."""
-
-    @property
-    def reference_star(self) -> StarSettings | None:
-        """Star of a library of another star."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Angle between two rolls."""
-
-    @property
-    def reference_visits(self) -> int | None:
-        """Visits of the references, where the user says it."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +142,7 @@ class Library:
         return ()
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
@@ -219,7 +184,7 @@ class OtherStar(Library):
         return (0.0,)
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         return self._scaled(rate_e_s(_star_of(settings)) / star_e_s)
@@ -254,7 +219,7 @@ class BrighterTwin(OtherStar):
         """Accept every strategy: the star follows from the target."""
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
         return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
@@ -263,7 +228,7 @@ class BrighterTwin(OtherStar):
         return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
-def _star_of(settings: LibrarySettings) -> StarSettings:
+def _star_of(settings: LibrarySettings) -> ReferenceStar:
     star = settings.reference_star
     assert star is not None  # checked by the strategy
     return star
@@ -311,7 +276,7 @@ class Idealised(Library):
     noise_free = True
 
     def noise(
-        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[ReferenceStar], FloatArray]
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)

@@ -5,7 +5,7 @@ from cpic_core.outcome import (
     Reason as Reason,
     Status as Status,
 )
-from cpic_core.random_streams import stream as stream
+from cpic_core.runtime import stream as stream
 from simulator.config import (
     Instrument as Instrument,
     Planet as Planet,
@@ -18,10 +18,10 @@ from simulator.config import (
 from simulator.imaging.deformable_mirror import load_dm_surface as load_dm_surface
 from simulator.imaging.external import ExternalPsf as ExternalPsf, load_psf as load_psf, save_psf as save_psf
 from simulator.imaging.psf import Psf as Psf, single_band_psf as single_band_psf
-from simulator.imaging.written_table import write_coronagraph_table as write_coronagraph_table
+from simulator.imaging.table_psf import write_coronagraph_table as write_coronagraph_table
 from simulator.knobs import Knobs as Knobs
-from simulator.observing.calibration import Calibration as Calibration, calibrate as calibrate
 from simulator.observing.observation import Observation as Observation, observe as observe
+from simulator.observing.sequence import Calibration as Calibration, calibrate as calibrate
 from simulator.passbands import Passbands as Passbands
 from simulator.products import check_level0 as check_level0, write_level0 as write_level0
 from simulator.target import (

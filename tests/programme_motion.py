@@ -6,8 +6,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, special
 from cpic_planner.planets import OrbitSearch, smeared, span_days
-from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D, ORBIT_DUTY
-from cpic_planner.planets.orbit_search import _bent
+from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D, ORBIT_DUTY, _bent
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
 from simulator.imaging.build import dig
-from simulator.imaging.mirror_states import LEVELS, SHARED, sensed_with
-from simulator.imaging.store import DIGITS, EXACT_DIGITS, measure, shipped_file, to_arrays
+from simulator.imaging.store import DIGITS, EXACT_DIGITS, LEVELS, SHARED, measure, sensed_with, shipped_file, to_arrays
 
 STATE_DIGITS = {"raw_contrast": 12, "core_table": 14, "column_light": 14, "filter_gain": 13, "filter_linear": 13}
 """Binary digits that a file of a state keeps of each value."""

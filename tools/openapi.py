@@ -11,23 +11,17 @@ from pydantic.json_schema import models_json_schema
 
 from cpic_planner.queries import Option, Question, spelled
 from cpic_planner.schemas import RESULTS
-from cpic_planner.web import answers
-from cpic_planner.web.asking import ETC, IMAGES, MOST_VALUES, RANK, Asking, parameter
-from cpic_planner.web.columns import COLUMNS
-from cpic_planner.web.compare import COMPARE
+from cpic_planner.web.answers import COMPARE, ETC_PAGE, PAGES, RANK_PAGE
+from cpic_planner.web.asking import ETC, FILE_FIELDS, IMAGES, MOST_VALUES, RANK, Asking, parameter
 from cpic_planner.web.forms import Field
-from cpic_planner.web.job_pages import JobAnswer
+from cpic_planner.web.job_queue import JobAnswer
+from cpic_planner.web.pages import FIGURE_MEDIA, MEDIA, FigureForm, Page, Problem
 from cpic_planner.web.runs import RunAnswer, RunsAnswer
-from cpic_planner.web.sent import FILE_FIELDS
-from cpic_planner.web.serving import VIEWS
-from cpic_planner.web.star import FIGURES, STAR
 
-_VIEWS = {STAR.path: "star", COMPARE.path: "two_instruments", COLUMNS.path: "columns"}
-"""Result of each page that is no question of a command."""
 _TYPES = {int: "integer", float: "number", bool: "boolean"}
 _WITHIN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
 _FORM = "application/x-www-form-urlencoded"
-_DRAWN: dict[answers.FigureForm, str] = {
+_DRAWN: dict[FigureForm, str] = {
     "svg": "The figure of the answer.",
     "png": "The figure of the answer, as pixels.",
     "values": "What the figure of the answer shows, in tables.",
@@ -36,25 +30,15 @@ _DRAWN: dict[answers.FigureForm, str] = {
 
 def described() -> dict[str, Any]:
     """Return the OpenAPI 3.1 document of all addresses, without the version of the package."""
-    models = {name: pkgutil.resolve_name(RESULTS[name]) for name in ("etc", "rank", "star_images", *_VIEWS.values())}
-    models |= {"problem": answers.Problem, "job": JobAnswer, "runs": RunsAnswer, "run": RunAnswer}
+    models: list[Any] = [page.result for page in PAGES]
+    models += [pkgutil.resolve_name(RESULTS["star_images"]), Problem, JobAnswer, RunsAnswer, RunAnswer]
     where, schemas = models_json_schema(
-        [(model, "serialization") for model in models.values()], ref_template="#/components/schemas/{model}"
+        [(model, "serialization") for model in models], ref_template="#/components/schemas/{model}"
     )
-    of = {name: where[(model, "serialization")] for name, model in models.items()}
+    of = {model.__name__: where[(model, "serialization")] for model in models}
     paths: dict[str, Any] = {}
-    for asking in (ETC, RANK):
-        fields = [_parameter(asking, option) for option in _offered(asking)]
-        rows = [_plain("limit", "Rows that are shown.", {"type": "integer", "minimum": 1})] if asking is RANK else []
-        said = {form: media.partition(";")[0] for form, media in answers.MEDIA.items()}
-        form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", *said]})
-        content = {"text/html": _TEXT, **dict.fromkeys(sorted(set(said.values())), _TEXT)}
-        content["application/json"] = {"schema": of[asking.command]}
-        paths[asking.page] = _get(asking.model.__doc__, [*fields, *rows, form], content, of["problem"])
-        paths[asking.page] |= _with_files(paths[asking.page]["get"])
-        for ending, media in answers.FIGURE_MEDIA.items():
-            paths[f"{asking.page}.{ending}"] = _get(_DRAWN[ending], [*fields, *rows], {media: {}}, None)
-    paths |= _views(of) | _jobs(of) | _runs(of)
+    for page in PAGES:
+        paths |= _of_page(page, of)
     return {
         "openapi": "3.1.0",
         "info": {
@@ -63,7 +47,7 @@ def described() -> dict[str, Any]:
             "address is its question, with the fields of the question as parameters.",
             "license": {"name": "BSD-3-Clause AND ODbL-1.0", "identifier": "BSD-3-Clause AND ODbL-1.0"},
         },
-        "paths": paths,
+        "paths": paths | _jobs(of) | _runs(of),
         "components": {"schemas": schemas["$defs"]},
     }
 
@@ -72,31 +56,39 @@ _TEXT: dict[str, Any] = {"schema": {"type": "string"}}
 _SENT = {"description": "Names of the files with the sha256 of their content.", "schema": {"type": "string"}}
 
 
-def _views(of: dict[str, Any]) -> dict[str, Any]:
-    """Return the addresses of pages that are no question of a command."""
-    calculator = [_parameter(ETC, option) | {"required": False} for option in _offered(ETC)]
-    names = {item["name"] for item in calculator}
-    paths: dict[str, Any] = {}
-    for view in VIEWS:
-        fields = [_field(field) for group in view.form((), None).groups for field in group.fields]
-        own = [item for item in fields if item["name"] not in names]
-        parameters = [*own, *(calculator if len(own) < len(fields) else ()), _FORMS]
-        content = {"text/html": _TEXT, "application/json": {"schema": of[_VIEWS[view.path]]}}
-        paths[view.path] = _get(view.about, parameters, content, of["problem"])
-        if view.takes_files:
-            paths[view.path] |= _with_files(paths[view.path]["get"])
-    star = [item for item in paths[STAR.path]["get"]["parameters"] if item is not _FORMS]
-    which = {"name": "which", "in": "path", "required": True}
-    which["schema"] = {"type": "string", "enum": list(FIGURES)}
-    for ending, media in answers.FIGURE_MEDIA.items():
-        paths[f"{STAR.path}/{{which}}.{ending}"] = _get(_DRAWN[ending], star, {media: {}}, None)
-        paths[f"{STAR.path}/{{which}}.{ending}"]["parameters"] = [which]
+def _of_page(page: Page, of: dict[str, Any]) -> dict[str, Any]:
+    """Return the addresses of a page: its answer, with files or without, and its figures."""
+    fields = _fields(page)
+    said = {form: MEDIA[form].partition(";")[0] for form in page.media}
+    form = _plain("format", "Form of the answer; a page without.", {"type": "string", "enum": ["html", *said]})
+    content = {"text/html": _TEXT, **dict.fromkeys(sorted(set(said.values())), _TEXT)}
+    content["application/json"] = {"schema": of[page.result.__name__]}
+    about = {ETC_PAGE: ETC.model.__doc__, RANK_PAGE: RANK.model.__doc__}.get(page, page.about)
+    answer = _get(about, [*fields, form], content, of["Problem"])
+    paths = {page.path: answer | (_with_files(answer["get"]) if page.takes_files else {})}
+    for name in page.figures:
+        for ending, media in FIGURE_MEDIA.items():
+            paths[page.drawing(name, ending)] = _get(_DRAWN[ending], fields, {media: {}}, None)
     return paths
+
+
+def _fields(page: Page) -> list[dict[str, Any]]:
+    """Return the parameters of a page: the options of its question, and the fields of its form that are none."""
+    askings: dict[Page, Asking[Any]] = {ETC_PAGE: ETC, RANK_PAGE: RANK, COMPARE: ETC}
+    asking = askings.get(page)
+    options = [] if asking is None else [_parameter(asking, option) for option in _offered(asking)]
+    if page is COMPARE:
+        options = [option | {"required": False} for option in options]
+    names = {option["name"] for option in options}
+    shown = [field for group in page.form((), None).groups for field in group.fields if field.name not in names]
+    return [*options, *map(_field, shown)]
 
 
 def _field(field: Field) -> dict[str, Any]:
     """Return a field of a form as a parameter of an address."""
     schema: dict[str, Any] = {"type": "string"} | ({"enum": list(field.choices)} if field.choices else {})
+    if field.name == "limit":
+        schema = {"type": "integer", "minimum": 1}
     return _plain(field.name, field.hint or field.label, schema)
 
 
@@ -191,7 +183,10 @@ def _runs(of: dict[str, Any]) -> dict[str, Any]:
     """Return the addresses of runs, and of commands that are not run for visitors."""
     cost = {"type": "object", "additionalProperties": {"type": "number"}}
     costs = {"type": "object", "additionalProperties": cost}
-    told = {"/runs": ("Runs of the folder.", of["runs"]), "/runs/{id}": ("One run and its files.", of["run"])}
+    told = {
+        "/runs": ("Runs of the folder.", of["RunsAnswer"]),
+        "/runs/{id}": ("One run and its files.", of["RunAnswer"]),
+    }
     told["/commands"] = ("Commands of longer runs, with their expected cost.", costs)
     paths: dict[str, Any] = {}
     for path, (text, schema) in told.items():
@@ -212,7 +207,7 @@ def _named(name: str, pattern: str) -> dict[str, Any]:
 
 def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     """Return the addresses of jobs."""
-    job = {"application/json": {"schema": of["job"]}, "text/html": _TEXT}
+    job = {"application/json": {"schema": of["JobAnswer"]}, "text/html": _TEXT}
     offered = _offered(IMAGES)
     fields = {parameter(option): _schema(IMAGES, option) | {"description": spelled(option.text)} for option in offered}
     fields["format"] = _FORMS["schema"]
@@ -221,7 +216,7 @@ def _jobs(of: dict[str, Any]) -> dict[str, Any]:
     missing = {"404": {"description": "There is no such job.", "content": {"text/plain": _TEXT}}}
     name = _named("id", "^[0-9a-f]{16}$")
     token = {"type": "object", "properties": {"token": {"type": "string"}}, "required": ["token"]}
-    done = {"application/json": {"schema": of["star_images"]}}
+    done = {"application/json": {"schema": of["StarImagesResult"]}}
     found = {"200": {"description": "How far it is.", "content": job}}
     return {
         "/jobs": {
@@ -232,7 +227,7 @@ def _jobs(of: dict[str, Any]) -> dict[str, Any]:
                     "200": {"description": "The result is there already.", "content": job},
                     "202": {"description": "The job waits; with the token of the asker.", "content": job},
                     "303": {"description": "The page of the job."},
-                    **_refusals({"application/json": {"schema": of["problem"]}, "text/html": _TEXT}),
+                    **_refusals({"application/json": {"schema": of["Problem"]}, "text/html": _TEXT}),
                 },
             }
         },

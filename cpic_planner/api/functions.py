@@ -160,7 +160,8 @@ def _parameter(
     if name in fixed:
         default = fixed[name]
     elif not needed and not info.is_required():
-        plain = isinstance(info.default, str | int | float)
+        own = queries.asked_of(info)
+        plain = isinstance(info.default, str | int | float) and not (own is not None and own.unset)
         default = info.default if plain else None
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if first else inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(name, kind, default=default, annotation=_words(info))

@@ -323,26 +323,27 @@ def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band:
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
         objective: etc.Objective = "significance" if question.snr is None else "snr"
         them = etc.planets_of(list(grid), planet, contrast)
-        (group,) = etc.groups_of(model, star, [band], them, fixed, objective, question.snr or question.sigma)
-        best.append(float(grid[int(np.argmin(_cost(question, model, group)))]))
+        level = question.snr or question.sigma
+        cases = etc.cases_of(model, star, [band], them, fixed, objective=objective, value=level)
+        best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
     return best
 
 
-def _cost(question: EtcQuestion, model: etc.EtcModel, group: etc.Group) -> FloatArray:
+def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> FloatArray:
     """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    cases, every, given = group.cases, group.programmes, model.strategy.visits
+    every, given = cases.programmes, model.strategy.visits
     if not question.asks_time:
-        times = questions.times_of(question, model, cases.bands[0].band)
-        return group.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
+        times = questions.times_of(question, model, cases.bands[0])
+        return cases.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
         time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
         visits = every.quickest() if given is None else fixed
         time_s = visits * model.time_s(every.solved(visits)[0])
-    cost = np.where(group.possible, time_s, np.inf)
+    cost = np.where(cases.possible, time_s, np.inf)
     endless = etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)
-    return cost if np.isfinite(cost).any() else group.missed_in(endless)
+    return cost if np.isfinite(cost).any() else cases.missed_in(endless)
 
 
 def checked(

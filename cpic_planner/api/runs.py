@@ -130,7 +130,7 @@ def compared(question: queries.RankQuestion, other: Any, *, key: str = "other") 
     InputError
         For what is neither, or has no star in common.
     """
-    from cpic_planner.ranking.compare import ENDINGS, Ranking, compare_rankings, load_ranking
+    from cpic_planner.ranking.sensitivity import ENDINGS, Ranking, compare_rankings, load_ranking
 
     if isinstance(other, results.RankResult):
         before = Ranking.of(other)
@@ -376,7 +376,7 @@ def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult
     """
     from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt, with_exact_calendars, with_universe
 
-    config = with_universe(load_strategies(question.strategies), question.shared(), question.share_of_time)
+    config = with_universe(load_strategies(question.strategies), question.universe(), question.share_of_time)
     config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     config = with_exact_calendars(config) if question.exact else config
     config = with_doubt(config, question.doubt)

@@ -24,7 +24,7 @@ from typer.core import TyperCommand
 
 from cpic_core import InputError, at_home, check_writable, dump_json, faults_by_line, one_line, visible, write_named
 from cpic_planner import report
-from cpic_planner.cli.progress import heard, is_quiet, progress, rest, write_line
+from cpic_planner.cli.progress import QuietOption, VerboseOption, is_quiet, progress, rest, set_loudness, write_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,12 +46,6 @@ def error_line(text: str, status: int) -> int:
     return status
 
 
-def help_alone(context: typer.Context) -> None:
-    """Show the help of a group of commands that is called without any."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-
-
 def note(*texts: str) -> None:
     """Write remarks to stderr, a line each, unless quiet."""
     for text in () if is_quiet() else texts:
@@ -62,6 +56,10 @@ def print_json(result: BaseModel | Mapping[str, Any]) -> None:
     """Print the result as JSON on stdout and nothing else there."""
     rest()
     sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
+
+
+NOTHING_FOUND = 3
+"""Exit status of --strict where there is no answer, or no detection."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +76,8 @@ class Output:
         Names of its columns; those of the terminal where none is given.
     caption, label : str
         Of the table in LaTeX.
+    strict : bool
+        Whether the exit status tells that there is no answer.
     """
 
     form: str = "table"
@@ -85,6 +85,7 @@ class Output:
     columns: tuple[str, ...] = ()
     caption: str = ""
     label: str = ""
+    strict: bool = False
 
     @property
     def as_json(self) -> bool:
@@ -104,7 +105,7 @@ class Output:
         result : BaseModel
         tables : callable
         found : bool
-            Whether there is an answer, and of a planet a detection.
+            Whether there is an answer, and of a planet a detection; without, ``strict`` leaves with `NOTHING_FOUND`.
 
         Raises
         ------
@@ -113,8 +114,7 @@ class Output:
         """
         if self.as_json:
             print_json(result)
-            return
-        if self.columns == _ASKED_FOR:
+        elif self.columns == ("help",):
             sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
         elif self.form != "table":
             sys.stdout.write(self.text(self.form, result, tables))
@@ -122,6 +122,8 @@ class Output:
             tables(console())
         else:
             self._taken(tables, self.form)
+        if self.strict and not found:
+            raise typer.Exit(NOTHING_FOUND)
 
     def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
         """Return the first table that ``tables`` print in a form, with the columns that are asked for.
@@ -143,28 +145,8 @@ class Output:
         return sheet.taken or ("", (), [])
 
 
-@dataclass(frozen=True)
 class Answer(Output):
-    """Options of a command that asks for something that may not be there, beside those of every command.
-
-    Attributes
-    ----------
-    strict : bool
-        Whether the exit status tells that it is not.
-    """
-
-    strict: bool = False
-
-    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
-        """Print as `Output.show`; then leave with `NOTHING_FOUND` where nothing is found and ``strict`` asks for it."""
-        super().show(result, tables)
-        if self.strict and not found:
-            raise typer.Exit(NOTHING_FOUND)
-
-
-_ASKED_FOR = ("help",)
-NOTHING_FOUND = 3
-"""Exit status of --strict where there is no answer, or no detection."""
+    """The output of a command that asks for something that may not be there: it has an option ``--strict``."""
 
 
 def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
@@ -238,28 +220,7 @@ class Form(StrEnum):
     MARKDOWN = "markdown"
 
 
-FormOption: TypeAlias = Annotated[
-    Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
-]
-ColumnsOption: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--columns",
-        metavar="NAME,...",
-        help="Columns of the main table, in this order and alone, by their names in files; help lists them.",
-    ),
-]
-CaptionOption: TypeAlias = Annotated[
-    str | None, typer.Option("--caption", help="Caption of the table in LaTeX [default: what it is, data, version].")
-]
-LabelOption: TypeAlias = Annotated[
-    str | None, typer.Option("--label", help="Label of the table in LaTeX [default: tab: and the kind of answer].")
-]
-BriefOption: TypeAlias = Annotated[
-    bool, typer.Option("--brief", help="The main table alone, without what explains it.")
-]
 STRICT = "Leave with status 3 where there is no answer, or no planet is detected."
-StrictOption: TypeAlias = Annotated[bool, typer.Option("--strict", help=STRICT)]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 PlotOption: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
@@ -267,67 +228,66 @@ PlotOption: TypeAlias = Annotated[
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
 
 
-def output_options(kind: type[Output]) -> dict[str, Any]:
-    """Return the options of an output as annotations, by name."""
-    options: dict[str, Any] = {"form": FormOption, "columns": ColumnsOption, "caption": CaptionOption}
-    options |= {"label": LabelOption, "brief": BriefOption, "as_json": JsonOption}
-    return options | ({"strict": StrictOption} if issubclass(kind, Answer) else {})
+_OUTPUT: dict[str, Any] = {
+    "form": Annotated[
+        Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
+    ],
+    "columns": Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="NAME,...",
+            help="Columns of the main table, in this order and alone, by their names in files; help lists them.",
+        ),
+    ],
+    "caption": Annotated[
+        str | None,
+        typer.Option("--caption", help="Caption of the table in LaTeX [default: what it is, data, version]."),
+    ],
+    "label": Annotated[
+        str | None,
+        typer.Option("--label", help="Label of the table in LaTeX [default: tab: and the kind of answer]."),
+    ],
+    "brief": Annotated[bool, typer.Option("--brief", help="The main table alone, without what explains it.")],
+    "as_json": JsonOption,
+}
+"""Options of an `Output`."""
 
 
-def shown(command: Callable[..., None], **where: Any) -> Callable[..., None]:
-    """Return a command with the options of its parameter ``output`` in the place of it; the same if it has none.
-
-    Parameters
-    ----------
-    command : callable
-    **where
-        What names of its annotations mean that its module imports for type checkers alone.
-    """
-    given = inspect.signature(command, locals=where, eval_str=True).parameters
-    if "output" not in given:
-        return command
-    kind: type[Output] = given["output"].annotation
-
-    @functools.wraps(command)
-    def told(*question: Any, **values: Any) -> None:
-        output = output_of(kind, values)
-        command(*question, output=output, **values)
-
-    only = inspect.Parameter.KEYWORD_ONLY
-    own = [item if item.name == "question" else item.replace(kind=only) for item in given.values()]
-    own = [item for item in own if item.name != "output"]
-    own += [inspect.Parameter(n, only, default=None, annotation=kind_of) for n, kind_of in output_options(kind).items()]
-    told.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
-    return told
-
-
-def output_of(kind: type[Output], given: dict[str, Any]) -> Output:
-    """Take the options of an output out of what is given.
+def output_of(
+    *,
+    form: Form | None,
+    columns: str | None,
+    caption: str | None,
+    label: str | None,
+    brief: bool | None,
+    as_json: bool | None,
+    strict: bool | None = False,
+    to_latex: bool = False,
+) -> Output:
+    """Return the output that the options of a command ask for; ``to_latex`` tells that a file of it is LaTeX.
 
     Raises
     ------
     InputError
         For options that contradict each other.
     """
-    form, brief, as_json = str(given.pop("form") or "table"), bool(given.pop("brief")), given.pop("as_json")
-    if as_json and form not in ("table", "json"):
+    name = str(form or "table")
+    if as_json and name not in ("table", "json"):
         raise InputError("--json", "given with --format", allowed="one of the two")
-    if brief and (as_json or form != "table"):
-        asked, hint = "--json" if as_json else f"--format {form}", "which has the main table alone in any case"
+    if brief and (as_json or name != "table"):
+        asked, hint = "--json" if as_json else f"--format {name}", "which has the main table alone in any case"
         raise InputError("--brief", f"given with {asked}", allowed="one of the two", hint=f"{asked}, {hint}")
-    form = "json" if as_json else form
-    columns, caption, label = (given.pop(name) for name in ("columns", "caption", "label"))
-    if columns is not None and form == "json":
+    name = "json" if as_json else name
+    if columns is not None and name == "json":
         raise InputError("--columns", columns, allowed="with tables: JSON has every field")
-    written = form == "latex" or str(given.get("out") or "").endswith(".tex")
     for option, text in (("--caption", caption), ("--label", label)):
-        if text is not None and not written:
+        if text is not None and name != "latex" and not to_latex:
             raise InputError(option, text, allowed="with --format latex, or --out FILE.tex where there is one")
     if label is not None and not re.fullmatch(r"[\w:.+-]+", label, re.ASCII):
         raise InputError("--label", label, allowed="letters, digits and : . + - _")
-    chosen = () if columns is None else tuple(name.strip() for name in columns.split(","))
-    strict = {"strict": bool(given.pop("strict"))} if kind is Answer else {}
-    return kind(form, brief, chosen, caption or "", label or "", **strict)
+    chosen = () if columns is None else tuple(item.strip() for item in columns.split(","))
+    return Output(name, bool(brief), chosen, caption or "", label or "", bool(strict))
 
 
 def tell_overrides(overrides: SimulatorOverrides) -> None:
@@ -575,10 +535,15 @@ class Commands(typer.Typer):
 def group(help_text: str, **commands: Callable[..., None]) -> Commands:
     """Return a group of commands by their names, which shows its help where it is called without any."""
     app = Commands(help=help_text, invoke_without_command=True)
-    app.callback(invoke_without_command=True)(help_alone)
+    app.callback(invoke_without_command=True)(_help_alone)
     for name, run in commands.items():
-        app.command(name)(heard(shown(run)))
+        app.command(name)(command(run))
     return app
+
+
+def _help_alone(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
@@ -613,7 +578,7 @@ def command_of(run: Callable[..., None], model: Any) -> Any:
     model : type of Question
     """
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(heard(_asking(run, model)))
+    app.command()(command(run, model))
     return typer.main.get_command(app)
 
 
@@ -639,52 +604,104 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     return arguments
 
 
-def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
-    """Return the function with an option for every field of the question in the place of its first parameter."""
-    from cpic_planner.queries import called_as, option_names, options_of, spelled, tree_of
+def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
+    """Return a function with the options of a command in the place of what they are put together to.
 
-    options, names = tuple(options_of(model)), option_names(model)
-    run = shown(run, **{model.__name__: model})
-    own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
+    Parameters
+    ----------
+    run : callable
+        Its parameter ``question``, if it has one, is asked field by field, and ``output`` is an `Output`. Others have
+        the annotations of `typer`. Every command takes -v and -q, as ``cpic`` does before its name.
+    model : type of Question, optional
+        Whose fields ``question`` has.
+    """
+    where = {} if model is None else {model.__name__: model}
+    own = dict(inspect.signature(run, locals=where, eval_str=True).parameters)
+    question, output = own.pop("question", None), own.pop("output", None)
+    forms = {} if output is None else dict(_OUTPUT)
     # Who asks strictly takes neither a part of a table nor the lack of an answer.
-    tables, both = _STRICT in model.model_fields, any(parameter.name == _STRICT for parameter in own)
-    own = [parameter for parameter in own if not tables or parameter.name != _STRICT]
+    tables = model is not None and _STRICT in model.model_fields
+    may_lack = output is not None and issubclass(output.annotation, Answer)
+    if may_lack and not tables:
+        forms[_STRICT] = Annotated[bool, typer.Option("--strict", help=STRICT)]
+    asked = None if question is None else _Asked(model, also_lack=may_lack and tables)
 
-    def command(**given: Any) -> None:
-        others = {parameter.name: given.pop(parameter.name) for parameter in own}
+    def called(**given: Any) -> None:
+        verbose, quiet = given.pop("verbose"), given.pop("quiet")
+        if verbose or quiet:
+            set_loudness(verbose, quiet)
+        arguments = {name: given.pop(name) for name in own}
+
+        def start(question: Any = None) -> None:
+            if output is not None:
+                how = {name: given.pop(name) for name in forms}
+                how |= {_STRICT: question.strict} if may_lack and tables else {}
+                arguments["output"] = output_of(**how, to_latex=str(arguments.get("out") or "").endswith(".tex"))
+            run(**arguments) if question is None else run(question, **arguments)
+
+        start() if asked is None else asked.ask(given, start)
+
+    only = inspect.Parameter.KEYWORD_ONLY
+    parameters = [] if asked is None else asked.parameters()
+    parameters += [item.replace(kind=only) for item in own.values()]
+    parameters += [inspect.Parameter(name, only, default=None, annotation=kind) for name, kind in forms.items()]
+    parameters.append(inspect.Parameter("verbose", only, default=0, annotation=VerboseOption))
+    parameters.append(inspect.Parameter("quiet", only, default=False, annotation=QuietOption))
+    called.__name__, called.__doc__ = run.__name__, run.__doc__
+    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return called
+
+
+class _Asked:
+    """The options of a question, and the question that they ask.
+
+    Parameters
+    ----------
+    model : type of Question
+    also_lack : bool
+        Whether its ``strict`` is about the lack of an answer too.
+    """
+
+    def __init__(self, model: Any, *, also_lack: bool) -> None:
+        from cpic_planner.queries import option_names, options_of
+
+        self.model, self.also_lack, self.tables = model, also_lack, _STRICT in model.model_fields
+        self.options, self.names = tuple(options_of(model)), option_names(model)
+
+    def parameters(self) -> list[inspect.Parameter]:
+        """Return the parameters of a command, those that every question has last."""
+        from cpic_planner.queries import spelled
+
+        parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)
+        parameters = []
+        for option in self.options:
+            text = spelled(option.text, self.names)
+            text += f" {STRICT}" if self.also_lack and option.path == (_STRICT,) else ""
+            default = inspect.Parameter.empty if option.required and option.asked.argument else None
+            parameters.append(parameter(option.name, annotation=_annotation(option, text), default=default))
+        file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
+        parameters.append(parameter(_FILE, annotation=file, default=None))
+        return parameters + [parameter(_REJECTS, annotation=RejectsOption, default=None)] * self.tables
+
+    def ask(self, given: dict[str, Any], start: Callable[[Any], None]) -> None:
+        """Call a function with the question of some options, which are taken out of what is given."""
+        from cpic_planner.queries import called_as, tree_of
+
         file, rejects = given.pop(_FILE), given.pop(_REJECTS, None)
-        given = {name: _value(value) for name, value in given.items()}
+        values = {option.name: _value(given.pop(option.name)) for option in self.options}
         # A value that is made of parts is called by the first of them that is given.
-        parts = [option for option in reversed(options) if option.parts is not None and given[option.name] is not None]
-        with called_as(names | {".".join(option.path[:-1]): option.flag for option in parts}):
+        parts = [item for item in reversed(self.options) if item.parts is not None and values[item.name] is not None]
+        with called_as(self.names | {".".join(option.path[:-1]): option.flag for option in parts}):
             with called_as({"file": "--question"}):
-                answered = {} if file is None else model.load(file)
-            tree = tree_of(options, given, answered, names)
+                answered = {} if file is None else self.model.load(file)
+            tree = tree_of(self.options, values, answered, self.names)
             # What an option says is no fault of the file.
-            said = {option.path[0] for option in options if given[option.name] not in (None, (), [])}
+            said = {option.path[0] for option in self.options if values[option.name] not in (None, (), [])}
             with faults_by_line(None if said & set(answered) else file, whole=False):
-                question = model.of(tree)
-                others |= {_STRICT: question.strict} if tables and both else {}
-                with tables_of(question, rejects) if tables else contextlib.nullcontext():
-                    run(question, **others)
-
-    def text_of(option: Any) -> str:
-        said = spelled(option.text, names)
-        return f"{said} {STRICT}" if tables and both and option.path == (_STRICT,) else said
-
-    parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
-    parameters = [parameter(option.name, annotation=_annotation(option, text_of(option))) for option in options]
-    for i, option in enumerate(options):
-        if option.required and option.asked.argument:
-            parameters[i] = parameters[i].replace(default=inspect.Parameter.empty)
-    file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
-    parameters.append(parameter(_FILE, annotation=file))
-    parameters += [parameter(_REJECTS, annotation=RejectsOption)] * tables
-    parameters += [given.replace(kind=inspect.Parameter.KEYWORD_ONLY) for given in own]
-    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    command.__doc__ = run.__doc__
-    return command
+                question = self.model.of(tree)
+                with tables_of(question, rejects) if self.tables else contextlib.nullcontext():
+                    start(question)
 
 
 def _annotation(option: Any, text: str) -> Any:

@@ -16,8 +16,8 @@ import typer
 
 from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import catalog_command, run_commands, star_commands, upkeep_command as upkeep
-from cpic_planner.cli.command import Commands, error_line, group, late
-from cpic_planner.cli.progress import QuietOption, VerboseOption, heard, set_loudness, watch
+from cpic_planner.cli.command import Commands, command, error_line, group, late
+from cpic_planner.cli.progress import QuietOption, VerboseOption, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
@@ -132,8 +132,8 @@ _add(run_commands.simulate)
 _add(star_commands.visibility)
 _add(run_commands.whatif)
 _add(run_commands.tradeoff)
-app.command("serve")(heard(upkeep.serve))
-app.command("check")(heard(upkeep.check))
+app.command("serve")(command(upkeep.serve))
+app.command("check")(command(upkeep.check))
 instrument = group(upkeep.INSTRUMENT_HELP, show=upkeep.show, keys=upkeep.keys, diff=upkeep.diff, table=upkeep.table)
 app.add_typer(instrument, name="instrument")
 catalog = group(
@@ -141,7 +141,7 @@ catalog = group(
 )
 app.add_typer(catalog, name="catalog")
 app.add_typer(group(upkeep.CACHE_HELP, info=upkeep.info, clear=upkeep.clear), name="cache")
-app.command("schema")(heard(upkeep.schema))
+app.command("schema")(command(upkeep.schema))
 
 
 def main(arguments: list[str] | None = None) -> int:

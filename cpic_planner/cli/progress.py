@@ -7,8 +7,6 @@ every ten seconds, and after the first minute only with a tenth of the pieces, a
 from __future__ import annotations
 
 import contextlib
-import functools
-import inspect
 import logging
 import os
 import sys
@@ -16,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias
 
 import typer
 
@@ -37,28 +35,6 @@ def set_loudness(verbose: int, quiet: bool) -> None:
     level = logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
     for package in ("cpic_core", "catalogs", "simulator", "cpic_planner"):
         logging.getLogger(package).setLevel(level)
-
-
-def heard(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command that takes -v and -q itself, as ``cpic`` does before its name."""
-    given = list(inspect.signature(command, eval_str=True).parameters.values())
-
-    @functools.wraps(command)
-    def loud(**values: Any) -> None:
-        verbose, quiet = values.pop("verbose"), values.pop("quiet")
-        if verbose or quiet:
-            set_loudness(verbose, quiet)
-        command(**values)
-
-    only = inspect.Parameter.KEYWORD_ONLY
-    own = [
-        inspect.Parameter("verbose", only, default=0, annotation=VerboseOption),
-        inspect.Parameter("quiet", only, default=False, annotation=QuietOption),
-    ]
-    every = [parameter.replace(kind=only) for parameter in given] + own
-    loud.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
-    loud.__annotations__ = {parameter.name: parameter.annotation for parameter in every}
-    return loud
 
 
 SHOW_AFTER_S = 2.0

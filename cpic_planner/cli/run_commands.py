@@ -325,7 +325,7 @@ def whatif(
     from cpic_planner.targets import as_catalogue
 
     chosen = _chosen(survey.load_strategies(question.strategies), question.strategy)
-    config = survey.with_universe(chosen, question.shared(), question.share_of_time)
+    config = survey.with_universe(chosen, question.universe(), question.share_of_time)
     config = survey.varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     config = survey.with_exact_calendars(config) if question.exact else config
     config = survey.with_doubt(config, question.doubt)

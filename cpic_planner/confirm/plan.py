@@ -15,7 +15,7 @@ import numpy as np
 from catalogs import Catalogue
 from cpic_core import InputError, announce, dump_json
 from cpic_planner import results
-from cpic_planner.confirm.stars import (
+from cpic_planner.confirm.scene import (
     RESULT_VERSION,
     confirmed_target,
     first_roll_deg,

@@ -1,25 +1,348 @@
-"""``cpic confirm``: one scene, observed and measured in some bands, beside what the ETC expects of it."""
+"""Confirmation of targets and scenes: which images to make, and what they say together; ``cpic confirm``."""
 
 import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from cpic_core import Reason, Status
-from cpic_planner import validation
-from cpic_planner.confirm.stars import RESULT_VERSION, image_tasks, images_cost, result_header
+from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
-from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
+from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
+from cpic_planner.version import __version__
 from simulator.config import Scene
 from simulator.imaging import PsfMetrics
+from simulator.knobs import dial_of
+from simulator.ledger import not_modelled
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
+
+if TYPE_CHECKING:
+    from cpic_planner.survey import ScheduledVisit
+
+
+RESULT_VERSION = 9
+"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
+
+
+def result_header(
+    config: queries.ImageQuestion, digest: str, measured: Sequence[results.BandConfirmation]
+) -> dict[str, Any]:
+    """Return what every result of images says of itself.
+
+    Parameters
+    ----------
+    config : ImageQuestion
+    digest : str
+        Hash of everything that decides the result.
+    measured : sequence of BandConfirmation
+        What predicted over recovered SNR is taken over.
+    """
+    mean, reduction = validation.calibrate(measured), config.strategy.reduction
+    unpredicted = f"no closed form predicts a reduction that subtracts {reduction.meaning}"
+    return {
+        "version": __version__,
+        "config_hash": digest,
+        "seed": config.seed,
+        "fidelity": config.dial.fidelity,
+        "tolerance": config.dial.tolerance,
+        "instrument": config.instrument.name,
+        "sigma": config.strategy.sigma,
+        "reference_library": config.strategy.library,
+        "rdi_modes": config.strategy.n_modes,
+        "realisations": config.realisations,
+        "simulator_overrides": config.simulator_overrides.as_mapping(),
+        "calibration": vars(mean),
+        "calibration_text": mean.text if reduction.predicted else unpredicted,
+        "not_modelled": not_modelled(validation.images_of(config.instrument)),
+    }
+
+
+def plan_tasks(
+    model: EtcModel,
+    stars: Sequence[Targets],
+    rows: Sequence[results.RankedTarget],
+    *,
+    time_s: float,
+    planet: queries.ReferencePlanet,
+    overrides: queries.SimulatorOverrides | None = None,
+    **settings: Unpack[validation.ImageSettings],
+) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
+    """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
+
+    Where the dial has audits, the band of each target that promises most gets one: a realisation with every effect of
+    single frames.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    rows : sequence of RankedTarget
+        The row of each star in the ranking.
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+    """
+    ready = [
+        [
+            validation.prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
+            for band in model.bands
+        ]
+        for star in stars
+    ]
+    return tasks_of(rows, ready)
+
+
+def tasks_of(
+    rows: Sequence[results.RankedTarget], ready: Sequence[Sequence[validation.ConfirmTask | results.BandConfirmation]]
+) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
+    """Return prepared work as `plan_tasks` does.
+
+    Parameters
+    ----------
+    rows : sequence of RankedTarget
+    ready : sequence of sequence of ConfirmTask or BandConfirmation
+        The bands of each star.
+    """
+    tasks: list[validation.ConfirmTask] = []
+    refused: dict[str, results.BandConfirmation] = {}
+    for row, prepared in zip(rows, ready, strict=True):
+        own = []
+        for item in prepared:
+            answers = [item] if isinstance(item, results.BandConfirmation) else validation.refusals_of(item)
+            if isinstance(item, validation.ConfirmTask) and not answers:
+                own.append(item)
+            else:
+                refused[f"{row.name} {item.band}"] = answers[0]
+        margins = [task.predictions[0]["significance"] / task.predictions[0]["threshold"] for task in own]
+        best = margins.index(max(margins)) if own else None
+        tasks.extend(replace(task, audit=i == best and queries.audited(task.dial)) for i, task in enumerate(own))
+    return tasks, refused
+
+
+def why_not_imaged(config: queries.ImageQuestion, visit: "ScheduledVisit") -> str:
+    """Return why a visit of a schedule has no images, whatever its star is; empty where it can have some."""
+    library = config.strategy.library
+    if visit.reserve:
+        return "a reserve visit, made only where others have freed the time for it"
+    if visit.setting.band not in config.instrument.bands:
+        return f"the instrument has no such band: {', '.join(config.instrument.bands)}"
+    if visit.reference_library not in ("", library):
+        return f"its references are those of {visit.reference_library}, the plan's of {library}: give --library"
+    if visit.setting.n_frames > queries.MAX_FRAMES:
+        return f"more than {queries.MAX_FRAMES} frames a visit"
+    return ""
+
+
+def first_roll_deg(bands: "Mapping[str, Sequence[ScheduledVisit]]") -> float:
+    """Return the roll of a star's images, degrees: that of the first of its visits, by band, with one; else 0."""
+    stated = (visit.roll_deg for own in bands.values() for visit in own if not math.isnan(visit.roll_deg))
+    return next(stated, 0.0)
+
+
+def programme_task(
+    model: EtcModel,
+    star: Targets,
+    band: str,
+    visits: "Sequence[ScheduledVisit]",
+    *,
+    planet: queries.ReferencePlanet,
+    **settings: Any,
+) -> validation.ConfirmTask | results.BandConfirmation:
+    """Return the work of visits of one star and band that are reduced together, in the frames of the first.
+
+    Parameters
+    ----------
+    model : EtcModel
+    star : Targets
+        One star, at the roll of the visits.
+    band : str
+    visits : sequence of ScheduledVisit
+        The time between them is the mean of that between their windows.
+    planet : ReferencePlanet
+    **settings
+        As of `plan_tasks`.
+
+    Notes
+    -----
+    The planet stands at one place in all of them, that where the calculator sees it best in as much time without
+    pauses: what months between visits do is that their wavefronts have forgotten each other.
+    """
+    exposure_s, n_frames, em_gain = visits[0].setting.frames
+    frames = validation.Frames(exposure_s, int(n_frames), em_gain, sum(visit.visits for visit in visits))
+    days = sorted(visit.mjd for visit in visits if not math.isnan(visit.mjd))
+    gap_h = 24.0 * (days[-1] - days[0]) / (len(days) - 1) if len(days) > 1 else model.strategy.visit_gap_h
+    strategy = model.strategy.model_copy(update={"visits": frames.visits, "visit_gap_h": min(gap_h, 1e5)})
+    visit_s = n_frames * (exposure_s + model.camera(band).readout_s)
+    time_s = frames.visits * float(model.time_s(visit_s))
+    return validation.prepare_task(
+        replace(model, strategy=strategy), star, band, time_s=time_s, planet=planet, frames=frames, **settings
+    )
+
+
+def image_tasks(tasks: Sequence[validation.ConfirmTask]) -> list[Task]:
+    """Return tasks of `cpic_planner.validation.confirm.confirm_task`."""
+    return [Task(task.key, (task.to_dict(),)) for task in tasks]
+
+
+def images_cost(tasks: Sequence[validation.ConfirmTask], **counts: float) -> Cost:
+    """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.task`."""
+    known = {id(task): validation.task_cost(task) for task in {id(task): task for task in tasks}.values()}
+    costs = [known[id(task)] for task in tasks]  # a task may stand for others, and is then asked about once
+    images = {
+        "n_tasks": len(tasks),
+        "n_realisations": sum(cost.realisations for cost in costs),
+        "n_frames": sum(cost.frames for cost in costs),
+    }
+    return Cost(
+        counts=counts | images,
+        times_s=[cost.work_s for cost in costs],
+        start_s=4.0,
+        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
+        disk_mb=1.0 + 0.35 * len(tasks),
+    )
+
+
+def confirm_stars(
+    model: EtcModel,
+    stars: Sequence[Targets],
+    *,
+    time_s: float,
+    planet: queries.ReferencePlanet,
+    workers: int = 1,
+    overrides: queries.SimulatorOverrides | None = None,
+    **settings: Unpack[validation.ImageSettings],
+) -> list[results.ConfirmedTarget]:
+    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    workers : int, optional
+        Local worker processes; the result does not depend on it.
+    overrides : SimulatorOverrides, optional
+        What the images have otherwise.
+    **settings
+        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+    """
+    from cpic_planner.ranking import rank_targets
+
+    queries.refuse_counting(model.strategy, dial_of(settings.get("fidelity"), settings.get("tolerance")))
+    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
+    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
+    bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))
+    return [confirmed_target(model, row, refused, bodies) for row in rows]
+
+
+def star_images_job(
+    question: queries.StarImagesQuestion, model: EtcModel, star: Targets, catalogue: str
+) -> Job[results.StarImagesResult]:
+    """Return the job that simulates one star with its reference planet and measures it, as `confirm_stars` does.
+
+    Parameters
+    ----------
+    question : StarImagesQuestion
+    model : EtcModel
+        Of the instrument, bands and strategy of the question.
+    star : Targets
+        The star that it names.
+    catalogue : str
+        Which table the star is from.
+    """
+    from cpic_planner.ranking import rank_targets
+    from cpic_planner.report import products_of, write_star_images
+
+    asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}
+
+    @functools.cache
+    def prepared() -> tuple[results.RankedTarget, list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
+        row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
+        return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
+
+    def work(runner: Runner) -> results.StarImagesResult:
+        row, tasks, refused = prepared()
+        target = confirmed_target(model, row, refused, runner.finish(validation.confirm_task, image_tasks(tasks)))
+        return results.StarImagesResult(
+            **result_header(question, runner.digest, target.bands),
+            time_s=question.time_s,
+            reference_planet=results.ReferencePlanetRecord.of(question.planet, albedo=question.planet.albedo.label),
+            catalogue=catalogue,
+            date_utc=star.date_utc,
+            targets=[target],
+        )
+
+    return Job(
+        kind="star_images",
+        results=RESULT_VERSION,
+        # A star counts by what is known of it, not by the name under which it is asked for.
+        decides=lambda: {"config": question.hashed() | {"target": None}, "star": star.content()},
+        work=work,
+        write=lambda folder, result, bodies: write_star_images(folder, result, model, bodies),
+        products=[name for name in products_of(model.bands) if name != "report.html"],
+        cost=lambda: images_cost(prepared()[1]),
+    )
+
+
+def confirmed_target(
+    model: EtcModel,
+    row: results.RankedTarget,
+    refused: Mapping[str, results.BandConfirmation],
+    bodies: Mapping[str, Mapping[str, Any]],
+    *,
+    roll_deg: float | None = None,
+) -> results.ConfirmedTarget:
+    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks.
+
+    Parameters
+    ----------
+    model : EtcModel
+    row : RankedTarget
+    refused : mapping of str to BandConfirmation
+        Bands that need no images, by star and band.
+    bodies : mapping of str to mapping
+        Results of the images, by star and band.
+    roll_deg : float, optional
+        That of a schedule.
+    """
+    bands = [
+        results.BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
+        for key in (f"{row.name} {band}" for band in model.bands)
+        if key in bodies or key in refused
+    ]
+
+    def margin(band: results.BandConfirmation) -> float:
+        return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
+
+    # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
+    blind = [band for band in bands if band.detected]
+    best = max(blind or [band for band in bands if validation.significant_at_place(band)], key=margin, default=None)
+    verdict, factor, error = validation.target_verdict(bands)
+    return results.ConfirmedTarget.of(
+        row,
+        ranked=row,
+        planet_distance_au=row.ref_planet_distance_au,
+        roll_deg=roll_deg,
+        chosen_band=best.band if best else None,
+        verdict=verdict,
+        etc_ratio=factor,
+        etc_ratio_error=error,
+        bands=bands,
+    )
+
 
 _NO_PLANET, _FAINTEST = 1e-8, 1e-30
 """Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
@@ -209,11 +532,11 @@ def _programme(
         em_gain=config.em_gain,
         offsets_arcsec=place,
     )
-    if answer.exposure_s is None or answer.frames_per_visit is None or answer.em_gain is None:
+    frames = validation.Frames.of(answer)
+    if frames is None:
         return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
-    if answer.frames_per_visit > MAX_FRAMES:
+    if frames.n_frames > MAX_FRAMES:
         return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, validation.TOO_MANY))
-    frames = validation.Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
     return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
 
 

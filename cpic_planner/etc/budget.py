@@ -19,15 +19,13 @@ from typing import Any
 import numpy as np
 
 from cpic_core import FloatArray, NDArray, Provenance, Reason, Status
-from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
-from cpic_planner.etc.model import Programme
+from cpic_planner.etc.model import FrameCamera, Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
-from cpic_planner.etc.together import CameraCases
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.signal import ProgrammeLaw, gain_caps, largest_gain, longest_exposure_s
@@ -269,12 +267,12 @@ def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> ND
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
 
 
-def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray | None:
+def time_at_rest_s(cases: Cases, visit_time_s: float | None) -> FloatArray | None:
     """Return the wall time of a detection in so many visits if planets stood still; None where they are followed.
 
     Parameters
     ----------
-    cases : CameraCases
+    cases : Cases
         With the visits of every case.
     visit_time_s : float or None
         Wall time of a visit, where it is given: the fewest visits are asked for.
@@ -293,7 +291,7 @@ def time_at_rest_s(cases: CameraCases, visit_time_s: float | None) -> FloatArray
     return np.asarray(visits * cases.model.time_s(every.solved(visits)[0]))
 
 
-def programme_floor(cases: CameraCases, visits: float) -> FloatArray:
+def programme_floor(cases: Cases, visits: float) -> FloatArray:
     """Return the highest significance of any number of frames in so many visits, whatever their length."""
     endless = np.ones(1), np.full(1, np.inf), np.ones(1)
     law = residual_law(cases.rates, cases.with_modes(Programme.of(cases.model.strategy, visits), *endless))

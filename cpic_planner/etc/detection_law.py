@@ -1,7 +1,7 @@
 """Probability that a search detects a planet, from the statistic that it compares: nothing in it is fitted to images.
 
 The search compares a matched-filtered residual, over the standard deviation that it estimates, with a threshold
-(`cpic_planner.validation.detection`). For a planet of the significance ``S`` in its aperture, at a place where white
+(`cpic_planner.validation.search`). For a planet of the significance ``S`` in its aperture, at a place where white
 noise is the share ``w`` of the variance, the cross term of the wavefront's errors with the static field ``c`` and the
 light of the errors ``l``, these have closed forms (``F`` of `PsfMetrics.filter_square`, ``m`` the mean's variance):
 
@@ -29,11 +29,9 @@ from typing import Any
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
-from cpic_planner.etc.detection import near_threshold
+from cpic_planner.etc.detection import MIN_SIGMA, equivalent_sigma, near_threshold, search_threshold, searched_region
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
-from cpic_planner.etc.search_level import MIN_SIGMA, search_threshold, searched_region
-from cpic_planner.etc.tails import equivalent_sigma
 from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import annulus_floor, error_light_share
 

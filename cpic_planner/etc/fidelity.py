@@ -77,7 +77,7 @@ CORNERS_ARCSEC = (0.7, 0.9)
 
 WINGS_ERROR = 0.5
 """What is left of a companion's wings over their rms in the closed forms: 90 % of 60 places of a companion in each band
-lie within a factor of 2 (`simulator.signal.companions`)."""
+lie within a factor of 2 (`simulator.signal.light`)."""
 COMPANION_ERROR = 0.05
 """Noise of a companion's light over that of images: predicted over recovered SNR of planets around twelve pairs, where
 that light makes up to 94 % of the noise, lies within 5.2 % (tests of `cpic_planner.confirm.etc_images`)."""

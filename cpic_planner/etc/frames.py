@@ -16,11 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray
-from cpic_planner.etc.camera import FrameCamera, best_gain
-from cpic_planner.etc.photon_counting import CountingLight
+from cpic_core import FloatArray, InputError
+from cpic_planner.etc.model import FrameCamera, Programme, best_gain
+from cpic_planner.etc.noise import PLAIN, Objective, own_noise, residuals, white_term
+from cpic_planner.etc.photon_counting import CountingLight, counting_probabilities, reference_pixel
+from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, lowest, spread, taken
-from simulator.detectors import frame_variance_e2, frames_per_clean, noise_factor2
+from cpic_planner.queries import Strategy
+from simulator.detectors import FrameTerm, frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
 
 _NEIGHBOURS = np.array([-1.0, 0.0, 1.0, 2.0])
@@ -126,6 +129,91 @@ class FrameProblem(CaseArrays):
         """
         visit = n_frames * (exposure_s + self.camera.readout_s)
         return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
+
+
+def frame_problem(
+    rates: ApertureRates,
+    camera: FrameCamera,
+    strategy: Strategy = PLAIN,
+    *,
+    objective: Objective = "snr",
+    em_gain: float | None = None,
+    programme: Programme | None = None,
+    white: FrameTerm | None = None,
+) -> FrameProblem:
+    """Return what the solver of frames needs of an aperture's rates.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    camera : FrameCamera
+    strategy : Strategy
+        Says how many references there are, and whether photons are counted above which threshold.
+    objective : {"snr", "significance"}
+        With or without the planet's own noise and the error of the mean background.
+    em_gain : float, optional
+        Fixed gain.
+    programme : Programme, optional
+        Visits that are reduced together, ``n_frames`` in each; by default those of the strategy, or one.
+    white : FrameTerm, optional
+        Where it is known: `white_term` of these rates, of this programme's references.
+
+    Notes
+    -----
+    Everything but the planet is measured twice, in science and in reference frames. A sum over a circle has the
+    variance of ``sum(w^2)`` pixels, fewer than its area.
+    """
+    with_planet = objective == "snr"
+    level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
+    made = Programme.of(strategy) if programme is None else programme
+    factor = made.white_factor * rates.variance_factor
+    share = level * rates.noise_fraction * factor
+    ratio = made.frame_ratio(strategy.reference_ratio)
+    white = white_term(rates, camera, ratio) if white is None else white
+    own = own_noise(rates, camera, made) if with_planet else 0.0
+    residual = dict(zip(("z0", "z1", "z2"), residuals(rates, level, made), strict=True))
+    arrays = _broadcast(
+        alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
+        beta_e=camera.light_factor * share * white.charge_e,
+        gamma_e2=share * white.output_e2,
+        signal_e_s=rates.planet_e_s,
+        **residual,
+        loss_per_s=rates.loss_per_s,
+        peak_columns_e_s=rates.peak_columns_e_s,
+        peak_in_hole_e_s=rates.peak_in_hole_e_s,
+        register_tail_e_s=rates.register_tail_e_s,
+        visits=made.visits,
+    )
+    counting = None
+    if strategy.mode == "photon_counting":
+        if camera.of_past:
+            allowed = "off: what frames leave in the next one is not known for frames of counted photons"
+            raise InputError(f"switches.{camera.added[0][0]}", True, allowed=allowed)
+        pixels = rates.noise_fraction * factor * rates.aperture_pixels
+        law = counting_probabilities(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
+        parts = _broadcast(
+            arrays["alpha_e_s"],
+            planet_e_s=rates.planet_e_s / rates.aperture_pixels,
+            quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
+            reference_e_s=reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
+            quiet_e=rates.smear_e / rates.aperture_pixels + camera.charge_e,
+            reference_e=reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
+            science_pixels=pixels,
+            mean_pixels=pixels * (level - 1.0),
+            reference_pixels=level * pixels * rates.reference_scale / ratio,
+        )
+        counting = CountingLight(**parts, law=law, own_noise=with_planet)
+    return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
+
+
+def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
+    """Return the named arrays of one shape, that of all of them and of the others."""
+    arrays = [np.asarray(value) for value in values.values()]
+    shape = np.broadcast(*arrays, *others).shape
+    return {
+        name: array if array.shape == shape else spread(array, shape)
+        for name, array in zip(values, arrays, strict=True)
+    }
 
 
 @dataclass(frozen=True)

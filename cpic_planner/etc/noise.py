@@ -1,20 +1,21 @@
 """Signal-to-noise ratios from rates: one noise model answers every question.
 
-The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) as a prediction: for comparison, never for a decision.
+The signal-to-noise ratio of Zhu et al. 2025 (Eqs. 3 and 4) is a prediction for comparison, never for a decision.
+
+Modes of the references are found in the noise of the references: what they change depends on the frames, and the best
+frames depend on it, weakly. Questions go from one to the other until both stand still.
 """
 
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, checked_array, checked_scalar
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.frames import FrameProblem
-from cpic_planner.etc.model import ONE_VISIT, Programme
-from cpic_planner.etc.photon_counting import CountingLight, counted_terms, counting_probabilities, reference_pixel
+from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
+from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme
+from cpic_planner.etc.photon_counting import counted_terms, counting_probabilities
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.queries import Strategy
@@ -54,6 +55,12 @@ class StackNoise:
     def terms(self) -> dict[str, FloatArray]:
         """Parts of the variance by origin, e-^2, each in the shape of the SNR."""
         return {name: spread(part, self.snr.shape) for name, part in self._terms().items()}
+
+    def at(self, index: Any) -> "StackNoise":
+        """Return the noise of some of the cases, without its terms."""
+        names = ("signal_e", "quiet", "white", "speckle", "errors", "snr", "significance")
+        parts = {name: np.broadcast_to(getattr(self, name), self.snr.shape)[index] for name in names}
+        return StackNoise(**parts, _terms=dict)
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
@@ -125,81 +132,6 @@ def reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: A
         (again * rates.reference_smear_e + pixels * camera.charge_e) / ratio,
         pixels * camera.read_variance_e2 / ratio,
     )
-
-
-def frame_problem(
-    rates: ApertureRates,
-    camera: FrameCamera,
-    strategy: Strategy = PLAIN,
-    *,
-    objective: Objective = "snr",
-    em_gain: float | None = None,
-    programme: Programme | None = None,
-    white: FrameTerm | None = None,
-) -> FrameProblem:
-    """Return what the solver of frames needs of an aperture's rates.
-
-    Parameters
-    ----------
-    rates : ApertureRates
-    camera : FrameCamera
-    strategy : Strategy
-        Says how many references there are, and whether photons are counted above which threshold.
-    objective : {"snr", "significance"}
-        With or without the planet's own noise and the error of the mean background.
-    em_gain : float, optional
-        Fixed gain.
-    programme : Programme, optional
-        Visits that are reduced together, ``n_frames`` in each; by default those of the strategy, or one.
-    white : FrameTerm, optional
-        Where it is known: `white_term` of these rates, of this programme's references.
-
-    Notes
-    -----
-    Everything but the planet is measured twice, in science and in reference frames. A sum over a circle has the
-    variance of ``sum(w^2)`` pixels, fewer than its area.
-    """
-    with_planet = objective == "snr"
-    level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
-    made = Programme.of(strategy) if programme is None else programme
-    factor = made.white_factor * rates.variance_factor
-    share = level * rates.noise_fraction * factor
-    ratio = made.frame_ratio(strategy.reference_ratio)
-    white = white_term(rates, camera, ratio) if white is None else white
-    own = own_noise(rates, camera, made) if with_planet else 0.0
-    residual = dict(zip(("z0", "z1", "z2"), residuals(rates, level, made), strict=True))
-    arrays = _broadcast(
-        alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
-        beta_e=camera.light_factor * share * white.charge_e,
-        gamma_e2=share * white.output_e2,
-        signal_e_s=rates.planet_e_s,
-        **residual,
-        loss_per_s=rates.loss_per_s,
-        peak_columns_e_s=rates.peak_columns_e_s,
-        peak_in_hole_e_s=rates.peak_in_hole_e_s,
-        register_tail_e_s=rates.register_tail_e_s,
-        visits=made.visits,
-    )
-    counting = None
-    if strategy.mode == "photon_counting":
-        if camera.of_past:
-            allowed = "off: what frames leave in the next one is not known for frames of counted photons"
-            raise InputError(f"switches.{camera.added[0][0]}", True, allowed=allowed)
-        pixels = rates.noise_fraction * factor * rates.aperture_pixels
-        law = counting_probabilities(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
-        parts = _broadcast(
-            arrays["alpha_e_s"],
-            planet_e_s=rates.planet_e_s / rates.aperture_pixels,
-            quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
-            reference_e_s=reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
-            quiet_e=rates.smear_e / rates.aperture_pixels + camera.charge_e,
-            reference_e=reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
-            science_pixels=pixels,
-            mean_pixels=pixels * (level - 1.0),
-            reference_pixels=level * pixels * rates.reference_scale / ratio,
-        )
-        counting = CountingLight(**parts, law=law, own_noise=with_planet)
-    return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
 def own_noise(rates: ApertureRates, camera: FrameCamera, programme: Programme = ONE_VISIT) -> FloatArray:
@@ -319,16 +251,6 @@ def stack_noise(
     return StackNoise(signal, quiet, white, speckle, errors, snr, significance, terms)
 
 
-def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
-    """Return the named arrays of one shape, that of all of them and of the others."""
-    arrays = [np.asarray(value) for value in values.values()]
-    shape = np.broadcast(*arrays, *others).shape
-    return {
-        name: array if array.shape == shape else spread(array, shape)
-        for name, array in zip(values, arrays, strict=True)
-    }
-
-
 def residuals(rates: ApertureRates, level: FloatArray | float, programme: Programme) -> list[FloatArray]:
     """Return the variance that frames do not average over signal squared, as a polynomial of the visit.
 
@@ -421,3 +343,118 @@ def snr_paper(
     variance = (own + pixel_variance * area * (1.0 + area / region)) * rates.variance_factor
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(own > 0, own / np.sqrt(variance), 0.0))
+
+
+MODES_LIMITED, MODES_NOT_MODELLED, MODES_NOT_COUNTED = "modes_limited", "modes_not_modelled", "modes_not_counted"
+_LOUD, _LONGEST_FRAMES = 1e3, 1e12
+
+
+class Balance(NamedTuple):
+    """Rms of white noise over that of speckles, in aperture sums of a mean rate without modes.
+
+    Attributes
+    ----------
+    reference : ndarray
+        Of one reference visit.
+    programme : ndarray
+        Of the whole programme.
+    """
+
+    reference: FloatArray
+    programme: FloatArray
+
+
+def balance_of(
+    rates: ApertureRates,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+    camera: FrameCamera,
+    strategy: Strategy,
+    programme: Programme,
+) -> Balance:
+    """Return how white noise and speckles of frames compare; infinite without speckles.
+
+    Parameters
+    ----------
+    rates, exposure_s, n_frames, em_gain, camera, strategy
+        As of `stack_noise`; numbers of frames need not be whole.
+    programme : Programme
+        The visits; modes are left out.
+    """
+    exposure, each, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
+    made = programme.of_mean()
+    ratio = made.frame_ratio(strategy.reference_ratio)
+    share = frames_per_clean(rates.loss_per_s, exposure) * rates.noise_fraction / (each * made.visits * exposure**2)
+    if strategy.mode == "photon_counting":
+        law = counting_probabilities(camera, float(gain.flat[0]), strategy)
+        counts, _ = counted_terms(rates, exposure, share / rates.noise_fraction, law, camera, ratio)
+        reference, white = counts["reference"], counts["reference"] + counts["counting"]
+    else:
+        factor2 = light_factor2(camera, gain)
+        reference, white = (
+            share * term.variance_e2(exposure, factor2, gain)
+            for term in (reference_term(rates, camera, ratio), white_term(rates, camera, ratio))
+        )
+    visit = each * (exposure + camera.readout_s)
+    one = rates.speckle.reference.stretched(made.reference_length).variance(visit)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_one = np.sqrt(reference * made.reference_visits / one)
+        of_all = np.sqrt(white / made.law(rates.speckle).variance(visit))
+    return Balance(*(np.nan_to_num(part, nan=np.inf, posinf=np.inf) for part in (of_one, of_all)))
+
+
+def modes_obstacle(model: EtcModel, band: str) -> str | None:
+    """Return the flag of a prediction that cannot follow the modes that are asked for; None where it can, or need not.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    return MODES_NOT_MODELLED if model.strategy.n_modes and model.of_table else None
+
+
+def with_modes(
+    model: EtcModel,
+    band: str,
+    separation_arcsec: FloatArray,
+    rates: ApertureRates,
+    programme: Programme,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+) -> Programme:
+    """Return a programme with what the modes of its references change, for given frames.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy says how many modes, or the most of them.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : ndarray
+        Broadcasts with the rates.
+    rates : ApertureRates
+    programme : Programme
+    exposure_s, n_frames, em_gain : array_like
+        One frame (s), science frames of a visit, which need not be whole, gain of the register.
+
+    Returns
+    -------
+    Programme
+        The same where nothing can be projected out: no modes asked for, references that are all alike, no speckles, or
+        no optical model of the band.
+    """
+    strategy = model.strategy
+    plain = strategy.n_modes == 0 or strategy.reference_library.noise_free or modes_obstacle(model, band) is not None
+    if plain:
+        return programme.of_mean()
+    frames = np.clip(np.asarray(n_frames, float), 1e-9, _LONGEST_FRAMES)
+    balance = balance_of(rates, exposure_s, frames, em_gain, model.camera(band), strategy, programme)
+    of_one, of_all = (np.minimum(part, _LOUD) for part in balance)
+    where = separation_arcsec, programme.reference_visits, strategy.n_modes
+    n_modes, *factors = model.modes(band).factors(*where, of_one, of_all if strategy.choose_modes else None)
+    visits = programme.visits, programme.reference_visits, programme.reference_length, programme.gap_s
+    return Programme(*visits, np.asarray(n_modes, float), *factors)

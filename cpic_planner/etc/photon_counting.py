@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar, special
-from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.model import FrameCamera
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy

@@ -8,6 +8,9 @@ Both the noise in a given time and the time for a level fall with the number of 
 rise once the overhead eats the time: they have one valley in ``V``, which is found on grids of whole numbers that close
 in on it. In the middle of the valley, with as many references and no walk, a visit takes ``sqrt(G o / (2 q z))``, ``z``
 the residual of one visit. Frames need not be whole in this search.
+
+A blind search goes through orbits of planets that move, and its threshold pays for the trials
+(`cpic_planner.planets.motion`). Where the place of a planet is known its orbit is followed, which costs nothing.
 """
 
 import functools
@@ -18,12 +21,115 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray
-from cpic_planner.etc.camera import FrameCamera
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray
 from cpic_planner.etc.frames import FrameProblem, best_exposure_s, peak_visit_s, smooth_least_visit_s
-from cpic_planner.etc.model import ONE_VISIT, EtcModel, Programme, check_range
-from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread
+from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme, check_range
+from cpic_planner.etc.searches import CaseArrays, around_lowest, first_root, lowest_whole, spread
+from cpic_planner.planets import OrbitSearch, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
+from cpic_planner.targets import Targets
+
+
+@dataclass(frozen=True, eq=False)
+class SearchMotion(CaseArrays):
+    """The cost of the motion of planets to a blind search at places of stars; made by `of`.
+
+    Attributes
+    ----------
+    model : EtcModel
+        Says what a visit takes of wall time.
+    search : OrbitSearch
+        Of the places.
+    """
+
+    model: EtcModel
+    search: OrbitSearch
+
+    @classmethod
+    def of(
+        cls,
+        model: EtcModel,
+        targets: Targets,
+        band: str,
+        separation_arcsec: ArrayLike,
+        stars: IntArray | None = None,
+    ) -> Self:
+        """Return the motion at places around stars.
+
+        Parameters
+        ----------
+        model : EtcModel
+        targets : Targets
+            ``n`` stars.
+        band : str
+        separation_arcsec : array_like
+            Projected, above 0; its first axis is 1 or that of the stars.
+        stars : ndarray of int, optional
+            Which of the stars each place is at, of the shape of the places.
+        """
+        place, strategy = np.asarray(separation_arcsec, float), model.strategy
+        around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
+        of_star = targets.distance_pc[around], _masses_msun(targets)[around], model.metrics[band].lambda_d_arcsec
+        return cls(model, OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=_level(strategy.sigma)))
+
+    def factor(self, programme: Programme, visit_s: ArrayLike) -> FloatArray:
+        """Return the factor on the significance that a search asks for, at least 1.
+
+        Parameters
+        ----------
+        programme : Programme
+        visit_s : array_like
+            Length of the science part of its visits.
+        """
+        return self.search.threshold_factor(programme.visits, self.model.time_s(visit_s))
+
+    def orbits(self, programme: Programme, visit_s: ArrayLike) -> FloatArray:
+        """Return the number of orbits that a search goes through; parameters as of `factor`."""
+        return self.search.n_orbits(programme.visits, self.model.time_s(visit_s))
+
+
+def motion_factor(motion: SearchMotion | None, programme: Programme, visit_s: FloatArray) -> FloatArray:
+    """Return the factor on the significance that a search asks for because planets move; 1 where it follows them.
+
+    Parameters
+    ----------
+    motion : SearchMotion or None
+    programme, visit_s
+        As of `SearchMotion.factor`.
+    """
+    return np.ones_like(visit_s) if motion is None else motion.factor(programme, visit_s)
+
+
+def programme_days(model: EtcModel, visits: ArrayLike, time_s: ArrayLike) -> FloatArray:
+    """Return the days from the begin of the first visit to the end of the last, occultations by the Earth included.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy says what lies between visits.
+    visits, time_s : array_like
+        Number of visits, and wall time of all.
+    """
+    return span_days(time_s, np.maximum(visits, 1.0), model.strategy.visit_gap_h)
+
+
+def _level(sigma: float) -> float:
+    """Return the significance of the false alarms at rest, within what trials are stated for."""
+    return min(max(sigma, 1.0), 20.0)
+
+
+def _masses_msun(targets: Targets) -> FloatArray:
+    return _masses(
+        tuple(targets.name.tolist()),
+        *(tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k)),
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _masses(names: tuple[str, ...], *physics: tuple[float, ...]) -> FloatArray:
+    log_g, luminosity, teff = physics
+    return star_masses_msun(names, log_g, luminosity, teff)
+
 
 _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3

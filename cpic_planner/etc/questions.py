@@ -13,23 +13,30 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner.etc import budget
-from cpic_planner.etc.cases import FixedFrames, band_cases, fixed_frames
-from cpic_planner.etc.chances import Chances
+from cpic_planner.etc.cases import Cases, Goal, Solution, cases_by_camera, fixed_frames
 from cpic_planner.etc.detection import verdict_of
-from cpic_planner.etc.fidelity import speckle_error_extrapolated
+from cpic_planner.etc.fidelity import etc_fidelity, speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
-from cpic_planner.etc.groups import Found, Group
 from cpic_planner.etc.model import EtcModel, Programme, check_range
-from cpic_planner.etc.modes import MODES_LIMITED, modes_obstacle
-from cpic_planner.etc.motion import motion_factor, programme_days
-from cpic_planner.etc.noise import Objective, StackNoise, error_noise, own_noise, snr_paper, stack_noise
-from cpic_planner.etc.planet import Planets, planets_of
-from cpic_planner.etc.programmes import Programmes, Span
+from cpic_planner.etc.noise import (
+    MODES_LIMITED,
+    Objective,
+    StackNoise,
+    error_noise,
+    modes_obstacle,
+    own_noise,
+    snr_paper,
+    stack_noise,
+)
+from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_days
+from cpic_planner.etc.rates import planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
-from cpic_planner.etc.together import CameraCases, Wanted
 from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet
-from cpic_planner.results import DetectionMode, EtcAnswer, Question
+from cpic_planner.results import EtcAnswer, EtcResult, Question, ReferencePlanetRecord
 from cpic_planner.targets import Targets
+from cpic_planner.version import __version__
+from simulator.config import content_hash
+from simulator.knobs import Dial, dial_of
 from simulator.signal import frame_limit
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
@@ -44,17 +51,18 @@ _ENDLESS = 1e12
 _MOST_VISITS, _N_VISITS, _HALVINGS = 1e5, 64, 40
 _FEW_OR_MANY = whole_steps(_MOST_VISITS, _N_VISITS).reshape(-1, 1, 1, 1)
 _SHARES = np.linspace(0.0, 1.0, _N_VISITS)[:, None, None, None]
+_CHANGES = ("without_speckles", "common", "without_background", "without_motion")
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """Frames that answer a question in bands of one camera, planets within stars within bands.
+class _Answers:
+    """Frames that answer a question in bands of one camera; they become answers, planets within stars within bands.
 
     Attributes
     ----------
     cases, problem, choice
-        What was asked, and the frames found.
+        What was asked, in the programmes and with the frames that answer it.
     question : str
     value : ndarray
         The answers; ``inf`` where a contrast limit lies above 1.
@@ -62,21 +70,25 @@ class Solved:
         Times and visits that were given.
     level : ndarray, optional
         SNR or significance to reach.
-    with_planet : bool
-        Whether the level is an SNR, with the planet's own noise.
-    searched : bool
-        Whether the level is that of a detection.
     """
 
-    cases: CameraCases
+    cases: Cases
     problem: FrameProblem
     choice: FrameChoice
     question: Question
     value: FloatArray
     span: Span
     level: FloatArray | None = None
-    with_planet: bool = True
-    searched: bool = False
+
+    @property
+    def with_planet(self) -> bool:
+        """Whether the level is an SNR, with the planet's own noise."""
+        return self.cases.objective == "snr"
+
+    @property
+    def searched(self) -> bool:
+        """Whether the level is that of a detection, in the least time."""
+        return self.question == "exposure_time" and self.cases.value is None
 
     def answers(self) -> list[EtcAnswer]:
         """Return the answers, planets within stars within bands."""
@@ -106,14 +118,14 @@ class Solved:
         shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
         shown |= {"snr": noise.snr, "significance": noise.significance}
         lost = (choice.n_frames < 1) & cases.usable
-        most = _Most.of(self, lost, self.level if question == "exposure_time" else None)
+        most = self._most(lost)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
-        detection = None if limit else _Detection.of(cases, choice, noise, self)
-        inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0].band).camera, noise)
+        detection = None if limit else self._detection(noise)
+        inherited = budget.inherited_terms(model.instrument, model.instrument.band(cases.bands[0]).camera, noise)
         answers = []
         for case in np.ndindex(*cases.contrast.shape):
-            own, place = cases.bands[case[0]], case[1:]
-            head = own.head(*place) | {"question": question, "unit": _UNIT[question]}
+            band = cases.bands[case[0]]
+            head = cases.head(*case) | {"question": question, "unit": _UNIT[question]}
             head["contrast"] = None if limit else float(cases.contrast[case])
             level = None if self.level is None else float(self.level[case])
             head["level"] = level if level is not None and math.isfinite(level) else None
@@ -121,9 +133,9 @@ class Solved:
             if still_s is not None and reason in _FLOORS and still_s[case] <= budget.LONGEST_TIME_S:
                 reason, message = Reason.PLANET_MOVES, _MOVES.format(visits=int(visits[case]), time_s=still_s[case])
             if detection is not None:
-                head |= detection.fields(status, reason, most, case)
+                head |= _detection_fields(detection, status, reason, most, case)
             head |= {"status": status, "reason": reason, "message": message, "n_modes": int(used[case])}
-            obstacle = modes_obstacle(model, own.band)
+            obstacle = modes_obstacle(model, band)
             if obstacle is not None:
                 head["flags"] += (obstacle,)
             elif used[case] < strategy.n_modes and not strategy.choose_modes and choice.n_frames[case] >= 1:
@@ -132,7 +144,7 @@ class Solved:
                 answers.append(EtcAnswer(value=None, **head))
                 continue
             if not limit:
-                head["flags"] += own.planet_notes(*place)
+                head["flags"] += cases.planet_notes(*case)
             room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
             if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
                 head["flags"] += ("shorter_visit_is_better",)
@@ -143,7 +155,7 @@ class Solved:
                 head["flags"] += ("visits_at_limit",)
             if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
                 head["flags"] += ("exposure_beyond_max",)
-            if not model.of_table and speckle_error_extrapolated(own.band, head["separation_arcsec"]):
+            if not model.of_table and speckle_error_extrapolated(band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
             value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])
@@ -173,9 +185,11 @@ class Solved:
             answers.append(EtcAnswer(value=value if question != "exposure_time" else time_of_all_s, **fields))
         return answers
 
-    def _standing(self, most: "_Most", index: tuple[int, ...], level: float | None) -> tuple[Status, Reason, str]:
+    def _standing(
+        self, most: dict[str, FloatArray], index: tuple[int, ...], level: float | None
+    ) -> tuple[Status, Reason, str]:
         """Return the status of one case, with the reason and a sentence where it is not ok."""
-        place = self.cases.bands[index[0]].places[index[2]]
+        place = self.cases.places[index[0]][index[2]]
         if place[0] is not Status.OK:
             return place
         if self.question != "contrast_limit" and self.cases.contrast[index] <= 0.0:
@@ -190,15 +204,15 @@ class Solved:
         gain = self.problem.fixed_gain() or 1.0
         saturated = frame_limit(*self.problem.peaks_e_s(index), camera.exposure_min_s, gain, camera)
         if saturated is not Reason.NONE:
-            longest = float(most.longest_s[index])
+            longest = float(most["longest_s"][index])
             shorter = fixed.exposure_s is not None or longest > 0
             advice = f"up to {longest:.3g} s does not" if shorter else "no exposure does"
             text = f"a frame of {camera.exposure_min_s:g} s at EM gain {gain:g} saturates; {advice}"
             return Status.SATURATED, saturated, text
-        if math.isinf(most.cost[index]):
+        if math.isinf(most["cost"][index]):
             text = f"at EM gain {gain:g} every pixel of the aperture counts in each frame: photons cannot be told apart"
             return Status.SATURATED, Reason.TOO_BRIGHT_TO_COUNT, text
-        if self.question == "exposure_time" and _LONGEST_S < most.visit_s[index] < math.inf:
+        if self.question == "exposure_time" and _LONGEST_S < most["visit_s"][index] < math.inf:
             text = "it takes more frames than can be planned"
             return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
         if self.question == "exposure_time" and level is not None:
@@ -206,147 +220,124 @@ class Solved:
         text = "the time does not hold one science frame of every visit with its share of reference frames"
         return Status.UNREACHABLE, Reason.NO_TIME, text
 
-    def _floor(self, most: "_Most", index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
+    def _floor(self, most: dict[str, FloatArray], index: tuple[int, ...], level: float) -> tuple[Status, Reason, str]:
         """Return why no time reaches the level: the residual of so many visits, or of any number."""
         name, wanted = "SNR" if self.with_planet else "significance", f"{level:.4g}" if level < 1e4 else f"{level:g}"
         many = int(spread(self.cases.programme.visits, self.choice.n_frames.shape)[index])
         visits = "one visit" if many == 1 else f"{many} visits"
         length = f" of {self.span.visit_time_s:g} s" if self.span.visit_time_s is not None else ", whatever the length"
-        common, what, where = most.endless[index] <= level, "the speckle residual", f"in {visits}{length}"
+        common, what, where = most["endless"][index] <= level, "the speckle residual", f"in {visits}{length}"
         if common:
             what, where = "what science and references differ by in every visit", "however many visits there are"
-        calm_s = many * float(self.cases.model.time_s(most.calm_visit_s[index]))
+        calm_s = many * float(self.cases.model.time_s(most["calm_visit_s"][index]))
         calm = "the planet would still be too faint"
         if calm_s <= budget.LONGEST_TIME_S:
             calm = f"it would take {calm_s:.3g} s"
-        top = most.endless[index] if common else most.snr[index]
+        top = most["endless"][index] if common else most["snr"][index]
         text = f"{what} keeps the {name} below {wanted} {where}; the most is {top:.4g}, and without drift of the "
         reason = Reason.COMMON_SPECKLE_FLOOR if common else Reason.SPECKLE_FLOOR
         return Status.UNREACHABLE, reason, f"{text}wavefront {calm}"
 
+    def _most(self, lost: NDArray[np.bool_]) -> dict[str, FloatArray]:
+        """Return the most that cases without frames could reach, solved together; 0 for the others.
 
-@dataclass(frozen=True)
-class _Most:
-    """The most that cases without an answer could reach, solved together; 0 for the others.
+        Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of
+        any visit, of any number of visits, and the visits for the level without speckles and without background.
+        """
+        cases, problem, programme = self.cases, self.problem, self.cases.programme
+        names = ("longest_s", "cost", "visit_s", "snr", "endless", "calm_visit_s", "dark_visit_s")
+        most = {name: np.full(lost.shape, np.inf if name in names[5:] else 0.0) for name in names}
+        if not lost.any():
+            return most
+        part = problem.at(lost)
+        cost = best_exposure_s(part)[1]
+        most["longest_s"][lost], most["cost"][lost] = part.longest_s, cost
+        if self.question == "exposure_time" and self.level is not None:
+            wanted = np.where(np.isfinite(self.level), self.level, 1.0)[lost]
+            best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
+            errors = error_noise(cases.rates, problem.camera, cases.model.strategy, programme)
+            if self.with_planet:
+                errors = errors * (1.0 + 1.0 / cases.rates.background_apertures)
+            calm = budget.without_speckles(part, spread(errors, lost.shape)[lost])
+            own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
+            # A search asks for less where nothing is speckles, and its visits can be short.
+            none = np.zeros_like(self.level), np.ones_like(self.level)
+            least = cases.search.at_speckles(programme)(*none)[lost] if self.searched else wanted
+            most["visit_s"][lost] = smooth_least_visit_s(part, wanted, cost)
+            most["snr"][lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
+            most["endless"][lost] = spread(budget.programme_floor(cases, _ENDLESS), lost.shape)[lost]
+            most["calm_visit_s"][lost] = smooth_least_visit_s(calm, least)
+            most["dark_visit_s"][lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
+        return most
 
-    Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
-    visit, of any number of visits, and the visits for the level without speckles and without background.
-    """
-
-    longest_s: FloatArray
-    cost: FloatArray
-    visit_s: FloatArray
-    snr: FloatArray
-    endless: FloatArray
-    calm_visit_s: FloatArray
-    dark_visit_s: FloatArray
-
-    @classmethod
-    def of(cls, solved: "Solved", lost: NDArray[np.bool_], level: FloatArray | None) -> "_Most":
-        cases, problem, programme = solved.cases, solved.problem, solved.cases.programme
-        parts = np.zeros((7, *lost.shape))
-        parts[5:] = np.inf
-        if lost.any():
-            part = problem.at(lost)
-            cost = best_exposure_s(part)[1]
-            parts[0, lost], parts[1, lost] = part.longest_s, cost
-            if level is not None:
-                wanted = np.where(np.isfinite(level), level, 1.0)[lost]
-                parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
-                best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
-                parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
-                endless = budget.programme_floor(cases, _ENDLESS)
-                parts[4, lost] = spread(endless, lost.shape)[lost]
-                errors = error_noise(cases.rates, problem.camera, cases.model.strategy, programme)
-                if solved.with_planet:
-                    errors = errors * (1.0 + 1.0 / cases.rates.background_apertures)
-                calm = budget.without_speckles(part, spread(errors, lost.shape)[lost])
-                # A search asks for less where nothing is speckles, and its visits can be short.
-                none = cases.search.at_speckles(programme)(np.zeros_like(level), np.ones_like(level))[lost]
-                parts[5, lost] = smooth_least_visit_s(calm, none if solved.searched else wanted)
-                own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
-                parts[6, lost] = smooth_least_visit_s(budget.without_background(part, own), wanted)
-        return cls(*parts)
-
-
-@dataclass(frozen=True)
-class _Detection:
-    """The detection of planets: whether, how likely, and what would make it so; arrays of the cases."""
-
-    mode: DetectionMode
-    detected: NDArray[np.bool_]
-    chances: Chances
-    calm: NDArray[np.bool_]
-    common: NDArray[np.bool_]
-    dark: NDArray[np.bool_]
-    moving: NDArray[np.bool_]
-    longest_s: float
-    required: dict[str, FloatArray]
-
-    @classmethod
-    def of(cls, cases: CameraCases, choice: FrameChoice, noise: StackNoise, solved: Solved) -> "_Detection":
-        model, programme, strategy = cases.model, cases.programme, cases.model.strategy
+    def _detection(self, noise: StackNoise) -> dict[str, Any]:
+        """Return whether planets are detected, how likely, and what would make it so: arrays by name."""
+        cases, choice, programme = self.cases, self.choice, self.cases.programme
+        model, strategy, goal = cases.model, cases.model.strategy, cases.search
         possible = (choice.n_frames >= 1) & cases.usable & np.isfinite(cases.threshold)
-        wanted = cases.search
         with np.errstate(invalid="ignore", divide="ignore"):
-            margin = np.where(possible, noise.significance / cases.threshold, 0.0)
             inverse = np.where(possible, noise.significance**-2.0, np.inf)
         visit = np.where(possible, choice.visit_s, 1.0)
-        level = wanted(programme, solved.problem)(visit, inverse)
+        level = goal(programme, self.problem)(visit, inverse)
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
-        chances, paid = wanted.chances(programme, visit, noise), motion_factor(cases.motion, programme, visit)
-        calm, common, dark, moving = np.zeros((4, *margin.shape), bool)
+        chances = goal.chances(programme, visit, noise)
+        calm, common, dark, moving = np.zeros((4, *level.shape), bool)
         lost, required = possible & ~detected, {}
         if lost.any():
-            problem, chosen, time_s = cases.problem("significance"), solved.span.visits is None, solved.span.time_s
+            problem, chosen, time_s = cases.problem("significance"), self.span.visits is None, self.span.time_s
             # Without speckles one visit is best, unless the number is given, and no mode pays.
             alone = cases.problem("significance", programme=Programme.of(strategy, 1 if chosen else programme.visits))
             total_s = programme.visits * model.time_s(visit) if time_s is None else np.array(time_s)
-            visits = spread(programme.visits, margin.shape)
-            each = spread(model.visit_s(total_s / visits), margin.shape)
-            whole = spread(model.visit_s(total_s), margin.shape) if chosen else each
+            visits = spread(programme.visits, level.shape)
+            each = spread(model.visit_s(total_s / visits), level.shape)
+            whole = spread(model.visit_s(total_s), level.shape) if chosen else each
             own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
-            least = wanted.at_speckles(programme)(np.zeros_like(level), visit)
+            least = goal.at_speckles(programme)(np.zeros_like(level), visit)
             errors = spread(error_noise(cases.rates, problem.camera, strategy, programme), lost.shape)[lost]
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost), errors), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
+            paid = motion_factor(cases.motion, programme, visit)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
-            required = _required(cases, choice, noise, wanted, level, lost)
-        mode: DetectionMode = "known_place" if wanted.at_place else "blind"
-        return cls(
-            mode, detected, chances, calm, common, dark, moving, float(model.visit_s(budget.LONGEST_TIME_S)), required
-        )
+            required = _required(cases, choice, noise, goal, level, lost)
+        changes = {"without_speckles": calm, "common": common, "without_background": dark, "without_motion": moving}
+        whether = {"search": strategy.search, "detected": detected, "chances": chances, "required": required}
+        return whether | changes | {"longest_s": float(model.visit_s(budget.LONGEST_TIME_S))}
 
-    def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, ...]) -> dict[str, Any]:
-        """Return the fields of one answer."""
-        answered, detected = status is Status.OK, bool(self.detected[index])
-        blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
-        calm, common, dark, moving = (part[index] for part in (self.calm, self.common, self.dark, self.moving))
-        if not answered:
-            calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
-            common, moving = reason is Reason.COMMON_SPECKLE_FLOOR, reason is Reason.PLANET_MOVES
-        changes = {"without_speckles": bool(calm), "common": bool(common), "without_background": bool(dark)}
-        changes |= {"without_motion": bool(moving)}
-        return {
-            "verdict": verdict_of(status, detected),
-            "verdict_mode": self.mode,
-            "detection_probability": blind if answered and math.isfinite(blind) else None,
-            "detection_probability_known_place": known if answered and math.isfinite(known) else None,
-            "limited_by": budget.limit_of(status, reason, detected=detected, **changes),
-        } | {
-            f"required_{name}": (int if name == "visits" else float)(part[index])
-            for name, part in self.required.items()
-            if answered and not detected and math.isfinite(part[index])
+
+def _detection_fields(
+    found: dict[str, Any], status: Status, reason: Reason, most: dict[str, FloatArray], index: tuple[int, ...]
+) -> dict[str, Any]:
+    """Return the fields of one answer about the detection of its planet (`_Answers._detection`)."""
+    answered, detected = status is Status.OK, bool(found["detected"][index])
+    blind, known = (float(part[index]) for part in (found["chances"].blind, found["chances"].known_place))
+    changes = {name: bool(found[name][index]) for name in _CHANGES}
+    if not answered:
+        changes = {
+            "without_speckles": bool(most["calm_visit_s"][index] <= found["longest_s"]),
+            "common": reason is Reason.COMMON_SPECKLE_FLOOR,
+            "without_background": bool(most["dark_visit_s"][index] <= found["longest_s"]),
+            "without_motion": reason is Reason.PLANET_MOVES,
         }
+    return {
+        "verdict": verdict_of(status, detected),
+        "verdict_mode": found["search"],
+        "detection_probability": blind if answered and math.isfinite(blind) else None,
+        "detection_probability_known_place": known if answered and math.isfinite(known) else None,
+        "limited_by": budget.limit_of(status, reason, detected=detected, **changes),
+    } | {
+        f"required_{name}": (int if name == "visits" else float)(part[index])
+        for name, part in found["required"].items()
+        if answered and not detected and math.isfinite(part[index])
+    }
 
 
 def _required(
-    cases: CameraCases,
+    cases: Cases,
     choice: FrameChoice,
     noise: StackNoise,
-    wanted: Wanted,
+    goal: Goal,
     level: FloatArray,
     lost: NDArray[np.bool_],
 ) -> dict[str, FloatArray]:
@@ -355,24 +346,24 @@ def _required(
     with np.errstate(divide="ignore", invalid="ignore"):
         brighter = level / noise.significance
         required["contrast_factor"] = np.where(brighter * cases.contrast <= 1.0, brighter, np.inf)
-    required["drift_factor"] = _calmer(cases, choice, noise, wanted)
-    required["visits"] = _more_visits(cases, choice, wanted)
+    required["drift_factor"] = _calmer(cases, choice, noise, goal)
+    required["visits"] = _more_visits(cases, choice, goal)
 
     def problem(made: Programme) -> FrameProblem:
         return cases.problem("significance", programme=made)
 
-    every = Programmes(model, problem, wanted, modes=cases.with_modes)
+    every = Programmes(model, problem, goal, modes=cases.with_modes)
     visits = spread(programme.visits, level.shape)
     required["time_s"] = visits * model.time_s(every.solved(visits)[0])
     return {name: np.where(lost, value, np.inf) for name, value in required.items()}
 
 
-def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: Wanted) -> FloatArray:
+def _calmer(cases: Cases, choice: FrameChoice, noise: StackNoise, goal: Goal) -> FloatArray:
     """Return the largest factor on the drift at which the same frames detect the planet; ``inf`` if not even 0 does."""
     programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
-    level = wanted.at_speckles(programme)
+    level = goal.at_speckles(programme)
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = noise.speckle + noise.terms["common_speckle"]
         lit, averaged = np.nan_to_num(whole * light / (crossed + light)), np.nan_to_num(noise.speckle / whole)
@@ -389,7 +380,7 @@ def _calmer(cases: CameraCases, choice: FrameChoice, noise: StackNoise, wanted: 
     return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)
 
 
-def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> FloatArray:
+def _more_visits(cases: Cases, choice: FrameChoice, goal: Goal) -> FloatArray:
     """Return the fewest visits of these frames that detect the planet, to 0.3 % beyond some 300, or ``inf``."""
     model, camera = cases.model, cases.free_camera
     wall_s = model.time_s(choice.visit_s)
@@ -397,7 +388,7 @@ def _more_visits(cases: CameraCases, choice: FrameChoice, wanted: Wanted) -> Flo
 
     def enough(visits: FloatArray) -> NDArray[np.bool_]:
         programme = cases.programme_of(visits, wall_s, choice)
-        level = wanted(programme, cases.problem("significance", programme=programme))
+        level = goal(programme, cases.problem("significance", programme=programme))
         significance = stack_noise(cases.rates, *frames, programme).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
@@ -476,9 +467,8 @@ def signal_to_noise(
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     parts: dict[str, list[EtcAnswer]] = {}
-    for group in groups_of(model, target, bands, planets, fixed, "snr", 1.0, offsets_arcsec):
-        visits = group.visits_in(span)
-        solved = group.in_time(visits, span, exact)
+    for cases in cases_by_camera(model, target, bands, planets, fixed, "snr", 1.0, offsets_arcsec):
+        solved = cases.in_time(span, exact)
         with np.errstate(divide="ignore"):
             value = 1.0 / np.sqrt(solved.choice.inverse_snr2)
         parts |= _answers(solved, "signal_to_noise", value, span)
@@ -534,8 +524,8 @@ def exposure_time(
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     objective: Objective = "significance" if snr is None else "snr"
     parts: dict[str, list[EtcAnswer]] = {}
-    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
-        solved = group.for_level(span)
+    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        solved = cases.for_level(span)
         wall_s = solved.programme.visits * model.time_s(solved.choice.visit_s)
         parts |= _answers(solved, "exposure_time", wall_s, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
@@ -579,10 +569,10 @@ def contrast_limit(
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
     objective: Objective = "significance" if snr is None else "snr"
     parts: dict[str, list[EtcAnswer]] = {}
-    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
-        limit = _limit(group, span, exact)
+    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        limit = _limit(cases, span, exact)
         value = np.where(limit.contrast < 1.0, limit.contrast, math.inf)
-        parts |= _answers(_at_limit(group, limit, exact), "contrast_limit", value, span)
+        parts |= _answers(_at_limit(cases, limit, exact), "contrast_limit", value, span)
     return _in_order(parts, model.named(bands), len(target), len(planets))
 
 
@@ -610,11 +600,11 @@ def contrast_limits(
     planets = {band: planets_of(place.tolist(), None, _START) for band, place in separation_arcsec.items()}
     fixed, found = fixed_frames(model, bands, exposure_s, em_gain), dict[str, FloatArray]()
     objective: Objective = "significance" if snr is None else "snr"
-    for group in groups_of(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
-        cases, limit = group.cases, _limit(group, span, exact=False)
-        defined = cases.usable & ((group.value is not None) | np.isfinite(cases.threshold))
-        value = np.where(defined & (limit.choice.n_frames >= 1) & (limit.contrast < 1.0), limit.contrast, np.nan)
-        found |= {one.band: value[i, 0] for i, one in enumerate(cases.bands)}
+    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+        limit = _limit(cases, span, exact=False)
+        reached = cases.possible & (limit.choice.n_frames >= 1) & (limit.contrast < 1.0)
+        value = np.where(reached, limit.contrast, np.nan)
+        found |= {band: value[i, 0] for i, band in enumerate(cases.bands)}
     return found
 
 
@@ -641,31 +631,6 @@ def times_of(question: EtcQuestion | ConfirmQuestion, model: EtcModel, band: str
     return {"time_s": (question.strategy.visits or 1) * visit_time_s, "visit_time_s": visit_time_s, "exact": True}
 
 
-def groups_of(
-    model: EtcModel,
-    target: Targets,
-    bands: Sequence[str] | None,
-    planets: Planets | Mapping[str, Planets],
-    fixed: FixedFrames,
-    objective: Objective,
-    value: float | None,
-    offsets_arcsec: tuple[float, float] | None = None,
-) -> list[Group]:
-    """Return the cases of every camera; planets of all bands, or as many of each."""
-    if len(target) < 1:
-        raise InputError("target", len(target), allowed="at least one star")
-    own = planets if isinstance(planets, Mapping) else dict.fromkeys(model.named(bands), planets)
-    every = [band_cases(model, target, band, own[band], fixed, offsets_arcsec) for band in model.named(bands)]
-    alike = [[one for one in every if one.camera == camera] for camera in dict.fromkeys(one.camera for one in every)]
-    groups = []
-    for same in alike:
-        cases = CameraCases.of(same)
-        wanted = cases.search if value is None else Wanted.of(cases, value)
-        solvable = replace(wanted, level=np.where(np.isfinite(wanted.level), wanted.level, 1.0))
-        groups.append(Group(model, cases, objective, value, solvable))
-    return groups
-
-
 @dataclass(frozen=True)
 class _Limit:
     """Contrasts at which the best frames in a time reach the level (``inf`` where none does), and those frames.
@@ -674,61 +639,60 @@ class _Limit:
     """
 
     contrast: FloatArray
-    visits: FloatArray
     programme: Programme
     choice: FrameChoice
     visit_s: FloatArray
     longest_s: FloatArray
 
 
-def _limit(group: Group, span: Span, exact: bool) -> _Limit:
-    """Return the limits of a group in a time."""
+def _limit(cases: Cases, span: Span, exact: bool) -> _Limit:
+    """Return the limits of cases in a time."""
     assert span.time_s is not None
-    visits = group.visits_in(span)
-    programme, _, longest_s = group.spread(visits, span.time_s)
-    visit_s = longest_s if exact else group.paying_s(visits, longest_s)
-    contrast, choice = _limits(group, programme, visit_s, exact)
-    if span.visits is None and group.objective == "snr":
+    visits = cases.visits_in(span)
+    programme, longest_s = cases.spread(visits, span.time_s)
+    visit_s = longest_s if exact else cases.paying_s(visits, longest_s)
+    contrast, choice = _limits(cases, programme, visit_s, exact)
+    if span.visits is None and cases.objective == "snr":
         # The planet's own noise counts: the best number of visits is that at the limit.
-        at_limit = replace(group.programmes, problem=lambda made: group.problem(made, np.minimum(contrast, 1.0)))
+        ratio = np.minimum(contrast, 1.0)
+        at_limit = replace(cases.programmes, problem=lambda made: cases.problem_in(made, ratio))
         visits = at_limit.best_in_time(span.time_s)
-        programme, _, longest_s = group.spread(visits, span.time_s)
+        programme, longest_s = cases.spread(visits, span.time_s)
         visit_s = longest_s
-        contrast, choice = _limits(group, programme, visit_s, exact)
-    n_modes = group.model.strategy.n_modes
-    for _ in range(_MODE_ROUNDS if n_modes else 0):
-        programme, last = group.made(visits, span.time_s / visits, choice, of_choice=True), contrast
-        contrast, choice = _limits(group, programme, visit_s, exact)
+        contrast, choice = _limits(cases, programme, visit_s, exact)
+    for _ in range(_MODE_ROUNDS if cases.model.strategy.n_modes else 0):
+        programme, last = cases.filled(visits, span.time_s / visits, choice, of_choice=True), contrast
+        contrast, choice = _limits(cases, programme, visit_s, exact)
         if np.allclose(contrast, last, rtol=_STILL, atol=0.0):
             break
-    return _Limit(contrast, visits, programme, choice, visit_s, longest_s)
+    return _Limit(contrast, programme, choice, visit_s, longest_s)
 
 
-def _at_limit(group: Group, limit: _Limit, exact: bool) -> Found:
+def _at_limit(cases: Cases, limit: _Limit, exact: bool) -> Solution:
     """Return the programmes and frames of planets at the limit."""
     programme, choice = limit.programme, limit.choice
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(limit.contrast, 1.0)
-    there, problem = replace(group, cases=group.cases.of_contrast(ratio)), group.problem(programme, ratio)
-    level = group.level_of(programme, problem, choice)
+    there, problem = cases.of_contrast(ratio), cases.problem_in(programme, ratio)
+    level = cases.level_of(programme, problem, choice)
     stopped = (choice.n_frames > 0) & (choice.visit_s < limit.longest_s * (1.0 - 1e-9))
     if np.any(stopped) and not exact:
         # The same setting as the inverse question finds: where more time hardly pays, rounding moves its length.
         again = there.at_level(programme.visits)
         use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= limit.visit_s)
         choice, level = again.choice.where(use, choice), np.where(use, again.level, level)
-        if group.model.strategy.n_modes:
+        if cases.model.strategy.n_modes:
             programme = again.programme.spread(use.shape).where(use, programme.spread(use.shape))
-    return Found(there, programme, problem, choice, level)
+    return Solution(there, programme, problem, choice, level)
 
 
-def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:
+def _limits(cases: Cases, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:
     """Return the contrasts at which the best frames of visits reach the level, and those frames."""
 
     def excess(log_contrast: FloatArray) -> tuple[FloatArray, FrameChoice]:
-        problem = group.problem(programme, np.exp(log_contrast))
+        problem = cases.problem_in(programme, np.exp(log_contrast))
         choice = best_in_visit(problem, visit_s, whole=whole, quickest=False)
-        level = group.level_of(programme, problem, choice)
+        level = cases.level_of(programme, problem, choice)
         with np.errstate(divide="ignore"):
             return np.log(level) + 0.5 * np.log(choice.inverse_snr2), choice
 
@@ -750,17 +714,16 @@ def _limits(group: Group, programme: Programme, visit_s: FloatArray, whole: bool
     return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choice
 
 
-def _answers(found: Found, question: Question, value: FloatArray, span: Span) -> dict[str, list[EtcAnswer]]:
+def _answers(found: Solution, question: Question, value: FloatArray, span: Span) -> dict[str, list[EtcAnswer]]:
     """Return the answers of the programmes and frames that were found, band by band, planets within stars."""
-    group, level = found.group, None
+    cases, level = found.cases, None
     if question != "signal_to_noise":
-        undefined = (group.value is None) & ~np.isfinite(group.cases.threshold)
+        undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
         level = np.where(undefined, math.inf, found.level)
-    cases, by_snr = group.cases.in_programme(found.programme), group.objective == "snr"
-    searched = question == "exposure_time" and group.value is None
-    answers = Solved(cases, found.problem, found.choice, question, value, span, level, by_snr, searched).answers()
+    made = cases.in_programme(found.programme)
+    answers = _Answers(made, found.problem, found.choice, question, value, span, level).answers()
     each = len(answers) // len(cases.bands)
-    return {one.band: answers[i * each : (i + 1) * each] for i, one in enumerate(cases.bands)}
+    return {band: answers[i * each : (i + 1) * each] for i, band in enumerate(cases.bands)}
 
 
 def _in_order(
@@ -782,3 +745,52 @@ def check_levels(snr: float | None, sigma: float | None, *, largest: float = 1e6
     for name, value in (("snr", snr), ("sigma", sigma)):
         if value is not None:
             check_range(name, value, 1.0 / largest, largest, "")
+
+
+def best_band(answers: Sequence[EtcAnswer]) -> str | None:
+    """Return the band of the best answer: least time, highest significance over threshold, or faintest limit."""
+    good = [answer for answer in answers if answer.value is not None]
+    if not good:
+        return None
+    if good[0].question in ("exposure_time", "contrast_limit"):
+        return min(good, key=lambda answer: answer.value or np.inf).band
+    return max(good, key=lambda answer: (answer.significance or 0.0) / (answer.threshold or np.inf)).band
+
+
+def etc_result(
+    model: EtcModel,
+    target: Targets,
+    answers: Sequence[EtcAnswer],
+    *,
+    note: str,
+    notes: Sequence[str] = (),
+    planet: ReferencePlanet | None,
+    asked: Mapping[str, Any],
+    catalogue: str,
+    dial: Dial | None = None,
+    seed: int | None = None,
+) -> EtcResult:
+    """Collect answers about one star of a catalogue, which is named by its provenance.
+
+    ``note`` is a remark on the name of the star, ``notes`` are those on the reading of tables. ``dial`` and ``seed``
+    are those of the check in images, closed forms alone without.
+    """
+    record = None if planet is None else ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
+    decides: dict[str, Any] = {"kind": "etc", "version": __version__, "model": model.content()}
+    decides |= {"target": target.content(), "asked": asked}
+    decides["planet"] = None if planet is None else planet.content()
+    return EtcResult(
+        config_hash=content_hash(decides),
+        target=str(target.name[0]),
+        hip=int(target.hip[0]) if target.hip[0] else None,
+        v_mag=float(target.v_mag[0]),
+        distance_pc=float(target.distance_pc[0]),
+        catalogue=catalogue,
+        date_utc=target.date_utc,
+        note=note,
+        notes=list(notes),
+        reference_planet=record,
+        best_band=best_band(answers),
+        answers=list(answers),
+        fidelity=etc_fidelity(answers, dial or dial_of("quick"), seed=seed, of_table=model.of_table),
+    )

@@ -50,6 +50,26 @@ def whole_steps(most: float, n: int) -> FloatArray:
     return np.asarray(every[np.diff(every, prepend=0.0) > 0.0])  # `numpy.unique` would load masked arrays
 
 
+def mapped(function: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """Return arrays, tuples or `CaseArrays` of them, with every array changed by a function; what is no array stays.
+
+    Parameters
+    ----------
+    function : callable
+        Of an array, and of those of others at its place.
+    first, *others : object
+        Of one structure.
+    """
+    if isinstance(first, (np.ndarray, np.floating)):
+        return function(first, *others)
+    if isinstance(first, CaseArrays):
+        return first._combined(function, *others)
+    if isinstance(first, tuple):
+        parts = [mapped(function, *each) for each in zip(first, *others, strict=True)]
+        return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
+    return first
+
+
 class CaseArrays:
     """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
 
@@ -59,10 +79,8 @@ class CaseArrays:
         """Return these cases with every array changed by a function of it and of those of others."""
         parts = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for name, own in parts.items():
-            if isinstance(own, (np.ndarray, np.floating)):
-                parts[name] = function(own, *(getattr(case, name) for case in others))
-            elif isinstance(own, CaseArrays):
-                parts[name] = own._combined(function, *(getattr(case, name) for case in others))
+            if isinstance(own, (np.ndarray, np.floating, CaseArrays, tuple)):
+                parts[name] = mapped(function, own, *(getattr(case, name) for case in others))
         return type(self)(**parts)
 
     def at(self, index: Any) -> Self:

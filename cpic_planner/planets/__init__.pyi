@@ -1,23 +1,27 @@
 from cpic_planner.planets.allowed import StarLimits as StarLimits, excluded_by_rv as excluded_by_rv
-from cpic_planner.planets.laws import Law as Law, chosen_entry as chosen_entry, read_law as read_law
-from cpic_planner.planets.mass_radius import least_mass as least_mass
-from cpic_planner.planets.motion import (
-    ORBIT_DUTY as ORBIT_DUTY,
+from cpic_planner.planets.masses import (
+    least_mass as least_mass,
     masses_of_gravity_msun as masses_of_gravity_msun,
-    smeared as smeared,
-    span_days as span_days,
     star_masses_msun as star_masses_msun,
 )
-from cpic_planner.planets.orbit_search import OrbitSearch as OrbitSearch
+from cpic_planner.planets.motion import (
+    ORBIT_DUTY as ORBIT_DUTY,
+    OrbitSearch as OrbitSearch,
+    smeared as smeared,
+    span_days as span_days,
+)
 from cpic_planner.planets.population import (
+    MAX_PLANETS as MAX_PLANETS,
+    N_PLANETS as N_PLANETS,
+    Law as Law,
     OrbitingPlanets as OrbitingPlanets,
     Planets as Planets,
     PopulationChoice as PopulationChoice,
-    draw_population as draw_population,
-)
-from cpic_planner.planets.population_config import (
     PopulationConfig as PopulationConfig,
+    chosen_entry as chosen_entry,
+    draw_population as draw_population,
     load_population as load_population,
+    read_law as read_law,
 )
 from cpic_planner.planets.published_orbits import (
     FLOOR_MAS as FLOOR_MAS,

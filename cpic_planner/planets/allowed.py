@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -12,13 +12,11 @@ from catalogs import (
     VELOCITY_AXES_AU,
     KnownPlanetTable,
     load_known_planets,
-    load_stars,
     stability_limit,
-    star_key,
     velocity_limit,
 )
 from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
-from cpic_planner.planets.mass_radius import MJUP_IN_MSUN, least_mass
+from cpic_planner.planets.masses import MJUP_IN_MSUN, catalogue_masses_msun, catalogue_name, least_mass
 from cpic_planner.queries import EXCLUSIONS
 
 GIANT_MJUP = 0.1
@@ -77,8 +75,7 @@ class StarLimits:
         known : KnownPlanetTable, optional
             Where the known giants are; the shipped table by default.
         """
-        listed = _listed()
-        own = [listed.get(star_key(name), (name, np.nan))[0] for name in names]
+        own = [catalogue_name(name) or name for name in names]
         star_mass = np.nan_to_num(catalogue_masses_msun(names), nan=1.0)
         n, k = len(names), len(VELOCITY_AXES_AU)
         found = np.tile(np.array([_UNKNOWN_MJUP, 2.0 * _UNKNOWN_MJUP, 0.0])[:, None, None], (1, n, k))
@@ -209,32 +206,10 @@ def excluded_by_rv(names: Sequence[str], semi_major_axis_au: ArrayLike, radius_r
         ``n`` stars.
     semi_major_axis_au, radius_rjup : array_like
         One number, or shape ``(n,)``. The mass is the least that the radius allows
-        (`cpic_planner.planets.mass_radius.least_mass`).
+        (`cpic_planner.planets.masses.least_mass`).
     """
     limits, star = StarLimits.of(names, ("rv",)), np.arange(len(names))
     return limits.excluded_by_velocities(star, semi_major_axis_au, least_mass(radius_rjup))
-
-
-def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
-    """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
-    keys = [star_key(name) for name in names]
-    # Published parameters change masses, not names: they are not read for stars that no catalogue holds.
-    listed = _listed() if _listed_keys().intersection(keys) else {}
-    return np.array([listed.get(key, ("", np.nan))[1] for key in keys], float)
-
-
-@functools.cache
-def _listed_keys() -> frozenset[str]:
-    """Return the `star_key` of every star of the embedded catalogue."""
-    return frozenset(map(star_key, load_stars(updates=False).column("name").tolist()))
-
-
-@functools.cache
-def _listed() -> Mapping[str, tuple[str, float]]:
-    """Return the name and mass of every star of the embedded catalogue, by `star_key`."""
-    stars = load_stars()
-    names, masses = stars.column("name").tolist(), stars.column("mass_msun").tolist()
-    return {star_key(name): (name, mass) for name, mass in zip(names, masses, strict=True)}
 
 
 def _giants(names: Sequence[str], star_mass_msun: FloatArray, known: KnownPlanetTable) -> FloatArray:

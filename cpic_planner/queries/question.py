@@ -231,7 +231,7 @@ def _option(name: str, info: FieldInfo, own: Asked, above: tuple[str, ...]) -> O
         several=several if own.several is None else own.several,
         required=info.is_required(),
         asked=own,
-        switchable=kind is bool and info.default is not False,
+        switchable=kind is bool and (info.default is not False or bool(own.unset)),
         bounds=bounds_of(info),
     )
 
@@ -287,10 +287,10 @@ def _plain(default: Any) -> str:
     return str(default) if isinstance(default, str | Path) else ""
 
 
-def asked_changes(default: tuple[str, ...] | None = (), **settings: Any) -> Any:
+def asked_changes(**settings: Any) -> Any:
     """Declare the field of changes of the instrument; ``settings`` as of `asked`."""
     return asked(
-        default,
+        (),
         "Change a value of the instrument by its key (cpic instrument keys lists them): drift.visit_nm=0.1nm, "
         "throughput=x0.7, bands.F850.qe=0.4; repeat for several.",
         option="--set",

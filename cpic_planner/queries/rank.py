@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from cpic_core import FloatArray, InputError, faults_by_line, is_file, read_text, stream, unguarded
-from cpic_planner.planets import Law, PopulationConfig, load_population, read_law
+from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, load_population, read_law
 from cpic_planner.queries import shared
 from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
 from cpic_planner.queries.etc import KnownPlanetsQuestion
@@ -249,11 +249,6 @@ class VisibilityQuestion(shared.CatalogQuestion):
     )
 
 
-N_PLANETS = 4000
-"""Planets that a ranking draws."""
-MAX_PLANETS = 1_000_000
-
-
 def read_exclusions(given: Any) -> tuple[str, ...]:
     """Return names of `EXCLUSIONS` from what people write: some of them, or ``none`` alone.
 
@@ -270,13 +265,15 @@ def read_exclusions(given: Any) -> tuple[str, ...]:
     return tuple(name for name in EXCLUSIONS if name in names)
 
 
-def asked_exclusions(default: tuple[str, ...] | None = EXCLUSIONS, **settings: Any) -> Any:
+Exclusions = Annotated[tuple[str, ...], BeforeValidator(read_exclusions)]
+
+
+def asked_exclusions(**settings: Any) -> Any:
     """Declare the field of what excludes planets; ``settings`` as of `asked`."""
     return asked(
-        default,
+        EXCLUSIONS,
         "What excludes planets of the population: rv (radial velocities would have shown them), stability (a companion "
         "star leaves them no orbit), known_giants (a known giant stands there), or none. Repeat for several.",
-        read=read_exclusions,
         accepts="str or sequence of str",
         **settings,
     )
@@ -301,7 +298,7 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
         le=MAX_PLANETS,
         option="--planets",
     )
-    exclusions: shared.Texts = asked_exclusions()
+    exclusions: Exclusions = asked_exclusions()
 
     def check_planets(self) -> None:
         """Refuse a population, and what excludes its planets, beside known planets."""

@@ -16,9 +16,9 @@ from cpic_planner.queries.changes import (
     read_instrument,
 )
 from cpic_planner.queries.question import Parts, Question, asked, asked_changes, asked_visit_time, called, check_visits
-from cpic_planner.queries.rank import RankedQuestion, asked_exclusions
+from cpic_planner.queries.rank import Exclusions, RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, TablesQuestion, Texts
-from simulator.config import Scene, Utc, checked_utc, load_scene
+from simulator.config import FrozenModel, Real, Scene, Utc, checked_utc, load_scene
 from simulator.knobs import Dial, dial_of
 
 REALISATIONS = 8
@@ -286,13 +286,52 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
         return self
 
 
-_SAMPLE = ("universes", "seed", "start_utc", "date_utc", "duration_days", "slot_days")
-_FACTS = ("catalog", "known_planets", "candidates", "exclusions", "facts")
-UNIVERSE = (*_SAMPLE, "observed", "background", "visibility", "instrument", "changes", *_FACTS)
-"""Fields that stand instead of those of `cpic_planner.survey.strategy.UniverseConfig`, which checks them."""
+_FILE = "as the file says"
 
 
-class WhatIfQuestion(RunQuestion, TablesQuestion):
+class UniverseSettings(FrozenModel):
+    """The settings that survey strategies share: calendar, instrument, stars, and number of universes.
+
+    A strategies' file says them (`cpic_planner.survey.strategy.UniverseConfig`), and a question stands above it.
+    """
+
+    start_utc: Utc = asked("2028-01-01T00:00:00", "Start of the survey, UTC.", option="--start", unset=_FILE)
+    date_utc: Utc | None = asked(
+        None,
+        "Date of the places of stars and their companions in all visits, UTC.",
+        option="--date",
+        unset="the begin of the survey",
+    )
+    duration_days: Real = asked(3652.0, "Length of the survey in days.", option="--days", ge=1, le=36525, unset=_FILE)
+    slot_days: Real = asked(30.0, "Step of the calendar in days.", ge=1, le=400, unset=_FILE)
+    instrument: str = asked("cpic_default", "Preset name or YAML file.", read=str, unset=_FILE)
+    changes: Texts = asked_changes(unset=_FILE)
+    visibility: str = asked("default", "Limits of pointing: preset, or YAML file.", read=str, unset=_FILE)
+    catalog: str = asked("snapshot", "Star table: snapshot, latest, simbad_2012, or a file.", read=str, unset=_FILE)
+    known_planets: str = asked(
+        "snapshot",
+        "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "
+        "population; off leaves them out.",
+        read=str,
+        unset=_FILE,
+    )
+    candidates: bool = asked(False, "Count candidates among the known planets too.", unset=_FILE)
+    exclusions: Exclusions = asked_exclusions(unset=f"{_FILE}; all three where it does not")
+    observed: str = asked(
+        "", "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
+    )
+    facts: bool = asked(
+        False,
+        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
+        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
+        unset=f"{_FILE}; not with values that vary",
+    )
+    background: Literal["off", "on"] = asked("off", "Let background stars make false alarms.", unset=_FILE)
+    universes: int = asked(1000, "Synthetic universes.", ge=2, le=10_000_000, unset=f"{_FILE}; 1000 where it does not")
+    seed: shared.Seed = asked(1, "Seed of every random number.", unset=f"{_FILE}; 1 where it does not")
+
+
+class WhatIfQuestion(RunQuestion, TablesQuestion, UniverseSettings):
     """Compare survey strategies over the same synthetic universes.
 
     What is not given of the universe is as the strategies' file says.
@@ -315,39 +354,6 @@ class WhatIfQuestion(RunQuestion, TablesQuestion):
         None,
         "KEY=VALUE,VALUE...: plan every strategy for each value of a number that is not known, play every plan under "
         "each, and say which to take, as drift=0.02nm,0.05nm,0.1nm,0.2nm.",
-    )
-    universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, unset="1000")
-    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
-    start_utc: str | None = asked(None, "Start of the survey, UTC.", option="--start")
-    date_utc: str | None = asked(
-        None,
-        "Date of the places of stars and their companions in all visits, UTC.",
-        option="--date",
-        unset="the begin of the survey",
-    )
-    duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
-    slot_days: float | None = asked(None, "Step of the calendar in days.")
-    observed: str | None = asked(
-        None, "Table of visits with outcomes filled in (visits.csv): plan what is left of the survey.", read=str
-    )
-    background: Literal["off", "on"] | None = asked(None, "Let background stars make false alarms.", unset="off")
-    visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
-    catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)
-    instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
-    changes: Texts | None = asked_changes(None, unset="as the file says")
-    known_planets: str | None = asked(
-        None,
-        "Table of known planets as of cpic rank: snapshot, archive_2019, latest, a file, none+FILE; counted beside the "
-        "population; off leaves them out.",
-        read=str,
-    )
-    candidates: bool | None = asked(None, "Count candidates among the known planets too.", unset="no")
-    exclusions: Texts | None = asked_exclusions(None, unset="all three")
-    facts: bool | None = asked(
-        None,
-        "Also plan and play every strategy without each fact that is known (known planets since 2019, radial "
-        "velocities, stability, known giants, companion stars), and say which fact moved which number.",
-        unset="as the file says; not with values that vary",
     )
     exact: bool = asked(
         False, "Search for the best calendar of every strategy much longer: minutes each (scheduler.method exact)."
@@ -372,9 +378,9 @@ class WhatIfQuestion(RunQuestion, TablesQuestion):
         accepts="str or Path",
     )
 
-    def shared(self) -> dict[str, Any]:
+    def universe(self) -> dict[str, Any]:
         """Return what is given of the universe that all strategies share."""
-        return {name: getattr(self, name) for name in UNIVERSE if getattr(self, name) is not None}
+        return {name: getattr(self, name) for name in UniverseSettings.model_fields if name in self.model_fields_set}
 
 
 class TradeoffQuestion(Question):

@@ -185,7 +185,7 @@ class SimulateQuestion(RunQuestion, TablesQuestion):
 
     @property
     def given(self) -> dict[str, Any]:
-        """Settings of `cpic_planner.simulation.run.simulation_from`."""
+        """Settings of `cpic_planner.simulation.simulation_from`."""
         return {name: getattr(self, name) for name in ("settings", "changes", "instrument", "date_utc")}
 
     @property

@@ -1,21 +1,23 @@
-from cpic_planner.ranking.ensemble import rank_under as rank_under
-from cpic_planner.ranking.explain import explain_star as explain_star
-from cpic_planner.ranking.in_zone import (
-    faintest_contrast as faintest_contrast,
-    inside_zone as inside_zone,
-    ring_of as ring_of,
-)
-from cpic_planner.ranking.known_answer import known_scene as known_scene
-from cpic_planner.ranking.known_completeness import (
+from cpic_planner.ranking.completeness import (
     KNOWN_ONLY as KNOWN_ONLY,
     AskedStars as AskedStars,
     KnownChoice as KnownChoice,
     asked_stars as asked_stars,
     counted_planets as counted_planets,
+    faintest_contrast as faintest_contrast,
+    inside_zone as inside_zone,
+    ring_of as ring_of,
 )
+from cpic_planner.ranking.explain import explain_star as explain_star
+from cpic_planner.ranking.known_answer import known_scene as known_scene
 from cpic_planner.ranking.optimiser import (
+    OptimalSetting as OptimalSetting,
     best_in_band as best_in_band,
+    detection_statuses as detection_statuses,
+    limits_of as limits_of,
+    no_frame_status as no_frame_status,
     optimise as optimise,
+    separation_grid as separation_grid,
 )
 from cpic_planner.ranking.order import (
     MOST_OWN as MOST_OWN,
@@ -24,10 +26,4 @@ from cpic_planner.ranking.order import (
     timed_model as timed_model,
     with_own as with_own,
 )
-from cpic_planner.ranking.settings import (
-    OptimalSetting as OptimalSetting,
-    detection_statuses as detection_statuses,
-    limits_of as limits_of,
-    no_frame_status as no_frame_status,
-    separation_grid as separation_grid,
-)
+from cpic_planner.ranking.sensitivity import rank_under as rank_under

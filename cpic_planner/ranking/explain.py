@@ -10,17 +10,17 @@ from cpic_core import InputError
 from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking.known_completeness import CountedPlanets
-from cpic_planner.ranking.optimiser import best_in_band
+from cpic_planner.ranking.completeness import CountedPlanets
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, detection_statuses, limits_of, setting_fields
 from cpic_planner.ranking.order import RankSetting, rank_targets
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, under_others
-from cpic_planner.ranking.settings import OptimalSetting, detection_statuses, limits_of, setting_fields
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget, RankResult
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 
 _FEW = 10
+_ONLY = 0, 0, 0
 _REACH, _SPARE = 3.0, 1.5
 """Stars to look among, over the star's own rank, and over the nominal rank of the last that comes before it. For each
 of the first 300 stars, by five scores and times, that gives the ranks among all 1077; 2 and 1.25 lose one in 200."""
@@ -120,11 +120,11 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
     standing = detection_statuses(best, model)[0]
     own = replace(model, strategy=model.strategy.model_copy(update={"visits": int(best.visits[0])}))
     place = etc.planets_of(float(best.separation_arcsec[0]), planet)
-    cases = etc.band_cases(own, star, band, place, etc.FixedFrames())
+    cases = etc.cases_of(own, star, [band], place)
     choice = _choice(model, best)
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1
-    binding = etc.binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
+    binding = etc.binding_limits(cases.problem("significance"), cases.rates, choice, _ONLY)
     return BandStanding.of(
         best,
         counted,
@@ -134,11 +134,9 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
         exposure_limited_by=binding.exposure if possible else "",
         gain_limited_by=binding.gain if possible else "",
         gain_caps=binding.caps if possible else {},
-        dominant=etc.largest_term(noise, (0, 0)) if possible else "",
-        budget={key: float(np.broadcast_to(term, (1, 1))[0, 0]) for key, term in noise.terms.items()}
-        if possible
-        else {},
-        remedies={key: float(term[0, 0]) for key, term in etc.remedies(cases, choice, noise).items()}
+        dominant=etc.largest_term(noise, _ONLY) if possible else "",
+        budget={key: float(term[_ONLY]) for key, term in noise.terms.items()} if possible else {},
+        remedies={key: float(term[_ONLY]) for key, term in etc.remedies(cases, choice, noise).items()}
         if possible
         else {},
     )
@@ -146,10 +144,12 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
 
 def _choice(model: etc.EtcModel, best: OptimalSetting) -> etc.FrameChoice:
     """Return the frames of a best setting, as the solver gives them."""
-    exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.frames_per_visit, best.em_gain))
+    exposure, frames, gain = (
+        column[:, None, None] for column in (best.exposure_s, best.frames_per_visit, best.em_gain)
+    )
     visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
     with np.errstate(divide="ignore"):
-        return etc.FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
+        return etc.FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None, None] ** 2)
 
 
 def _sentences(

@@ -28,7 +28,7 @@ from cpic_planner.planets import (
     quantiles,
     star_masses_msun,
 )
-from cpic_planner.ranking.known_completeness import KnownChoice
+from cpic_planner.ranking.completeness import KnownChoice
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue
 from cpic_planner.version import __version__
 from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, julian_year, scenes_from_table

@@ -1,22 +1,722 @@
-"""Choice of band, separation, visits, frame exposure, number of frames and EM gain for each target."""
+"""The best setting of every target: band, separation, visits and frames, what is detected with it, and what limits it.
+
+With ``G`` the white noise over signal squared of one second of frames, and ``z(v; V)`` the residual of V visits of
+``v`` seconds over signal squared, a programme has ``1 / SNR^2 = G / (V v) + z(v; V)``. Each visit has an overhead, so
+that more of them leave less time; each has a wavefront of its own, so that more of them average it; what science and
+reference visits differ by in all of them stays. An `Outlook` chooses number and length of the visits by these closed
+forms. In it frames need not be whole, and their exposure is that of one visit, so that many stars and places cost
+little; they are made whole at the chosen place.
+"""
 
 import functools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, Reason
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner import etc
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
-from cpic_planner.ranking.programmes import Outlook, nearby, programme_of
-from cpic_planner.ranking.settings import OptimalSetting, Places, best_of, separation_grid
+from cpic_planner.results import LimitText
 from cpic_planner.targets import Targets
+from simulator.detectors import noise_factor2
+from simulator.imaging import BandGeometry
+from simulator.signal import ProgrammeLaw, SpeckleLaw, frame_limit, programme_parts
 from simulator.target import albedo_source
 
-_SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
+VISITS = etc.whole_steps(MAX_VISITS, 24)
+"""Numbers of visits that are looked at first."""
+_NEARBY = np.linspace(0.0, 1.0, 11)
+_SHORTER = np.geomspace(1.0, 0.01, 16)
+_ENDLESS_S = np.geomspace(1e2, 1e8, 25)
+_ROUNDS, _NEWTON_STEPS, _BISECTIONS = 8, 3, 14
+_LEAST_FACTOR = 1e-4
+_RUNAWAY = 0.02
+
+
+@dataclass(frozen=True)
+class Outlook(etc.CaseArrays):
+    """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
+
+    Attributes
+    ----------
+    model : EtcModel
+    band : str
+    level : ndarray
+        Small-sample threshold of a significance, or the SNR that is asked for.
+    separation_arcsec : ndarray
+    white : ndarray
+        ``G``: white noise over signal squared of one second of a visit at its best exposure; infinite where no frame is
+        possible.
+    errors : ndarray
+        Part of it that photons make which the errors of the wavefront scatter.
+    shortest_s : ndarray
+        Length of one such frame, readout included.
+    crossed, light : ProgrammeLaw
+        Residual over signal squared: cross term with the static field, and light of the wavefront's errors.
+    wings : ndarray
+        Wings of a companion that the references do not share, over signal squared.
+    searched : bool
+        Whether the level is a threshold, which the law of detections raises.
+    motion : SearchMotion, optional
+        What the search pays for the motion of planets; nothing without.
+    """
+
+    model: etc.EtcModel
+    band: str
+    level: FloatArray
+    separation_arcsec: FloatArray
+    white: FloatArray
+    errors: FloatArray
+    shortest_s: FloatArray
+    crossed: ProgrammeLaw
+    light: ProgrammeLaw
+    wings: FloatArray
+    searched: bool
+    motion: etc.SearchMotion | None = None
+
+    @classmethod
+    def of(
+        cls,
+        model: etc.EtcModel,
+        band: str,
+        separation_arcsec: FloatArray,
+        contrast: FloatArray,
+        rates: etc.ApertureRates,
+        problem: etc.FrameProblem,
+        level: FloatArray,
+        *,
+        searched: bool,
+        motion: etc.SearchMotion | None = None,
+    ) -> Self:
+        """Return the outlook of places.
+
+        Parameters
+        ----------
+        model : EtcModel
+        band : str
+        separation_arcsec : ndarray
+            ``(n, k)`` or ``(1, k)``, as the other arrays.
+        contrast : ndarray
+            Of the planets there.
+        rates : ApertureRates
+        problem : FrameProblem
+            Of one visit: its white noise is used.
+        level : ndarray
+            Threshold, or SNR to reach.
+        searched : bool
+            Whether the level is a threshold.
+        motion : SearchMotion, optional
+            At the places.
+        """
+        metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
+        exposure_s, white = etc.best_exposure_s(problem)
+        width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
+        parts = programme_parts(metrics, drift, separation_arcsec, width, ratio, model.timing)
+        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
+            planet = rates.core * rates.planet_left * contrast
+            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
+            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
+            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
+            scattered = mean * etc.error_noise(rates, problem.camera, strategy, etc.ONE_VISIT)
+            camera = problem.camera
+            stages = camera.register_stages
+            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
+            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
+            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
+
+        def last(part: ArrayLike) -> FloatArray:
+            return np.asarray(part, float)[..., None]
+
+        crossed, light = (etc.mapped(last, part).scaled(last(of_star)) for part in parts)
+        frame_s = last(exposure_s + problem.camera.readout_s)
+        moving = None if motion is None else motion.at((..., None))
+        return cls(
+            model,
+            band,
+            last(level),
+            last(separation_arcsec),
+            last(white),
+            last(errors),
+            frame_s,
+            crossed,
+            light,
+            last(wings),
+            searched,
+            moving,
+        )
+
+    def select(self, stars: Any) -> Self:
+        """Return the outlook of some of the stars."""
+        return self._combined(lambda part: part[stars] if part.ndim and len(part) > 1 else part)
+
+    def picked(self, stars: IntArray, columns: IntArray) -> Self:
+        """Return some of the places of some stars; parameters as of `picked`."""
+        shape = np.broadcast_shapes(self.level.shape, self.white.shape)[:2]
+        return self._combined(lambda part: picked(part, shape, stars, columns))
+
+    def drifting(self, factor: ArrayLike) -> Self:
+        """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
+        k2 = np.asarray(factor, float) ** 2
+        with np.errstate(invalid="ignore"):
+            less = np.where(np.isfinite(self.errors), self.errors * (1.0 - k2), 0.0)
+        crossed, light = self.crossed.scaled(k2), self.light.scaled(k2**2)
+        return replace(self, white=self.white - less, errors=self.errors * k2, crossed=crossed, light=light)
+
+    def at_rest(self) -> Self:
+        """Return the same for planets that stand still."""
+        return replace(self, motion=None)
+
+    def without_speckles(self) -> Self:
+        """Return the same with a wavefront that does not drift, and without a companion's wings."""
+        return replace(self.drifting(0.0), wings=np.zeros_like(self.wings))
+
+    @property
+    def visits(self) -> FloatArray:
+        """Numbers of visits to look at: the given one, or some up to the most."""
+        given = self.model.strategy.visits
+        return VISITS if given is None else np.array([float(given)])
+
+    def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
+        """Return the residual of programmes without wings of companions, and the errors' light that visits average."""
+        light = programme.law(self.light.averaging())
+        parts = programme.law(self.crossed), light, self.light.common
+        return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
+
+    def cost(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
+        """Return the level over the SNR of programmes, at most 1 where it is reached.
+
+        Parameters
+        ----------
+        visits, visit_s : ndarray
+            Number and length of the science visits; broadcast, programmes along the last axis.
+        """
+        noise, level = self._noise(visits, visit_s)
+        with np.errstate(invalid="ignore"):
+            value = np.sqrt(noise) * level
+        return np.where(np.isfinite(value) & (visit_s > 0.0), value, np.inf)
+
+    def wanted(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
+        """Return the level that a search asks for of programmes; parameters as of `cost`."""
+        return self._noise(visits, visit_s)[1]
+
+    def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
+        programme = programme_of(self.model, visits, visit_s)
+        whole, light = self._laws(programme)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speckles = whole.variance(visit_s) + self.wings
+            noise = self.white / (visits * visit_s) + speckles
+            return noise, self._wanted(programme, visit_s, speckles / noise, light.variance(visit_s) / speckles)
+
+    def _wanted(
+        self, programme: etc.Programme, visit_s: FloatArray, speckled: FloatArray, light: FloatArray
+    ) -> FloatArray:
+        """Return the level that a search asks for of such visits; shares as of `cpic_planner.etc.needed_margin`."""
+        if not self.searched:
+            return self.level
+        effective = programme.effective(self.light)
+        place = self.separation_arcsec
+        needed = etc.needed_margin(self.model, self.band, place, speckled, light, effective, self.level)
+        level = self.level * needed
+        return level if self.motion is None else level * self.motion.factor(programme, visit_s)
+
+    def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
+        """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
+
+        Parameters
+        ----------
+        time_s : float
+        visits : ndarray, optional
+            Numbers of visits to choose from, along the last axis.
+        """
+        many = self.visits if visits is None else visits
+        visit = self.model.visit_s(time_s / many)
+        if self.model.strategy.visits is not None or many.shape[-1] == 1:
+            many, visit = np.broadcast_arrays(many, visit * _SHORTER)  # where a shorter visit is better
+        cost = self.cost(many, visit)
+        possible = (many == 1.0) | (visit >= self.shortest_s) | (self.model.strategy.visits is not None)
+        return _least(np.where(possible, cost, np.inf), many, visit)
+
+    def finely_in_time(self, time_s: float) -> list[FloatArray]:
+        """Return what `in_time` does, with numbers of visits between those of `VISITS` too."""
+        found = self.in_time(time_s)
+        return found if self.model.strategy.visits is not None else self.in_time(time_s, nearby(found[1]))
+
+    def for_level(self, visits: FloatArray | None = None) -> list[FloatArray]:
+        """Return the least wall time that reaches the level, and number and length of the visits; arrays ``(n, k)``.
+
+        Parameters
+        ----------
+        visits : ndarray, optional
+            Numbers of visits to choose from, along the last axis.
+        """
+        many = self.visits if visits is None else visits
+        visit = self._shortest_visit_s(many)
+        with np.errstate(invalid="ignore"):
+            time = np.where(np.isfinite(visit), many * self.model.time_s(visit), np.inf)
+        return _least(time, many, visit)
+
+    def _shortest_visit_s(self, visits: FloatArray) -> FloatArray:
+        """Return the length of the visits with which programmes reach the level; ``inf`` where none does.
+
+        From the left: the level grows with the share of the errors' light, and that with the length of the visits.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            wanted = self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1), np.zeros(1))
+            v = self.white / visits * wanted**2
+            v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
+            left = np.arange(len(v))
+            for _ in range(_ROUNDS):
+                many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
+                closer = self.select(left)._closer_s(many, v[left])
+                moved = np.any(closer != v[left], axis=(1, 2))
+                v[left] = closer
+                left = left[moved]  # the others stay as they are
+            v = np.where(v < _ENDLESS_S[-1], v, np.inf)
+            # Where the search goes through ever more orbits, the level may have run away.
+            if self.motion is not None:
+                v = np.where(self.cost(visits, v) <= 1.0 + _RUNAWAY, v, np.inf)
+        return v
+
+    def _closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
+        """Return lengths of visits that are closer to those of `_shortest_visit_s` than ``v`` is; not below them."""
+        programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
+        (whole, light), white = self._laws(programme), self.white / visits
+        speckles = whole.variance(v) + self.wings
+        aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light.variance(v) / speckles) ** 2
+        for _ in range(_NEWTON_STEPS):
+            slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
+            excess = white / v + whole.variance(v) + self.wings - aim
+            v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
+        return np.where(~np.isfinite(self.white) | (aim <= whole.k0 + self.wings), np.inf, v)
+
+    def fewest(self, visit_s: FloatArray) -> FloatArray:
+        """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.
+
+        Parameters
+        ----------
+        visit_s : ndarray, shape (n,)
+            For one place of each star.
+        """
+        low, high = np.zeros(len(visit_s)), np.full(len(visit_s), float(MAX_VISITS))
+
+        def reached(visits: FloatArray) -> BoolArray:
+            return self.cost(visits[:, None, None], visit_s[:, None, None])[:, 0, 0] <= 1.0
+
+        possible = reached(high)
+        while np.any(high - low > 1.0):
+            middle = np.floor(0.5 * (low + high))
+            good = reached(np.maximum(middle, 1.0))
+            low, high = np.where(good, low, middle), np.where(good, middle, high)
+        return np.where(possible, high, np.nan)
+
+    def endless(self) -> FloatArray:
+        """Return the least cost of any number of visits of any length, ``(n, k)``, of planets that stand still."""
+        return np.asarray(self.at_rest().cost(self.visits[-1:], _ENDLESS_S).min(axis=-1))
+
+    def drift_factor(self, time_s: float) -> FloatArray:
+        """Return the largest factor on the drift with which a star's planet is detected, ``(n,)``; NaN where none.
+
+        Parameters
+        ----------
+        time_s : float
+            Wall time.
+        """
+        return _largest(lambda k: self.drifting(k[:, None, None]).in_time(time_s)[0].min(axis=1), len(self.white))
+
+
+def picked(part: FloatArray, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> FloatArray:
+    """Return some of the places of some stars; an axis of length 1 stays where it can.
+
+    Parameters
+    ----------
+    part : ndarray
+        Broadcasts to ``shape`` and may have further axes.
+    shape : tuple of int
+        ``(n_star, n_place)``.
+    stars : ndarray of int, shape (n,)
+    columns : ndarray of int, shape (n, k) or (1, k)
+        Places of each of those stars.
+    """
+    if np.ndim(part) < 2:
+        return part
+    if part.shape[1] == 1:
+        return part[stars] if len(part) > 1 else part
+    if len(part) == len(columns) == 1:
+        return part[:, columns[0]]
+    whole = part if part.shape[:2] == shape else np.broadcast_to(part, shape + part.shape[2:])
+    return whole[stars[:, None], columns]
+
+
+def programme_of(model: etc.EtcModel, visits: ArrayLike, visit_s: ArrayLike) -> etc.Programme:
+    """Return so many visits of that length, each begun after the one before it and the gap of the strategy.
+
+    Parameters
+    ----------
+    model : EtcModel
+    visits, visit_s : array_like
+        Number of the science visits, and length of their science part.
+    """
+    return etc.Programme.of(model.strategy, visits, model.time_s(visit_s))
+
+
+def nearby(visits: FloatArray) -> FloatArray:
+    """Return whole numbers of visits from the last value of `VISITS` before ``visits`` to the next, along a last axis.
+
+    Parameters
+    ----------
+    visits : ndarray
+        Values of `VISITS`.
+    """
+    place = np.searchsorted(VISITS, visits)
+    low, high = VISITS[np.maximum(place - 1, 0)], VISITS[np.minimum(place + 1, len(VISITS) - 1)]
+    return np.asarray(np.rint(low[..., None] + (high - low)[..., None] * _NEARBY))
+
+
+def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:
+    """Return the least value along the last axis, and what other arrays have there."""
+    best = np.argmin(value, axis=-1)[..., None]
+    taken = (np.broadcast_to(part, value.shape) for part in (value, *others))
+    return [np.take_along_axis(part, best, axis=-1)[..., 0] for part in taken]
+
+
+def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
+    """Return the largest factor below 1 at which costs that grow with it are at most 1; NaN where that is at none."""
+    low, high = np.full(n, np.log(_LEAST_FACTOR)), np.zeros(n)
+    reached = cost(np.exp(low)) <= 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        good = cost(np.exp(middle)) <= 1.0
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    return np.where(reached, np.exp(low), np.nan)
+
+
+_CHANGES = ("without_motion", "without_speckles", "without_background")
+_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
-_ROUNDS, _SECANTS = 40, 8
+N_SEPARATIONS = 41
+MIN_BACKGROUND_APERTURES = 25.0
+"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
+
+
+def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
+    """Return diagonal separations with the aperture in a band's zone, a defined threshold and room for noise."""
+    inner, outer = etc.usable_range_arcsec(model.instrument, band)
+    grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
+        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+    if grid.size == 0:
+        allowed = "a zone with room for aperture, background and three elements"
+        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
+    return grid
+
+
+@functools.lru_cache(maxsize=64)
+def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
+    room = band.annulus_pixels(grid, annulus_lambda_d) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
+    usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
+    usable.flags.writeable = False
+    return usable
+
+
+@dataclass(frozen=True)
+class Places(etc.CaseArrays):
+    """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
+
+    model: etc.EtcModel
+    band: str
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    threshold: FloatArray
+    rates: etc.ApertureRates
+    motion: etc.SearchMotion | None
+
+    def picked(self, stars: IntArray, columns: IntArray) -> Self:
+        """Return some of the separations of some stars; parameters as of `picked`."""
+        return self._combined(lambda part: picked(part, self.contrast.shape, stars, columns))
+
+    def problem(self, objective: etc.Objective, programme: etc.Programme = etc.ONE_VISIT) -> etc.FrameProblem:
+        """Return what the solver of the frames of a visit needs."""
+        camera, strategy = self.model.camera(self.band), self.model.strategy
+        return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
+
+    def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
+        """Return what decides programmes for an SNR, or for a detection; ``dark``: with no background."""
+        problem = self.problem("significance" if snr is None else "snr")
+        if dark:
+            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
+        level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
+        places = self.separation_arcsec, self.contrast, self.rates
+        return Outlook.of(
+            self.model,
+            self.band,
+            *places,
+            problem,
+            level,
+            searched=snr is None,
+            motion=self.motion if snr is None else None,
+        )
+
+    def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
+        """Return the noise of chosen frames, those of all visits together."""
+        frames = choice.exposure_s, choice.n_frames, choice.em_gain
+        return etc.stack_noise(
+            self.rates, *frames, self.model.camera(self.band), self.model.strategy, programme=programme
+        )
+
+    def needed(
+        self, choice: etc.FrameChoice, programme: etc.Programme, noise: etc.StackNoise | None = None
+    ) -> FloatArray:
+        """Return the significance over threshold at which half of such observations detect a planet."""
+        model, band, place = self.model, self.band, self.separation_arcsec
+        seen = noise or self.noise(choice, programme)
+        speckled, light = etc.speckled_share(seen), etc.light_share(model, band, place, choice.visit_s)
+        visits = programme.effective(self.rates.speckle)
+        shares = speckled, etc.lit_share(seen, light)
+        at_rest = etc.needed_margin(model, band, place, *shares, visits, self.threshold)
+        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
+
+
+@dataclass(frozen=True)
+class OptimalSetting:
+    """Best setting of each target; arrays of ``n`` stars.
+
+    ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
+    ``visit_time_s`` is the wall time of one with its references and ``time_s`` that of all, ``unused_s`` what they
+    leave of the given time (NaN where none was), ``n_frames`` the science frames of all. ``margin`` is significance
+    over the detection threshold at the chosen separation; at ``needed_margin`` half of such observations detect the
+    planet there, by the search of the strategy, and ``chance_blind`` and ``chance_known_place`` are the probabilities
+    of a detection. ``floor_margin`` is what no programme can pass, at any separation:
+    of the given number of visits, or of the most. ``without_motion``, ``without_speckles`` and ``without_background``
+    say whether the planet would be detected in the given time under the changes of `cpic_planner.etc.budget`
+    (``without_motion``: if it did not move); False where no time was given. ``moves`` says that no programme detects
+    it, although one would if it stood still; False where that was not asked. ``independent_visits``,
+    ``orbits_searched`` (NaN where the orbit is followed) and ``motion_factor``, which is part of ``needed_margin``, are
+    columns of answers too. ``required_visits`` are the fewest of this length that detect it, ``required_drift_factor``
+    and ``required_contrast_factor`` the least changes of drift and contrast that make it detected in the given time;
+    NaN where it is detected or no value does. ``contrast_limit`` is the faintest contrast that this observation detects
+    at the chosen separation, ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame
+    saturates or the time is too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band,
+    ``outside`` why a given separation has no answer (empty: it is in the zone), ``inherited``
+    is the flag of `cpic_planner.etc.inherited_terms`.
+    """
+
+    band: NDArray[np.str_]
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    visits: FloatArray
+    independent_visits: FloatArray
+    orbits_searched: FloatArray
+    motion_factor: FloatArray
+    reference_visits: FloatArray
+    exposure_s: FloatArray
+    frames_per_visit: FloatArray
+    n_frames: FloatArray
+    em_gain: FloatArray
+    visit_time_s: FloatArray
+    time_s: FloatArray
+    unused_s: FloatArray
+    snr: FloatArray
+    significance: FloatArray
+    threshold: FloatArray
+    margin: FloatArray
+    floor_margin: FloatArray
+    needed_margin: FloatArray
+    chance_blind: FloatArray
+    chance_known_place: FloatArray
+    without_motion: BoolArray
+    moves: BoolArray
+    without_speckles: BoolArray
+    without_background: BoolArray
+    required_visits: FloatArray
+    required_drift_factor: FloatArray
+    required_contrast_factor: FloatArray
+    contrast_limit: FloatArray
+    deepest_limit: FloatArray
+    deepest_separation_arcsec: FloatArray
+    longest_exposure_s: FloatArray
+    peak_columns_e_s: FloatArray
+    peak_hole_e_s: FloatArray
+    tail_e_s: FloatArray
+    core_throughput: FloatArray
+    extrapolated: BoolArray
+    outside: NDArray[np.str_]
+    inherited: NDArray[np.str_]
+
+    @property
+    def detected(self) -> BoolArray:
+        """Whether half of such observations or more detect the planet."""
+        possible = (self.n_frames >= 1) & (self.outside == "")
+        return np.asarray(possible & (self.margin >= self.needed_margin * (1.0 - _ROUNDING)))
+
+
+def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
+    """Pick row by row the one of largest margin over what is needed (or of least time), the first of equals.
+
+    Extrapolated ones come last. Whether a change would make the planet detected is said of any of them; the required
+    drift, and what no programme can pass, are the largest.
+    """
+    costs = [
+        np.where(item.n_frames > 0, item.time_s, np.inf) if by_time else -item.margin / item.needed_margin
+        for item in found
+    ]
+    cost = np.stack(costs)
+    answered = np.stack([item.n_frames > 0 for item in found])
+    last = np.stack([item.extrapolated for item in found]) | ~answered
+    rows = np.arange(cost.shape[1])
+    pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
+    changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
+    drift = np.fmax.reduce([item.required_drift_factor for item in found])
+    floor = np.max([item.floor_margin / item.needed_margin for item in found], axis=0)
+    others = (item.name for item in fields(OptimalSetting) if item.name not in _CHANGES)
+    best = OptimalSetting(
+        **changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others}
+    )
+    drift = np.where(best.detected, np.nan, drift)
+    return replace(best, required_drift_factor=drift, floor_margin=floor * best.needed_margin)
+
+
+def detection_statuses(best: OptimalSetting, model: etc.EtcModel) -> list[tuple[Status, Reason]]:
+    """Return whether the reference planet is detected in the given time, and if not, why.
+
+    A detection is a significance that half of such observations show, by the search of the model's strategy
+    (`OptimalSetting.needed_margin`). The reason ``speckle_floor`` says that no length of the given number of visits
+    reaches it, ``common_speckle_floor`` that no number of visits does either, up to 1000; neither says that the drift
+    decides: `limits_of` says that.
+    """
+    floor = Reason.COMMON_SPECKLE_FLOOR if model.strategy.visits is None else Reason.SPECKLE_FLOOR
+    return [_verdict(best, i, model.camera(str(best.band[i])), floor) for i in range(len(best.margin))]
+
+
+def _verdict(best: OptimalSetting, i: int, camera: etc.FrameCamera, floor: Reason) -> tuple[Status, Reason]:
+    if best.outside[i]:
+        return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
+    if best.n_frames[i] < 1:
+        return no_frame_status(best, i, camera)
+    if best.detected[i]:
+        return Status.OK, Reason.NONE
+    if best.without_motion[i] or best.moves[i]:
+        return Status.UNREACHABLE, Reason.PLANET_MOVES
+    enough = best.floor_margin[i] > best.needed_margin[i]
+    return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME if enough else floor
+
+
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) -> list[LimitText]:
+    """Return what limits the detection of each star's reference planet in the given time, visits chosen anew.
+
+    Parameters
+    ----------
+    standings : sequence
+        Status and reason of each star, of `detection_statuses`.
+    best : OptimalSetting
+        The same stars, in their best band.
+    """
+    changes = zip(*(getattr(best, name).tolist() for name in _CHANGES), strict=True)
+    return [
+        etc.limit_of(
+            *standing,
+            detected=standing[0] is Status.OK,
+            without_motion=still,
+            without_speckles=calm,
+            without_background=dark,
+            common=standing[1] is Reason.COMMON_SPECKLE_FLOOR,
+        )
+        for standing, (still, calm, dark) in zip(standings, changes, strict=True)
+    ]
+
+
+def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tuple[Status, Reason]:
+    """Return why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
+    peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
+    limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
+    return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
+
+
+_TAKEN = ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s", "motion_factor", "independent_visits")
+
+
+def setting_fields(
+    model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
+) -> dict[str, Any]:
+    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
+
+    Parameters
+    ----------
+    model : EtcModel
+    best : OptimalSetting
+    i : int
+        Number of the star.
+    standing : tuple
+        Its status and reason, of `detection_statuses`.
+    limited_by : str
+        What limits it, of `limits_of`.
+    """
+    possible = best.n_frames[i] >= 1
+
+    def taken(value: float) -> float | None:
+        """Return a value where the star can be observed."""
+        return float(value) if possible else None
+
+    return {
+        "status": standing[0].value,
+        "reason": standing[1].value,
+        "verdict": etc.verdict_of(standing[0], detected=True),
+        "verdict_mode": model.strategy.search,
+        "detection_probability": finite(best.chance_blind[i]),
+        "detection_probability_known_place": finite(best.chance_known_place[i]),
+        "detection_margin": float(best.margin[i]),
+        "limited_by": limited_by,
+        **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
+        **{name: taken(getattr(best, name)[i]) for name in _TAKEN},
+        "integration_s": taken(best.n_frames[i] * best.exposure_s[i]),
+        "span_days": taken(float(etc.programme_days(model, best.visits[i], best.time_s[i]))),
+        "orbits_searched": int(n) if possible and math.isfinite(n := best.orbits_searched[i]) else None,
+        "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
+        "required_drift_factor": finite(best.required_drift_factor[i]),
+        "required_contrast_factor": finite(best.required_contrast_factor[i]),
+    }
+
+
+QUICK, CALM, FAINT = 10.0, 0.1, 10.0
+"""Most time over that given, and least factor on the drift, of tier 2; most factor on the planet's light of tier 3."""
+
+
+def tier_of(setting: Mapping[str, Any], required_time_s: float | None, time_s: float) -> int:
+    """Return the tier of a star's priority, 1 to 4, by what its reference planet lacks.
+
+    1: it is detected in the given time. 2: it would be in at most `QUICK` times the time, or with at least `CALM` times
+    the drift, one of the two changed alone. 3: a planet at most `FAINT` times as bright there would be. 4: the others.
+
+    Parameters
+    ----------
+    setting : mapping
+        Of `setting_fields`.
+    required_time_s : float or None
+        Least wall time that detects it.
+    time_s : float
+        Given wall time.
+    """
+    if setting["verdict"] == "detected":
+        return 1
+    drift, contrast = setting["required_drift_factor"], setting["required_contrast_factor"]
+    if (required_time_s or math.inf) <= QUICK * time_s or (drift or 0.0) >= CALM:
+        return 2
+    return 3 if (contrast or math.inf) <= FAINT else 4
+
+
+def finite(value: float) -> float | None:
+    """Return a number as results hold it: null for one that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+_SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
+_LEVEL_ROUNDS, _SECANTS = 40, 8
 STRIDE = 5
 
 
@@ -104,7 +804,7 @@ def best_in_band(
     best, outlook = search.lowest(
         every, lambda outlook: outlook.in_time(time_s), lambda outlook, visits: outlook.in_time(time_s, visits)
     )
-    chosen = search.places.at(every, best)
+    chosen = search.places.picked(every, best)
     visits, visit = outlook.finely_in_time(time_s)[1:]
     programme = programme_of(model, visits, visit)
     choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
@@ -123,7 +823,7 @@ def _least_in_band(
     search = _Search(model, targets, band, planet, separation_arcsec, snr)
     every = np.arange(len(targets))
     best, outlook = search.lowest(every, Outlook.for_level, Outlook.for_level)
-    chosen = search.places.at(every, best)
+    chosen = search.places.picked(every, best)
     visits, visit = outlook.for_level()[1:]
     if model.strategy.visits is None:
         visits, visit = outlook.for_level(nearby(visits))[1:]
@@ -158,7 +858,7 @@ def _least_frames(
     secants = 0 if chosen.model.instrument.drift.correlation_time_h > 0.0 else _SECANTS
     slope = np.zeros(visits.shape)
     last: tuple[FloatArray, FloatArray] | None = None
-    for step in range(_ROUNDS):
+    for step in range(_LEVEL_ROUNDS):
         level = chosen.needed(choice, programme) * chosen.threshold
         some = choice.n_frames > 0
         off = np.where(some, level / np.where(some, aim, 1.0) - 1.0, 0.0)
@@ -213,12 +913,13 @@ class _Search:
         elements = model.metrics[band].resolution_elements(place)
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
-        motion = etc.SearchMotion.asked(model, self.targets, band, np.broadcast_to(place, contrast.shape))
+        blind, everywhere = model.strategy.search == "blind", np.broadcast_to(place, contrast.shape)
+        motion = etc.SearchMotion.of(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
     def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:
         """Return what decides programmes of some stars at some separations; ``dark``: with no background."""
-        return self.places.at(stars, columns).outlook(self.snr, dark=dark)
+        return self.places.picked(stars, columns).outlook(self.snr, dark=dark)
 
     @functools.cached_property
     def coarse(self) -> Outlook:
@@ -245,7 +946,7 @@ class _Search:
         """
         n = len(self.grid)
         steps = np.arange(0, n, STRIDE)[None, :]
-        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.at(stars, steps // STRIDE)
+        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.picked(stars, steps // STRIDE)
         if n == 1:
             return np.zeros((len(stars), 1), int), coarse
         rough, visits = cost(coarse)[:2]
@@ -259,7 +960,7 @@ class _Search:
         else:
             close = finer(fine, nearby(np.take_along_axis(visits, column[:, None], axis=1)))[0]
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
-        found = fine.at(np.arange(len(stars)), best)
+        found = fine.picked(np.arange(len(stars)), best)
         return np.take_along_axis(around, best, axis=1), found
 
     def _changed(
@@ -306,7 +1007,7 @@ class _Search:
         if time_s is not None:  # never more than what was given, not even by rounding
             wall = np.minimum(wall, time_s / programme.visits)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
-        place, visits = chosen.separation_arcsec, etc.effective_of(programme, chosen.rates.speckle)
+        place, visits = chosen.separation_arcsec, programme.effective(chosen.rates.speckle)
         paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
         known = not brief or model.strategy.search == "known_place"
         chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid, at_place=known)

@@ -14,14 +14,15 @@ from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, fin
 from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice, StarLimits, excluded_by_rv, least_mass
 from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
-from cpic_planner.ranking.known_completeness import BandCompleteness, CountedPlanets, KnownChoice
-from cpic_planner.ranking.optimiser import best_in_band, optimise
-from cpic_planner.ranking.settings import (
+from cpic_planner.ranking.completeness import BandCompleteness, CountedPlanets, KnownChoice
+from cpic_planner.ranking.optimiser import (
     OptimalSetting,
+    best_in_band,
     best_of,
     detection_statuses,
     finite,
     limits_of,
+    optimise,
     setting_fields,
     tier_of,
 )

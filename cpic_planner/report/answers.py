@@ -640,13 +640,15 @@ def _against_time(
     centre = np.array([one.time_s or time_s for one in shown])
     visits = np.array([one.visits or model.strategy.visits or 1 for one in shown])
     grid = np.geomspace(TIME_SPAN[0] * centre, TIME_SPAN[1] * centre, N_TIMES, axis=-1)
-    planets = (etc.planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown)
-    every = [etc.band_cases(model, star, one.band, them, fixed) for one, them in zip(shown, planets, strict=True)]
+    planets = [etc.planets_of([one.separation_arcsec] * N_TIMES, None, one.contrast) for one in shown]
+    cameras = [model.camera(one.band) for one in shown]
+    threshold = np.empty(len(shown))
     lines = np.full((2, *grid.shape), np.nan)
-    for camera in dict.fromkeys(cases.camera for cases in every):
-        mine = np.flatnonzero([cases.camera == camera for cases in every])
+    for camera in dict.fromkeys(cameras):
+        mine = np.flatnonzero([one == camera for one in cameras])
         many, visit_time_s = visits[mine, None, None], (grid / visits[:, None])[mine, None]
-        alike = etc.CameraCases.of([every[i] for i in mine])
+        alike = etc.cases_of(model, star, [shown[i].band for i in mine], [planets[i] for i in mine], fixed)
+        threshold[mine] = alike.threshold[:, 0, 0]
         cases = alike.in_programme(etc.Programme.of(model.strategy, many, visit_time_s))
         choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))
         if model.strategy.n_modes:  # what they change follows the frames slowly
@@ -660,7 +662,7 @@ def _against_time(
         if one.time_s is not None and one.snr is not None and one.significance is not None:
             point = (one.time_s, one.snr, one.significance)
         label = _label(one, several)
-        curves.append(TimeCurve(label, grid[i], lines[0, i], lines[1, i], float(every[i].threshold[0]), point))
+        curves.append(TimeCurve(label, grid[i], lines[0, i], lines[1, i], float(threshold[i]), point))
     return tuple(curves)
 
 

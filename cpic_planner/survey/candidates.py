@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -24,7 +24,7 @@ from cpic_planner.etc import (
 from cpic_planner.planets import PopulationConfig, StarLimits, draw_population
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
@@ -70,19 +70,18 @@ class Host:
     known: KnownPlanetTable | None
     known_rows: tuple[int, ...]
 
+    @functools.cached_property
     def parts(self) -> list[Host]:
-        """Return the star with each of its known planets alone, then with its population alone."""
+        """The star with each of its known planets alone, then with its population alone."""
         known = [replace(self, population=None, known_rows=(row,)) for row in self.known_rows if self.known is not None]
         return known if self.population is None else [*known, replace(self, known=None, known_rows=())]
 
-    def content(self) -> dict[str, Any]:
-        """Return what decides the planets and their light; known planets by what their published orbits say."""
+    @functools.cached_property
+    def content(self) -> str:
+        """Words that decide the planets and their light; known planets by what their published orbits say."""
         orbits = [] if self.known is None else [self.known.orbits_of(row).columns for row in self.known_rows]
-        return {
-            "star": self.star.content(),
-            "population": _digest(self.population),
-            "known": [{name: cells.astype(str).tolist() for name, cells in rows.items()} for rows in orbits],
-        }
+        known = [{name: cells.astype(str).tolist() for name, cells in rows.items()} for rows in orbits]
+        return repr((self.star.content(), _digest(self.population), known))
 
 
 @functools.lru_cache(maxsize=16)
@@ -179,9 +178,11 @@ class PlanningSky:
         self.seed = seed
         self._reach = reach_arcsec
         self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
-        self.stored_pairs = _Latest[Pairs](_PAIRS_BYTES)
-        self.stored_chances = _Latest[_Seen](_CHANCES_BYTES)
-        self._view: PlanningView | None = None
+        self._pairs = _Latest[Pairs](_PAIRS_BYTES)
+        self._chances = _Latest[_Seen](_CHANCES_BYTES)
+        self._shown = _Latest[Shown](_SHOWN_BYTES)
+        self._visits_of: tuple[SurveyStrategy, EtcModel] | None = None
+        self._rules: dict[str, str] = {}
 
     def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
         """Return a star's planets that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
@@ -192,41 +193,103 @@ class PlanningSky:
         epoch_mjd : float
             Start of the survey.
         """
-        found = [self.of_part(part, _content(part), epoch_mjd) for part in host.parts()]
-        return PlanetSample.joined(_known_as(found, host))
+        kind = 0 if host.population is None else len(host.population.mixture)
+        found = []
+        for part in host.parts:
+            planets = self._of_part(part, epoch_mjd)
+            n = len(planets)
+            if part.known_rows:
+                planets = replace(planets, known=np.full(n, part.known_rows[0]), kind=np.full(n, kind))
+            found.append(planets)
+        return PlanetSample.joined(found)
 
-    def pairs(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
-        """Return the planets of a star at the dates on which any band may show them.
-
-        Parameters
-        ----------
-        planets : PlanetSample
-        days : ndarray
-            After the start of the survey.
-        distance_pc : float
-        """
-        orbits = hashlib.sha256(b"".join(getattr(planets, name).tobytes() for name in (*ORBIT, "period_days")))
-        reach = [edge * distance_pc for edge in self._reach]
-        key = orbits.hexdigest(), days.tobytes(), *reach
-        return self.stored_pairs.get(key, lambda: Pairs.between(planets.places(days), *reach))
-
-    def view(self, strategy: SurveyStrategy, model: EtcModel) -> PlanningView:
-        """Return what visits by a strategy and its model show; that of the last one is kept."""
-        if self._view is None or not self._view.is_of(strategy, model):
-            self._view = PlanningView(self, strategy, model)
-        return self._view
-
-    def of_part(self, part: Host, content: str, epoch_mjd: float) -> PlanetSample:
-        """Return the planets of one of the parts of a star.
+    def shown(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
+        """Return what the visits that a star can have by a strategy are likely to show.
 
         Parameters
         ----------
-        part : Host
-        content : str
-            Digest of its content.
+        strategy : SurveyStrategy
+        model : EtcModel
+            That of the strategy.
+        host : Host
+        looks : Looks
         epoch_mjd : float
             Start of the survey.
         """
+        if self._visits_of is None or model is not self._visits_of[1] or strategy != self._visits_of[0]:
+            dust, content = strategy.assumptions.dust, model.content()
+            rule: dict[str, Any] = {"detection": strategy.detection.model_dump(mode="json")}
+            rule |= {"dust": None if dust is None else dust.model_dump(mode="json")}
+            self._rules = {
+                band: content_hash(content | rule | {"optics": key}) for band, key in content["optics"].items()
+            }
+            self._visits_of, self._shown = (strategy, model), _Latest[Shown](_SHOWN_BYTES)
+        when = (item.tobytes() for item in (looks.open, looks.day, looks.roll_deg))
+        key = (host.content, host.known_rows, looks.options, epoch_mjd, *when)
+        return self._shown.get(key, lambda: self._of_visits(strategy, model, host, looks, epoch_mjd))
+
+    def _of_visits(
+        self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float
+    ) -> Shown:
+        faintest = [
+            functools.cache(functools.partial(faintest_of, model, host.star, [option], strategy.detection))
+            for option in looks.options
+        ]
+        columns, seen, before = [], [], 0
+        for part in host.parts:
+            of_options = [
+                self._of_way(strategy, model, part, looks, o, epoch_mjd, faint) for o, faint in enumerate(faintest)
+            ]
+            some = np.unique(np.concatenate([item.planets for item in of_options]))
+            chance = np.zeros((*looks.open.shape, some.size), np.float32)
+            for o, item in enumerate(of_options):
+                chance[o][:, np.searchsorted(some, item.planets)] = item.chance
+            columns.append(chance)
+            seen.append(before + some)
+            before += len(self._of_part(part, epoch_mjd))
+        return Shown(self.planets(host, epoch_mjd), np.concatenate(seen), np.concatenate(columns, axis=2))
+
+    def _of_way(
+        self,
+        strategy: SurveyStrategy,
+        model: EtcModel,
+        part: Host,
+        looks: Looks,
+        o: int,
+        epoch_mjd: float,
+        faintest: Callable[[], FloatArray],
+    ) -> _Seen:
+        """Return what visits in one way show of the planets of a part of a star."""
+        option, open_ = looks.options[o], looks.open[o]
+
+        def made() -> _Seen:
+            planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
+            if not (days.size and len(planets)):
+                return _Seen(np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32))
+            pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
+            zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
+            albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
+            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, zodis, faintest()[0])
+            rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+            odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            likely = odds >= LEAST_PROBABILITY
+            some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
+            chance = np.zeros((open_.size, some.size), np.float32)
+            chance[slots[pairs.visit[likely]], column] = odds[likely]
+            return _Seen(some, chance)
+
+        when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
+        return self._chances.get((self._rules[option.band], option, part.content, epoch_mjd, *when), made)
+
+    def _pairs_of(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
+        """Return the planets of a star at the dates, days after the start, on which any band may show them."""
+        orbits = hashlib.sha256(b"".join(getattr(planets, name).tobytes() for name in (*ORBIT, "period_days")))
+        reach = [edge * distance_pc for edge in self._reach]
+        key = orbits.hexdigest(), days.tobytes(), *reach
+        return self._pairs.get(key, lambda: Pairs.between(planets.places(days), *reach))
+
+    def _of_part(self, part: Host, epoch_mjd: float) -> PlanetSample:
+        """Return the planets of one of the parts of a star."""
 
         def drawn() -> PlanetSample:
             star = part.star
@@ -245,121 +308,7 @@ class PlanningSky:
             distance = float(star.distance_pc[0])
             return planets.select(planets.within(*(edge * distance for edge in self._reach)))
 
-        return self._planets.get((content, epoch_mjd), drawn)
-
-
-class PlanningView:
-    """The view that a strategy's visits have of the planets that schedules are made with.
-
-    Parameters
-    ----------
-    sky : PlanningSky
-    strategy : SurveyStrategy
-    model : EtcModel
-        That of the strategy.
-    """
-
-    def __init__(self, sky: PlanningSky, strategy: SurveyStrategy, model: EtcModel) -> None:
-        self._sky, self._strategy, self._model = sky, strategy, model
-        self._stored = _Latest[Shown](_SHOWN_BYTES)
-        assumed, content = strategy.assumptions, model.content()
-        of_all = content | {
-            "detection": strategy.detection.model_dump(mode="json"),
-            "dust": None if assumed.dust is None else assumed.dust.model_dump(mode="json"),
-        }
-        self._rules = {band: content_hash(of_all | {"optics": key}) for band, key in content["optics"].items()}
-
-    def is_of(self, strategy: SurveyStrategy, model: EtcModel) -> bool:
-        """Return whether a strategy and its model show the same."""
-        return model is self._model and strategy == self._strategy
-
-    def shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
-        """Return what the visits that a star can have are likely to show.
-
-        Parameters
-        ----------
-        host : Host
-        looks : Looks
-        epoch_mjd : float
-            Start of the survey.
-        """
-        when = (item.tobytes() for item in (looks.open, looks.day, looks.roll_deg))
-        key = (_content(host), host.known_rows, looks.options, epoch_mjd, *when)
-        return self._stored.get(key, lambda: self._shown(host, looks, epoch_mjd))
-
-    def _shown(self, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
-        samples: list[PlanetSample] = []
-        columns, seen = [], []
-        faintest = [functools.cache(functools.partial(self._faintest, host.star, option)) for option in looks.options]
-        for part in host.parts():
-            content = _content(part)
-            planets = self._sky.of_part(part, content, epoch_mjd)
-            of_options = [
-                self._looked(
-                    part, content, planets, replace(looks, options=(option,), open=open_[None]), epoch_mjd, faint
-                )
-                for option, open_, faint in zip(looks.options, looks.open, faintest, strict=True)
-            ]
-            some = np.unique(np.concatenate([item.planets for item in of_options]))
-            chance = np.zeros((*looks.open.shape, some.size), np.float32)
-            for o, item in enumerate(of_options):
-                chance[o][:, np.searchsorted(some, item.planets)] = item.chance
-            columns.append(chance)
-            seen.append(some + sum(len(item) for item in samples))
-            samples.append(planets)
-        planets = PlanetSample.joined(_known_as(samples, host))
-        return Shown(planets, np.concatenate(seen), np.concatenate(columns, axis=2))
-
-    def _looked(
-        self,
-        part: Host,
-        content: str,
-        planets: PlanetSample,
-        looks: Looks,
-        epoch_mjd: float,
-        faintest: Callable[[], FloatArray],
-    ) -> _Seen:
-        """Return what visits in one way show of the planets of a part of a star."""
-        (option,), (open_,) = looks.options, looks.open
-        sky, strategy = self._sky, self._strategy
-
-        def made() -> _Seen:
-            days, slots = looks.day[open_], np.flatnonzero(open_)
-            if not (days.size and len(planets)):
-                return _Seen(np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32))
-            pairs = sky.pairs(planets, days, float(part.star.distance_pc[0]))
-            zodis = dust_of(strategy, planets, sky.seed, str(part.star.name[0]), "planning")
-            albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
-            signals = pair_signals(self._model, part.star, option, planets, albedos, pairs, roll, zodis, faintest())
-            rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
-            odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
-            likely = odds >= LEAST_PROBABILITY
-            some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
-            chance = np.zeros((open_.size, some.size), np.float32)
-            chance[slots[pairs.visit[likely]], column] = odds[likely]
-            return _Seen(some, chance)
-
-        when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
-        return sky.stored_chances.get((self._rules[option.band], option, content, epoch_mjd, *when), made)
-
-    def _faintest(self, star: Targets, option: Setting) -> FloatArray:
-        """Return the contrast below which a visit shows no planet, by ring."""
-        return np.asarray(faintest_of(self._model, star, [option], self._strategy.detection)[0])
-
-
-def _content(part: Host) -> str:
-    """Return what decides the planets of a part of a star, in words."""
-    return repr(part.content())
-
-
-def _known_as(samples: Sequence[PlanetSample], host: Host) -> list[PlanetSample]:
-    """Return the planets of a star's parts, known ones with their rows in its table, and of the last kind."""
-    kind = 0 if host.population is None else len(host.population.mixture)
-    rows = [part.known_rows for part in host.parts()]
-    return [
-        replace(item, known=np.full(len(item), row[0]), kind=np.full(len(item), kind)) if row else item
-        for item, row in zip(samples, rows, strict=True)
-    ]
+        return self._planets.get((part.content, epoch_mjd), drawn)
 
 
 @functools.lru_cache(maxsize=1)
@@ -602,7 +551,7 @@ def candidates(
         would have been seen count for less.
     """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
-    found, every_slot, view = [], np.arange(calendar.n_slots), sky.view(strategy, model)
+    found, every_slot = [], np.arange(calendar.n_slots)
     for place, i in enumerate(screened.rows):
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
         costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
@@ -624,7 +573,7 @@ def candidates(
         )
         first = calendar.roll_deg(strategy.revisits, place, every_slot, np.zeros_like(every_slot))
         looks = Looks(options, np.isfinite(cost), calendar.day[place], first)
-        shown = view.shown(host, looks, calendar.start_mjd)
+        shown = sky.shown(strategy, model, host, looks, calendar.start_mjd)
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new

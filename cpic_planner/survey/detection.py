@@ -209,7 +209,7 @@ def pair_signals(
             margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
             snr[put] = noise.snr[real]
             light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
-            visits = etc.effective_of(made, rates.speckle)
+            visits = made.effective(rates.speckle)
             shares = etc.speckled_share(noise), etc.lit_share(noise, light)
             where = etc.own_share(noise), separation[at], *shares, visits
             # At a known place the orbit is followed.
@@ -462,7 +462,7 @@ def background_alarms(
     if rule.rule == "expected":
         needed = etc.threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
     else:
-        light, visits = etc.light_share(model, band, separation, visit_s), etc.effective_of(made, rates.speckle)
+        light, visits = etc.light_share(model, band, separation, visit_s), made.effective(rates.speckle)
         where = separation, etc.speckled_share(noise), etc.lit_share(noise, light), visits
         law = etc.band_law(model, band)
         needed = rule.half_factor * law.half(*where, at_place=rule.rule == "known_place")

@@ -13,16 +13,15 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, IntArray
 from cpic_planner import results
-from cpic_planner.jobs import Runner, Task
+from cpic_planner.jobs import Runner
 from cpic_planner.planets import Law
 from cpic_planner.queries import get, load_ensemble
 from cpic_planner.survey.detection import alarms
-from cpic_planner.survey.outcome import LEVEL, change_record, difference_interval, estimate_record
+from cpic_planner.survey.outcome import LEVEL, difference_interval, estimate_record
 from cpic_planner.survey.prepare import planned, read_ground
-from cpic_planner.survey.simulate import Survey, count_block
+from cpic_planner.survey.simulate import COUNTED, Survey, survey_counts
 from cpic_planner.survey.strategy import DoubtRule, StrategiesConfig, UniverseConfig, varied
 from cpic_planner.survey.tables import PLANETS
-from cpic_planner.survey.universe import BLOCK
 
 _STEPS, _ROUNDING = 100_000, 1e-12
 
@@ -33,6 +32,8 @@ class Choice:
 
     Attributes
     ----------
+    worth, weights : ndarray
+        As of `decide`.
     mean : ndarray, shape (o, t)
         Mean over universes.
     best : ndarray of int, shape (t,)
@@ -46,6 +47,8 @@ class Choice:
         know the value before choosing (the expected value of perfect information, Raiffa & Schlaifer 1961).
     """
 
+    worth: FloatArray
+    weights: FloatArray
     mean: FloatArray
     best: IntArray
     loss: FloatArray
@@ -76,7 +79,7 @@ def decide(worth: FloatArray, weights: FloatArray) -> Choice:
     cautious = int(np.lexsort((-by_weight, loss.max(axis=1)))[0])
     expected = int(by_weight.argmax())
     knowing = np.einsum("tu,t->u", worth[best, np.arange(len(best))] - worth[expected], weights)
-    return Choice(mean, best, loss, cautious, expected, knowing)
+    return Choice(worth, weights, mean, best, loss, cautious, expected, knowing)
 
 
 def quantiles(values: FloatArray, weights: FloatArray, level: float = LEVEL) -> tuple[float, float]:
@@ -122,7 +125,6 @@ _LAWS = {
     "assumptions.exozodi": "sky.exozodi_zodis",
 }
 """Numbers of the ensemble that are those of a strategy."""
-_COUNTED = (*PLANETS, "visits", "hours")
 
 
 def doubted(config: StrategiesConfig) -> StrategiesConfig:
@@ -186,23 +188,15 @@ def doubt_record(config: StrategiesConfig, runner: Runner) -> results.DoubtRecor
     n, values = len(config.strategies), len(rule.values)
     (ready,) = planned((every,), (read_ground(every),), runner)
     plans = ready.surveys
-    order = list(itertools.product(range(n), range(values), range(values)))
-    surveys = tuple(played(plans[s * values + p], plans[s * values + t], universe) for s, p, t in order)
-    tasks: list[list[Task]] = []
-    for which, (s, p, t) in enumerate(order):
-        name = f"doubt: {plans[s * values + p].strategy.name}, played with {rule.values[t]}"
-        tasks.append(
-            [
-                Task(f"{name} {block:06d}", (which, block, min(BLOCK, universe.universes - first), universe.seed))
-                for block, first in enumerate(range(0, universe.universes, BLOCK))
-            ]
+    surveys = {
+        f"doubt: {plans[s * values + p].strategy.name}, played with {rule.values[t]}": played(
+            plans[s * values + p], plans[s * values + t], universe
         )
-    bodies = runner.finish(count_block, itertools.chain(*tasks), common=(surveys,))
-    shape = n, values, values, universe.universes
-    counts = {
-        name: np.array([[x for task in own for x in bodies[task.key][name]] for own in tasks], float).reshape(shape)
-        for name in _COUNTED
+        for s, p, t in itertools.product(range(n), range(values), range(values))
     }
+    found = survey_counts(surveys, universe, runner).values()
+    shape = n, values, values, universe.universes
+    counts = {name: np.array([own[name] for own in found]).reshape(shape) for name in COUNTED}
     return record_of(config, every, counts)
 
 
@@ -248,9 +242,7 @@ def record_of(
                     regret_of_planets=_more(value[t, t], value[p, t]),
                 )
             )
-    own = [decide(found[s], weights) for s in range(n)]
-    named = {s: [(item.name, text) for text in texts] for s, item in enumerate(config.strategies)}
-    decision = _decision("", choice, worth, weights, plans, texts)
+    decision = _decision("", choice, plans, texts)
     return results.DoubtRecord(
         key=settings[0].name,
         quantity=rule.quantity,
@@ -260,10 +252,11 @@ def record_of(
         ],
         weights_from=source,
         cells=cells,
-        choices=[_choice(o, choice, worth, weights, plans, texts) for o in range(n * k)],
+        choices=[_choice(o, choice, plans, texts) for o in range(n * k)],
         decision=decision,
         of_strategies=[
-            _decision(item.name, own[s], found[s], weights, named[s], texts) for s, item in enumerate(config.strategies)
+            _decision(item.name, decide(found[s], weights), plans[s * k : (s + 1) * k], texts)
+            for s, item in enumerate(config.strategies)
         ],
         statement=statement(settings[0].name, rule.quantity, decision, choice, plans, texts),
     )
@@ -273,19 +266,12 @@ def _more(one: FloatArray, other: FloatArray) -> results.ChangeRecord:
     """Return one plan less another in the same universes; exactly nothing of what is equal in each of them."""
     if np.array_equal(one, other):
         return results.ChangeRecord(mean=0.0, error=0.0, low=0.0, high=0.0)
-    return change_record(difference_interval(one - other))
+    return difference_interval(one - other)
 
 
-def _choice(
-    o: int,
-    choice: Choice,
-    worth: FloatArray,
-    weights: FloatArray,
-    plans: Sequence[tuple[str, str]],
-    texts: Sequence[str],
-) -> results.DoubtChoice:
+def _choice(o: int, choice: Choice, plans: Sequence[tuple[str, str]], texts: Sequence[str]) -> results.DoubtChoice:
     strategy, planned_for = plans[o]
-    own, n = worth[o], worth.shape[2]
+    own, weights, n = choice.worth[o], choice.weights, choice.worth.shape[2]
     mixed = weights @ own
     low, high = quantiles(choice.mean[o], weights)
     survey_low, survey_high = quantiles(own.ravel(), np.repeat(weights / n, n))
@@ -305,14 +291,9 @@ def _choice(
 
 
 def _decision(
-    strategy: str,
-    choice: Choice,
-    worth: FloatArray,
-    weights: FloatArray,
-    plans: Sequence[tuple[str, str]],
-    texts: Sequence[str],
+    strategy: str, choice: Choice, plans: Sequence[tuple[str, str]], texts: Sequence[str]
 ) -> results.DoubtDecision:
-    cautious, expected = (_choice(o, choice, worth, weights, plans, texts) for o in (choice.cautious, choice.expected))
+    cautious, expected = (_choice(o, choice, plans, texts) for o in (choice.cautious, choice.expected))
     knowing = _more(choice.knowing, np.zeros_like(choice.knowing))
     return results.DoubtDecision(strategy=strategy, cautious=cautious, expected=expected, value_of_knowing=knowing)
 
@@ -392,15 +373,7 @@ def statement(
 
 
 def told_steps(rule: DoubtRule | None, n_strategies: int, n_blocks: int) -> int:
-    """Return how many steps are told: every plan, and every block that is played.
-
-    Parameters
-    ----------
-    rule : DoubtRule or None
-    n_strategies : int
-    n_blocks : int
-        Blocks of universes of one survey.
-    """
+    """Return how many steps are told: every plan, and every block that is played, of ``n_blocks`` of each survey."""
     if rule is None:
         return 0
     return n_strategies * len(rule.values) + plays_of(rule, n_strategies) * n_blocks

@@ -15,7 +15,7 @@ from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, dump
 from cpic_planner import results
 from cpic_planner.etc import QUADRANTS
 from cpic_planner.results import FactRow, FactsRecord, StrategyOutcome, TakenBack
-from cpic_planner.survey.schedule import PlannedVisit, VisitOdds
+from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import StrategiesConfig, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.tables import HOURS, PLANETS
@@ -27,21 +27,7 @@ _SAME, _NEXT = 1e-12, 1e-9
 _UNMET = 0.15
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """Mean over universes.
-
-    ``low`` and ``high`` hold the true mean with the stated probability; ``error`` is the standard error.
-    """
-
-    mean: float
-    error: float
-    low: float
-    high: float
-    n: int
-
-
-def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
+def mean_interval(values: ArrayLike, level: float = LEVEL) -> results.ChangeRecord:
     """Return the mean of a sample and an interval for that of its law, also where few values differ from the others.
 
     Parameters
@@ -53,7 +39,8 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
 
     Returns
     -------
-    Estimate
+    ChangeRecord
+        ``low`` and ``high`` hold the true mean with the stated probability; ``error`` is the standard error.
 
     Notes
     -----
@@ -66,7 +53,7 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     return _interval(values, level, unmet=0.0)
 
 
-def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
+def difference_interval(values: ArrayLike, level: float = LEVEL) -> results.ChangeRecord:
     """Return the same as `mean_interval`, of differences: the other sign is possible where none was met.
 
     Parameters
@@ -86,7 +73,7 @@ def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     return _interval(values, level, unmet=_UNMET)
 
 
-def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
+def _interval(values: ArrayLike, level: float, *, unmet: float) -> results.ChangeRecord:
     x = np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or not np.isfinite(x).all():
         raise InputError("values", x.shape, allowed="at least two finite numbers, one a universe")
@@ -96,7 +83,7 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
     size = float(np.ptp(x))
     if size <= _SAME * float(np.abs(x).max()):
         reach = -math.log1p(-level) / n
-        return Estimate(mean, 0.0, mean - reach, mean + reach, n)
+        return results.ChangeRecord(mean=mean, error=0.0, low=mean - reach, high=mean + reach)
     from scipy.special import stdtrit
 
     aim = float(stdtrit(n - 1, 0.5 + 0.5 * level)) ** 2
@@ -110,7 +97,7 @@ def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
     centre, size = float(counts @ unique / counts.sum()), float(np.ptp(unique))
     apart = (unique - centre) / size
     low, high = (centre + size * _end(apart, counts, edge, aim) for edge in (apart[0], apart[-1]))
-    return Estimate(mean, float(x.std(ddof=1)) / math.sqrt(n), low, high, n)
+    return results.ChangeRecord(mean=mean, error=float(x.std(ddof=1)) / math.sqrt(n), low=low, high=high)
 
 
 def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:
@@ -151,8 +138,8 @@ def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
-    """Return the estimates from the first few universes to all of them, at numbers evenly spaced in logarithm.
+def convergence(values: ArrayLike, points: int = 12) -> list[results.CurvePoint]:
+    """Return the means from the first few universes to all of them, at numbers evenly spaced in logarithm.
 
     Parameters
     ----------
@@ -163,7 +150,7 @@ def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
     """
     x = np.asarray(values, float)
     sizes = np.unique(np.geomspace(min(10, x.size), x.size, points).round().astype(int))
-    return [mean_interval(x[:size]) for size in sizes if size >= 2]
+    return [_point(float(size), x[:size]) for size in sizes if size >= 2]
 
 
 Columns = Mapping[str, NDArray[Any]]
@@ -227,7 +214,7 @@ def outcome(
         any_new_planet=float(np.mean(new > 0)),
         time_use=_time_use(survey, universes, tables["stars"]),
         curve=_curve(detections, len(new), float(hours.max())),
-        convergence=[_point(float(item.n), item) for item in convergence(new + known)],
+        convergence=convergence(new + known),
         quantiles={q: np.quantile(detections[q], _LEVELS).tolist() for q in _QUANTITIES if len(detections[q])},
         targets=_targets(survey, tables["stars"], tables["orbits"], first_utc),
         images=images,
@@ -260,11 +247,6 @@ def _occurrence(strategy: SurveyStrategy, new_planets: float) -> results.Occurre
     )
 
 
-def change_record(found: Estimate) -> results.ChangeRecord:
-    """Return the mean of a paired difference as results have it."""
-    return results.ChangeRecord.of(found)
-
-
 def estimate_record(values: FloatArray) -> results.EstimateRecord:
     """Return the mean of a number over universes, with the range of single surveys.
 
@@ -278,7 +260,8 @@ def estimate_record(values: FloatArray) -> results.EstimateRecord:
     return results.EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
 
 
-def _point(x: float, found: Any) -> results.CurvePoint:
+def _point(x: float, values: FloatArray) -> results.CurvePoint:
+    found = mean_interval(values)
     return results.CurvePoint.of(found, x=x, low=max(found.low, 0.0))
 
 
@@ -322,7 +305,7 @@ def _curve(detections: Columns, n: int, most_h: float) -> list[results.CurvePoin
         counts = np.zeros(n)
         early = np.bincount(universe[used <= hours + 1e-9])
         counts[: len(early)] = early
-        points.append(_point(float(hours), mean_interval(counts)))
+        points.append(_point(float(hours), counts))
     return points
 
 
@@ -445,15 +428,8 @@ def _why(old: results.SurveyTarget | None, new: results.SurveyTarget | None) -> 
     return ", ".join(parts)
 
 
-def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[results.PlannedVisitRow]:
-    """Yield the visits of a strategy in the order of its calendar.
-
-    Parameters
-    ----------
-    survey : Survey
-    every_odds : sequence of VisitOdds
-        Of the visits of its schedule.
-    """
+def planned_rows(survey: Survey) -> Iterator[results.PlannedVisitRow]:
+    """Yield the visits of a strategy in the order of its calendar."""
     visits, calendar, reduction = survey.schedule.visits, survey.calendar, survey.model.strategy
     stars, slots, ordinals = (np.array([getattr(item, name) for item in visits], np.int64) for name in _PLACE)
     rolls = [
@@ -464,7 +440,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
     texts = [utc_of(part) if len(visits) else [] for part in (opens, closes)]
     together = reduction.visits or 1
     settled_h = together * survey.strategy.visit.settlings * calendar.settle_h
-    for k, (visit, odds) in enumerate(zip(visits, every_odds, strict=True)):
+    for k, visit in enumerate(visits):
         star, slot = visit.star, visit.slot
         setting, name = survey.options[star][visit.option], str(survey.targets.name[star])
         followed = survey.log is not None and any(item.planets for item in survey.log.of(name))
@@ -475,7 +451,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
             hip=int(survey.targets.hip[star]) or None,
             ra_deg=round(float(survey.targets.ra_deg[star]), 6),
             dec_deg=round(float(survey.targets.dec_deg[star]), 6),
-            reason="follow_up" if followed else "known_planet" if odds.known else "search",
+            reason="follow_up" if followed else "known_planet" if visit.known else "search",
             reserve=visit.reserve,
             window_start_utc=texts[0][k],
             window_end_utc=texts[1][k],
@@ -495,7 +471,7 @@ def planned_rows(survey: Survey, every_odds: Sequence[VisitOdds]) -> Iterator[re
             reference_ratio=reduction.reference_ratio,
             time_s=round(setting.time_s, 1),
             telescope_h=round(visit.cost_h, 3),
-            probability=round(odds.probability, 6),
+            probability=round(visit.probability, 6),
         )
 
 
@@ -512,20 +488,16 @@ def _quadrants(metrics: PsfMetrics) -> str:
     return "; ".join(name for name in QUADRANTS if side in name)
 
 
-def visit_files(
-    surveys: Sequence[Survey], odds: Sequence[Sequence[VisitOdds]], about: Mapping[str, Any]
-) -> dict[str, str]:
+def visit_files(surveys: Sequence[Survey], about: Mapping[str, Any]) -> dict[str, str]:
     """Return the texts of `VISIT_FILES`, which are one table.
 
     Parameters
     ----------
     surveys : sequence of Survey
-    odds : sequence of sequence of VisitOdds
-        Of the visits of each.
     about : mapping
         The other fields of `cpic_planner.results.VisitsResult`.
     """
-    every = [row for survey, own in zip(surveys, odds, strict=True) for row in planned_rows(survey, own)]
+    every = [row for survey in surveys for row in planned_rows(survey)]
     table = results.VisitsResult(visits=every, **about)
     rows, meta = table.visits, table.model_dump(mode="json", exclude={"visits"})
     texts = (
@@ -620,15 +592,9 @@ def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
     return {name: config.model_copy(update={"universe": state}) for name, state in found.items()}
 
 
-def counts_of(parts: Sequence[Mapping[str, NDArray[Any] | list[int]]]) -> Counts:
-    """Return the planets found in the universes of some blocks, one after the other.
-
-    Parameters
-    ----------
-    parts : sequence of mapping
-        What `cpic_planner.survey.simulate.count_block` returns, or columns of the table of universes.
-    """
-    found = {name: np.concatenate([np.asarray(part[name], np.int64) for part in parts]) for name in PLANETS}
+def counts_of(columns: Mapping[str, NDArray[Any]]) -> Counts:
+    """Return the planets found in each universe, from columns of the table of universes or counts of their names."""
+    found = {name: np.asarray(columns[name], np.int64) for name in PLANETS}
     return found | {"planets": found["new_planets"] + found["known_planets"]}
 
 
@@ -657,7 +623,7 @@ def facts_record(
         for outcome, before, now in zip(outcomes, of_strategies, known, strict=True):
             numbers: dict[str, Any] = {name: estimate_record(before[name].astype(float)) for name in QUANTITIES}
             for name in QUANTITIES:
-                numbers[f"{name}_change"] = change_record(difference_interval(before[name] - now[name]))
+                numbers[f"{name}_change"] = difference_interval(before[name] - now[name])
             rows.append(FactRow(strategy=outcome.name, fact=fact, **numbers))
     named = [
         TakenBack.of(state.universe, name=name, words=words[name][0], heading=words[name][1])

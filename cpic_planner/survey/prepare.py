@@ -17,7 +17,6 @@ from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import (
-    Candidate,
     PlanningSky,
     Screened,
     candidates,
@@ -28,7 +27,7 @@ from cpic_planner.survey.candidates import (
 )
 from cpic_planner.survey.detection import Setting, alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.schedule import Problem, Schedule, VisitOdds, make_schedule, visit_odds
+from cpic_planner.survey.schedule import Problem, make_schedule, with_odds
 from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import Assumptions, StrategiesConfig, SurveyStrategy, UniverseConfig, VisitRule
 from cpic_planner.survey.universe import occurrence
@@ -37,6 +36,7 @@ from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, content_hash
 from simulator.imaging import PsfMetrics, build_imager, centred_axis, metrics_key, psf_metrics
 from simulator.passbands import Passbands
+from simulator.products import mjd_of
 
 _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
@@ -162,17 +162,12 @@ def _solved(instrument: Instrument, band: str, contrast: float) -> float:
 
 
 def _median_of(instrument: Instrument, band: str, noise_nm: float) -> float:
-    """Return the same as `raw_contrast_median`, of the two images that it needs alone."""
+    """Return the same as `PsfMetrics.median_contrast`, of the two images that it needs alone."""
     imager = build_imager(_noisier(instrument, noise_nm), band)
     masked, clear = (imager.stamp_axis(masked=state) for state in (True, False))
     light = imager.image(masked, masked)
     offset = centred_axis(len(light), imager.pixel_scale_arcsec)
     return float(np.median(light[imager.zone.covers(offset, offset)]) / imager.image(clear, clear).max())
-
-
-def raw_contrast_median(metrics: PsfMetrics) -> float:
-    """Return the median raw contrast of the pixels of the dark hole."""
-    return metrics.median_contrast
 
 
 @functools.lru_cache(maxsize=64)
@@ -185,7 +180,7 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     contrast : float
         At least 0.
     """
-    return metrics.brightened(contrast / raw_contrast_median(metrics))
+    return metrics.brightened(contrast / metrics.median_contrast)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,51 +227,19 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """A strategy that was planned.
-
-    ``worth`` is the value per hour of the first visit of each of the survey's stars, in their order, ``odds`` what each
-    visit of its schedule is likely to bring; ``open`` tells whether its calendar has any time left.
-    """
-
-    survey: Survey
-    worth: tuple[float, ...]
-    odds: tuple[VisitOdds, ...]
-    open: bool
-
-
-@dataclass(frozen=True, eq=False)
 class Prepared:
-    """Surveys of all strategies with their odds and worth (`Plan`), and what they were made of."""
+    """Surveys of all strategies, and what they were made of."""
 
     config: StrategiesConfig
     ground: Ground
     surveys: tuple[Survey, ...]
-    worth: tuple[tuple[float, ...], ...]
-    odds: tuple[tuple[VisitOdds, ...], ...]
 
     @classmethod
-    def of(cls, config: StrategiesConfig, ground: Ground, plans: Sequence[Plan]) -> "Prepared":
-        """Return the surveys of plans, wherever these were made.
-
-        Raises
-        ------
-        InputError
-            If visits made so far leave no time at all.
-        """
-        log = ground.log
-        if log is not None and not any(plan.open for plan in plans):
-            none_left = f"none of its {ground.universe.duration_days:g} days is left"
-            allowed = "visits that leave a part of the survey"
-            raise InputError("universe.observed", log.provenance, allowed=allowed, hint=none_left)
-        # What surveys share is one thing again, after its way to other processes and back.
-        shared: dict[str, Any] = {"known": ground.known, "log": log}
-        surveys = (
-            replace(plan.survey, model=case.model, **shared) for case, plan in zip(ground.cases, plans, strict=True)
-        )
-        return cls(
-            config, ground, tuple(surveys), tuple(plan.worth for plan in plans), tuple(plan.odds for plan in plans)
-        )
+    def of(cls, config: StrategiesConfig, ground: Ground, surveys: Sequence[Survey]) -> "Prepared":
+        """Return surveys wherever they were planned: what they share is one thing again, after its way to and fro."""
+        shared: dict[str, Any] = {"known": ground.known, "log": ground.log}
+        own = (replace(item, model=case.model, **shared) for case, item in zip(ground.cases, surveys, strict=True))
+        return cls(config, ground, tuple(own))
 
 
 def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
@@ -291,7 +254,8 @@ def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
     Raises
     ------
     InputError
-        For a preset, file, band or star that does not exist, or a population without an occurrence rate.
+        For a preset, file, band or star that does not exist, a population without an occurrence rate, or if the visits
+        made so far leave no time at all.
     """
     universe = config.universe
     pointing = load_visibility(universe.visibility)
@@ -301,6 +265,10 @@ def read_ground(config: StrategiesConfig, like: Ground | None = None) -> Ground:
     known = known_table(universe)
     strategies = [item.name for item in config.strategies]
     log = _checked(read_log(universe.observed, strategies), catalogue, instrument) if universe.observed else None
+    if log is not None and log.until_mjd > mjd_of(universe.start_utc) + universe.slot_days * (universe.n_slots - 1):
+        hint = f"none of its {universe.duration_days:g} days is left"
+        allowed = "visits that leave a part of the survey"
+        raise InputError("universe.observed", log.provenance, allowed=allowed, hint=hint)
     cases = []
     for number, strategy in enumerate(config.strategies):
         if strategy.population is not None:
@@ -341,15 +309,15 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
     ground = read_ground(config)
-    plans = []
+    surveys: list[Survey] = []
     for which, strategy in enumerate(config.strategies):
-        plans += plan_states((ground,), which)
+        surveys += plan_states((ground,), which)
         advance(f"{strategy.name}: schedule")
-    return Prepared.of(config, ground, plans)
+    return Prepared.of(config, ground, surveys)
 
 
-def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
-    """Work on one task: plans of one strategy in several states of what is known.
+def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
+    """Work on one task: plan one strategy in several states of what is known.
 
     What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show.
 
@@ -366,15 +334,13 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Plan]:
     targets, rows = Targets.distinct([item.targets for item in cases])
     every_star = screen(case.strategy, case.model, targets, ((),) * len(targets), first.universe.seed)
     looked = [every_star.select(own, item.known_rows) for own, item in zip(rows, cases, strict=True)]
-    places = [_places(item) for item in looked]
-    every = {place: row for item, own in zip(looked, places, strict=True) for place, row in _stars(item, own)}
-    stars = Targets.joined(list(every.values())) if every else case.targets.select([0])
+    stars, close = Targets.distinct([item.targets.select(item.rows) for item in looked])
+    stars = stars if len(stars) else case.targets.select([0])  # of which no slot is used
     calendar = make_calendar(first.universe, first.instrument, first.pointing, stars)
-    number = {place: i for i, place in enumerate(every)}
     sky = planning_sky(first.universe.seed, first.reach_arcsec)
     found = []
-    for ground, item, own in zip(grounds, looked, places, strict=True):
-        mine = calendar.select(np.array([number[place] for place in own], np.int64))
+    for ground, item, own in zip(grounds, looked, close, strict=True):
+        mine = calendar.select(own)
         if ground.log is not None:
             mine = mine.closed_before(ground.log.until_mjd)
         found.append(_plan(ground, item, mine, sky))
@@ -411,25 +377,31 @@ def _size(strategy: SurveyStrategy) -> tuple[int, int]:
     return len(strategy.visit.bands) * len(strategy.visit.time_s), strategy.revisits.max_visits
 
 
-def _places(item: Screened) -> list[tuple[str, float, float]]:
-    """Return name and direction of each star with a close look: what decides its calendar and tells it apart."""
-    stars = item.targets.select(item.rows)
-    names = stars.name.tolist()
-    return list(zip(names, stars.ra_deg.tolist(), stars.dec_deg.tolist(), strict=True))
-
-
-def _stars(item: Screened, places: list[tuple[str, float, float]]) -> list[tuple[tuple[str, float, float], Targets]]:
-    return [(place, item.targets.select([row])) for place, row in zip(places, item.rows, strict=True)]
-
-
-def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Plan:
-    """Return the plan of one strategy, ``calendar`` that of the stars with a close look."""
-    limits = StarLimits.of(item.targets.name.tolist(), ground.universe.exclusions, ground.known)
+def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Survey:
+    """Return one strategy planned, ``calendar`` that of the stars with a close look."""
+    strategy, model, names = item.strategy, item.model, item.targets.name
+    limits = StarLimits.of(names.tolist(), ground.universe.exclusions, ground.known)
     found = candidates(item, calendar, ground.known, sky, limits, ground.log)
-    problem = Problem(item.strategy, tuple(found), calendar.slot_h)
-    survey = _survey(ground, item, found, calendar, make_schedule(problem))
-    odds = visit_odds(problem, survey.schedule.visits)
-    return Plan(survey, tuple(star.worth for star in found), odds, bool(calendar.allowed_h.any()))
+    problem = Problem(strategy, tuple(found), calendar.slot_h)
+    schedule = make_schedule(problem)
+    rows = np.array([star.index for star in found], np.int64)
+    targets, options = item.targets.select(rows), tuple(star.options for star in found)
+    noise, background = alarms(ground.universe, strategy, model, targets, options)
+    return Survey(
+        strategy=strategy,
+        model=model,
+        targets=targets,
+        calendar=calendar.select(np.searchsorted(item.rows, rows)),
+        options=options,
+        follow=_follow_ups(strategy, model, targets),
+        schedule=replace(schedule, visits=with_odds(problem, schedule.visits)),
+        known=ground.known,
+        known_rows=tuple(star.known_rows for star in found),
+        limits=StarLimits.of(targets.name.tolist(), ground.universe.exclusions, ground.known),
+        noise_alarms=noise,
+        background_alarms=background,
+        log=ground.log,
+    )
 
 
 def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
@@ -488,29 +460,6 @@ def _without(strategy: SurveyStrategy, hours: float) -> SurveyStrategy:
             hint=f"strategy {strategy.name}",
         )
     return strategy.model_copy(update={"time_budget_h": budget_h - hours})
-
-
-def _survey(ground: Ground, item: Screened, found: list[Candidate], calendar: Calendar, schedule: Schedule) -> Survey:
-    strategy, model = item.strategy, item.model
-    rows = np.array([star.index for star in found], np.int64)
-    targets = item.targets.select(rows)
-    options = tuple(star.options for star in found)
-    noise, background = alarms(ground.universe, strategy, model, targets, options)
-    return Survey(
-        strategy=strategy,
-        model=model,
-        targets=targets,
-        calendar=calendar.select(np.searchsorted(item.rows, rows)),
-        options=options,
-        follow=_follow_ups(strategy, model, targets),
-        schedule=schedule,
-        known=ground.known,
-        known_rows=tuple(star.known_rows for star in found),
-        limits=StarLimits.of(targets.name.tolist(), ground.universe.exclusions, ground.known),
-        noise_alarms=noise,
-        background_alarms=background,
-        log=ground.log,
-    )
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:

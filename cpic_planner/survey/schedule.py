@@ -147,7 +147,9 @@ class PlannedVisit:
     """One visit of the calendar.
 
     ``star`` is the position among the candidates, ``ordinal`` the visit's number among those of its star, ``reserve``
-    whether it is made only where others have freed the time for it.
+    whether it is made only where others have freed the time for it. ``probability`` is that it completes the detection
+    of at least one planet, ``known`` tells whether that is more likely of a known planet than of a new one
+    (`with_odds`).
     """
 
     star: int
@@ -157,6 +159,8 @@ class PlannedVisit:
     cost_h: float
     gain: float
     reserve: bool
+    probability: float = 0.0
+    known: bool = False
 
 
 @dataclass(frozen=True)
@@ -226,24 +230,8 @@ def in_order(
     return tuple(planned)
 
 
-@dataclass(frozen=True)
-class VisitOdds:
-    """The probable results of a planned visit.
-
-    Attributes
-    ----------
-    probability : float
-        That it completes the detection of at least one planet.
-    known : bool
-        Whether that is more likely of a known planet than of a new one.
-    """
-
-    probability: float
-    known: bool
-
-
-def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitOdds, ...]:
-    """Return the odds of visits in the order of time, the star's earlier ones made as planned.
+def with_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[PlannedVisit, ...]:
+    """Return visits with their odds, the star's earlier ones made as planned.
 
     Parameters
     ----------
@@ -271,7 +259,7 @@ def visit_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[VisitO
         completed = weight * chance * counts[-1]
         each = [min(float(completed[star.known == row].sum()), 1.0) for row in np.unique(star.known[~new])]
         none_new, none_known = math.exp(-float(completed[new].sum())), math.prod(1.0 - item for item in each)
-        found.append(VisitOdds(1.0 - none_new * none_known, none_known < none_new))
+        found.append(replace(visit, probability=1.0 - none_new * none_known, known=none_known < none_new))
         if not visit.reserve:
             after = counts * (1.0 - chance)
             after[1:] += counts[:-1] * chance

@@ -7,9 +7,10 @@ ones, and take a quarter more time for it (two strategies, 2500 universes each).
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.etc import EtcModel
+from cpic_planner.jobs import Runner, Task
 from cpic_planner.planets import (
     OrbitQuality,
     PublishedOrbit,
@@ -26,7 +28,6 @@ from cpic_planner.planets import (
     orbit_information,
     orbit_quality,
 )
-from cpic_planner.results import columns_of
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import (
     ExpectedSignals,
@@ -48,9 +49,10 @@ from cpic_planner.survey.orbits import (
     told_of,
 )
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
-from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.tables import DETECTION_DTYPES, HOURS, ORBIT_DTYPES, PLANETS, OrbitRow, StarRow
+from cpic_planner.survey.strategy import SurveyStrategy, UniverseConfig
+from cpic_planner.survey.tables import DETECTIONS, HOURS, ORBITS, PLANETS, STARS, UNIVERSES
 from cpic_planner.survey.universe import (
+    BLOCK,
     NEW,
     PlanetSample,
     albedos_of,
@@ -66,49 +68,63 @@ from cpic_planner.survey.universe import (
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 
+COUNTED = (*PLANETS, "visits", "hours")
+"""Numbers of each universe that comparisons are made of."""
 
-@dataclass(eq=False)
+
 class StarHistory:
     """One star in all universes of a block: what each visit would show, and what visits have shown so far.
 
-    ``last_slot`` is that of its last planned visit, ``published`` what is published of the orbits of its known planets,
-    by their row. ``allowed`` tells which planets are there. The others are excluded by what is known of the star:
-    nothing stops or follows because of them, but ``counts`` has what the same visits would show of them, too.
+    Parameters
+    ----------
+    planets : PlanetSample
+    allowed : ndarray of bool
+        Which planets are there. The others are excluded by what is known of the star: nothing stops or follows because
+        of them, but ``counts`` has what the same visits would show of them, too.
+    bands : int
+        Bands of the follow-up.
+    n : int
+        Universes.
+    left_h : float
+        Telescope time of the planned visits that are to come.
+    last_slot : int
+        Of the last planned visit.
+    published : dict of int to PublishedOrbit
+        What is published of the orbits of known planets, by their row.
     """
 
-    planets: PlanetSample
-    allowed: BoolArray
-    shape: InitVar[tuple[int, int]]
-    left_h: float
-    hits: dict[int, BoolArray] = field(default_factory=dict)
-    seen: dict[int, dict[str, FloatArray]] = field(default_factory=dict)
-    alarms: dict[int, tuple[IntArray, IntArray]] = field(default_factory=dict)
-    epochs: list[Epoch] = field(default_factory=list)
-    ahead: dict[Setting, FloatArray] = field(default_factory=dict)
-    published: dict[int, PublishedOrbit] = field(default_factory=dict)
-    last_slot: int = -1
-    visits: int = 0
-
-    def __post_init__(self, shape: tuple[int, int]) -> None:
-        bands, n = shape
-        self.counts = np.zeros(len(self.planets), np.int64)
-        self.found = np.zeros(len(self.planets), bool)
-        self.shown = np.zeros((bands, len(self.planets)), bool)
-        self.reached = np.zeros((bands, len(self.planets)))
-        self.tried = np.zeros((bands, len(self.planets)), np.int64)
-        self.stopped = np.zeros(n, bool)
-        self.empty = np.zeros(n, np.int64)
-        self.hours = np.zeros(len(HOURS))
-        self.listed = self.planets.known != NEW
+    def __init__(
+        self,
+        planets: PlanetSample,
+        allowed: BoolArray,
+        bands: int,
+        n: int,
+        *,
+        left_h: float = 0.0,
+        last_slot: int = -1,
+        published: dict[int, PublishedOrbit] | None = None,
+    ) -> None:
+        m = len(planets)
+        self.planets, self.allowed, self.listed = planets, allowed, planets.known != NEW
+        self.left_h, self.last_slot, self.published = left_h, last_slot, {} if published is None else published
+        self.hits: dict[int, BoolArray] = {}
+        self.seen: dict[int, dict[str, FloatArray]] = {}
+        self.alarms: dict[int, tuple[IntArray, IntArray]] = {}
+        self.epochs: list[Epoch] = []
+        self.ahead: dict[Setting, FloatArray] = {}
+        self.visits, self.hours = 0, np.zeros(len(HOURS))
+        self.counts, self.found = np.zeros(m, np.int64), np.zeros(m, bool)
+        self.shown, self.reached = np.zeros((bands, m), bool), np.zeros((bands, m))
+        self.tried = np.zeros((bands, m), np.int64)
+        self.stopped, self.empty = np.zeros(n, bool), np.zeros(n, np.int64)
         # What candidates wait for: planets to be seen again, false alarms to be refuted, and how the last was seen.
-        self.confirmed = np.zeros(len(self.planets), bool)
+        self.confirmed = np.zeros(m, bool)
         self.doubts, self.checks, self.option = np.zeros((3, n), np.int64)
-        self.shown_day = np.zeros(n)
-        self.place = np.zeros((2, len(self.planets)))
+        self.shown_day, self.place = np.zeros(n), np.zeros((2, m))
         # Visits for orbits: those made and the day of the last one, the way each planet was found, the slots that are
         # to come, and what these were chosen by.
         self.orbit_visits, self.orbit_day = np.zeros(n, np.int64), np.full(n, -np.inf)
-        self.way, self.chosen_by = np.full((2, len(self.planets)), -1)
+        self.way, self.chosen_by = np.full((2, m), -1)
         self.orbit_slots: BoolArray | None = None
 
     def universes_of(self, some: BoolArray | IntArray) -> BoolArray:
@@ -131,7 +147,7 @@ class StarHistory:
         now = self.planets.places(survey.calendar.day[i, [slot]])
         here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
         by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
-        separation, pa_deg = np.where(self.planets.known != NEW, by_orbit, self.place)
+        separation, pa_deg = np.where(self.listed, by_orbit, self.place)
         roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
         return on_detector(survey.model, band, separation, pa_deg - roll)[2]
 
@@ -158,30 +174,13 @@ class StarHistory:
 ROUNDING_H = 1e-9
 
 
-@dataclass(eq=False)
 class Clock:
-    """Time of ``n`` universes, hours."""
+    """Time of ``n`` universes, hours: the whole budget is left, of which planned visits will take what is promised."""
 
-    left: FloatArray
-    slot: FloatArray
-    promised: FloatArray
-    search: FloatArray
-    follow: FloatArray
-    alarm: FloatArray
-    visits: IntArray
-
-    @classmethod
-    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
-        """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
-        return cls(
-            left=np.full(n, budget_h),
-            slot=np.zeros(n),
-            promised=np.full(n, promised_h),
-            search=np.zeros(n),
-            follow=np.zeros(n),
-            alarm=np.zeros(n),
-            visits=np.zeros(n, np.int64),
-        )
+    def __init__(self, n: int, budget_h: float, promised_h: float) -> None:
+        self.left, self.promised = np.full(n, budget_h), np.full(n, promised_h)
+        self.slot, self.search, self.follow, self.alarm = np.zeros((4, n))
+        self.visits = np.zeros(n, np.int64)
 
     def affords(self, cost_h: float) -> BoolArray:
         """Return the universes whose slot and budget hold a cost."""
@@ -209,156 +208,14 @@ class SurveyTables:
     stars: dict[str, NDArray[Any]]
     orbits: dict[str, NDArray[Any]]
 
-
-class Events:
-    """Detections and false alarms of ``n`` universes."""
-
-    def __init__(self, n: int) -> None:
-        self.noise_alarms = np.zeros(n, np.int64)
-        self.background_alarms = np.zeros(n, np.int64)
-        self._parts: list[dict[str, Any]] = []
-
-    def alarms(self, go: BoolArray, noise: IntArray, background: IntArray) -> None:
-        """Count the false alarms of a visit where it was made.
-
-        Parameters
-        ----------
-        go : ndarray of bool
-            Universes in which the visit is made, shape (n,).
-        noise : ndarray of int
-            False alarms by noise, shape (n,).
-        background : ndarray of int
-            False alarms by background stars, shape (n,).
-        """
-        self.noise_alarms[go] += noise[go]
-        self.background_alarms[go] += background[go]
-
-    def detections(
-        self,
-        planets: PlanetSample,
-        new: BoolArray,
-        visit: PlannedVisit,
-        seen: Mapping[str, FloatArray],
-        day: float,
-        used_h: FloatArray,
-    ) -> None:
-        """Note the planets that a visit adds.
-
-        Parameters
-        ----------
-        planets : PlanetSample
-        new : ndarray of bool
-            Which planets the visit adds.
-        visit : PlannedVisit
-        seen : mapping of str to ndarray
-            What the visit shows of each planet, by name.
-        day : float
-            Day of the visit after the epoch.
-        used_h : ndarray
-            Hours used so far in each universe.
-        """
-        given: dict[str, Any] = vars(planets) | vars(visit) | dict(seen)
-        given |= {"planet": planets.number, "known_row": planets.known, "day": day, "used_h": used_h[planets.universe]}
-        names = [name for name in DETECTION_DTYPES if name in given]
-        self._parts.append({name: np.broadcast_to(given[name], new.shape)[new] for name in names})
-
-    def columns(self, survey: Survey) -> dict[str, NDArray[Any]]:
-        """Return the columns of the table of detections, names instead of positions."""
-        joined: dict[str, NDArray[Any]] = {
-            name: np.concatenate([np.zeros(0), *(part[name] for part in self._parts)]).astype(dtype)
-            for name, dtype in DETECTION_DTYPES.items()
-            if name not in ("strategy", "band")
-        }
-        option, star = joined["option"], joined.pop("star")
-        joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
-        joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
-        return joined
-
-    @staticmethod
-    def counts(stars: Mapping[int, StarHistory], clock: Clock) -> dict[str, NDArray[Any]]:
-        """Return planets found, visits made and hours used in each universe."""
-        found: dict[str, NDArray[Any]] = {name: np.zeros(len(clock.left), np.int64) for name in PLANETS}
-        for star in stars.values():
-            for name, new in zip(PLANETS, (True, False), strict=True):
-                some = star.found & ((star.planets.known == NEW) == new)
-                np.add.at(found[name], star.planets.universe[some], 1)
-        return found | {"visits": clock.visits, "hours": clock.used}
-
-    def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
-        """Return the columns of the tables.
-
-        Parameters
-        ----------
-        survey : Survey
-        stars : mapping of int to StarHistory
-            By position among the candidates.
-        clock : Clock
-        block : int
-            Number of the block of universes.
-        """
-        n = len(clock.left)
-        rows, orbits = [], []
-        counted = (
-            "new_planets",
-            "new_planets_unconditional",
-            "known_planets",
-            "stars_with_planet",
-            "characterised_planets",
-            "orbits_known",
-            "confirmed_planets",
-        )
-        universes: dict[str, NDArray[Any]] = {name: np.zeros(n, np.int64) for name in counted}
-        for i, star in sorted(stars.items()):
-            fresh = star.planets.known == NEW
-            shown = star.counts >= survey.strategy.detection.visits_needed
-            found = {"new_planets": star.found & fresh, "new_planets_unconditional": shown & fresh}
-            found["known_planets"] = star.found & ~fresh
-            own = found_orbits(survey, i, star, star.found)
-            orbits.append(_orbit_columns(own, star.planets, str(survey.targets.name[i])))
-            found["orbits_known"] = np.isin(np.arange(len(star.planets)), own.planet[own.known])
-            numbers = [int(some.sum()) for some in found.values()]
-            rows.append((str(survey.targets.name[i]), block, n, star.visits, *star.hours, *numbers))
-            found["confirmed_planets"] = star.found & star.confirmed
-            if survey.strategy.follow_up.wanted:
-                found["characterised_planets"] = star.found & star.shown.all(axis=0)
-            for name, some in found.items():
-                np.add.at(universes[name], star.planets.universe[some], 1)
-            universes["stars_with_planet"] += star.universes_of(star.found)
-        universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
-        universes |= {"visits": clock.visits, "search_h": clock.search, "follow_up_h": clock.follow}
-        universes["alarm_h"] = clock.alarm
-        per_star = {
-            item.name: np.array([row[k] for row in rows], object if item.dtype == "string" else item.dtype)
-            for k, item in enumerate(columns_of(StarRow)[1:])
-        }
-        nothing = {item.name: np.zeros(0, ORBIT_DTYPES[item.name]) for item in columns_of(OrbitRow)[1:]}
-        joined = {name: np.concatenate([empty, *(own[name] for own in orbits)]) for name, empty in nothing.items()}
-        return SurveyTables(universes, self.columns(survey), per_star, joined)
-
-
-def _orbit_columns(orbits: FoundOrbits, planets: PlanetSample, star: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of the table of orbits for one star."""
-    mine = planets.select(orbits.planet)
-    given = vars(orbits.quality) | vars(orbits) | {"universe": mine.universe, "planet": mine.number}
-    given |= {"star": np.full(len(mine), star, object), "orbit_known": orbits.known}
-    return {item.name: given[item.name] for item in columns_of(OrbitRow)[1:]}
-
-
-def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
-    """Return the columns of all tables of one block, universes by their number in the survey."""
-    n = len(tables.universes["visits"])
-    found = tables.detections["universe"]
-    columns = {
-        "universes": tables.universes | {"universe": first_universe + np.arange(n)},
-        "detections": tables.detections | {"universe": first_universe + found},
-        "stars": tables.stars,
-        "orbits": tables.orbits | {"universe": first_universe + tables.orbits["universe"]},
-    }
-    lengths = n, len(found), len(tables.stars["star"]), len(tables.orbits["star"])
-    return {
-        name: own | {"strategy": np.full(length, strategy, object)}
-        for (name, own), length in zip(columns.items(), lengths, strict=True)
-    }
+    def rows(self, strategy: str, first_universe: int) -> dict[str, dict[str, NDArray[Any]]]:
+        """Return the columns of all tables with the name of the strategy, universes by their number in the survey."""
+        found = {name: dict(own) for name, own in vars(self).items()}
+        for own in found.values():
+            own["strategy"] = np.full(len(own["star" if "star" in own else "universe"]), strategy, object)
+            if "universe" in own:
+                own["universe"] = first_universe + own["universe"]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,7 +290,7 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
     star, block and visit, so that another strategy that makes the same visit sees the same.
     """
     run = _played(survey, block, n, seed)
-    return run.log.outcome(survey, run.stars, run.clock, block)
+    return run.tables()
 
 
 def count_block(
@@ -449,8 +306,47 @@ def count_block(
     block, n, seed : int
         As of `simulate_survey`.
     """
-    run = _played(surveys[which], block, n, seed)
-    return {name: values.tolist() for name, values in run.log.counts(run.stars, run.clock).items()}
+    counts = _played(surveys[which], block, n, seed).counts()
+    return {name: values.tolist() for name, values in counts.items()}
+
+
+def block_tasks(name: str, which: int, universe: UniverseConfig) -> list[Task]:
+    """Return a task for each block of universes of one survey.
+
+    Parameters
+    ----------
+    name : str
+        What the tasks are called in the folder of the run, before the number of the block.
+    which : int
+        Position of the survey among those that the tasks share.
+    universe : UniverseConfig
+    """
+    n = universe.universes
+    return [
+        Task(f"{name} {block:06d}", (which, block, min(BLOCK, n - first), universe.seed))
+        for block, first in enumerate(range(0, n, BLOCK))
+    ]
+
+
+def survey_counts(
+    surveys: Mapping[str, Survey], universe: UniverseConfig, runner: Runner
+) -> dict[str, dict[str, FloatArray]]:
+    """Return planets found, visits made and hours used by surveys in every universe, by the names of the surveys.
+
+    Parameters
+    ----------
+    surveys : mapping of str to Survey
+        By what their tasks are called.
+    universe : UniverseConfig
+    runner : Runner
+    """
+    tasks = {name: block_tasks(name, which, universe) for which, name in enumerate(surveys)}
+    every = itertools.chain.from_iterable(tasks.values())
+    bodies = runner.finish(count_block, every, common=(tuple(surveys.values()),))
+    return {
+        name: {key: np.concatenate([bodies[task.key][key] for task in own]).astype(np.float64) for key in COUNTED}
+        for name, own in tasks.items()
+    }
 
 
 def _played(survey: Survey, block: int, n: int, seed: int) -> _Simulation:
@@ -492,9 +388,9 @@ class _Simulation:
         mass, self.albedos = star_mass_msun(survey.targets), albedos_of(survey.strategy.population)
         self.stars = {i: self._star(i, visits, float(mass[i])) for i, visits in sorted(by_star.items())}
         promised_h = sum(visit.cost_h for visit in survey.schedule.visits if not visit.reserve)
-        self.clock = Clock.of(n, survey.strategy.time_budget_h, promised_h)
-        self.log = Events(n)
-        self.planets_found = np.zeros(n, np.int64)
+        self.clock = Clock(n, survey.strategy.time_budget_h, promised_h)
+        self.noise_alarms, self.background_alarms, self.planets_found = np.zeros((3, n), np.int64)
+        self.detections: list[dict[str, NDArray[Any]]] = []
 
     def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
         """Return the planets of a star, and what every visit would detect of them."""
@@ -523,11 +419,16 @@ class _Simulation:
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
         probability = allowed_probability(planets, survey.limits, i)
         allowed = uniform_draws(planets, seed, name, block, "allowed", n) < probability
-        left_h = sum(visit.cost_h for _, visit in visits if not visit.reserve)
-        last = max((visit.slot for _, visit in visits if not visit.reserve), default=-1)
-        star = StarHistory(planets, allowed, (len(strategy.follow_up.bands), n), left_h, last_slot=last)
+        star = StarHistory(
+            planets,
+            allowed,
+            len(strategy.follow_up.bands),
+            n,
+            left_h=sum(visit.cost_h for _, visit in visits if not visit.reserve),
+            last_slot=max((visit.slot for _, visit in visits if not visit.reserve), default=-1),
+            published=PublishedOrbits(survey.known, epoch_mjd, mass_msun),
+        )
         star.confirmed |= (placed := at_known_place(planets, survey.known))
-        star.published = PublishedOrbits(survey.known, epoch_mjd, mass_msun)
         dust = self._dust(i, planets)
         star.epochs += logged_epochs(survey, i, planets, allowed, self.albedos, dust)
         zodis = np.full(len(planets), survey.model.instrument.sky.exozodi_zodis) if dust is None else dust
@@ -592,10 +493,11 @@ class _Simulation:
         star.found |= new
         star.way[new] = visit.option
         if new.any():
-            self.log.detections(star.planets, new, visit, star.seen[k], day, clock.used)
+            self._note(star, new, visit, {"band": band, "day": day} | star.seen[k])
             star.place[:, new] = [star.seen[k][name][new] for name in ("separation_arcsec", "pa_deg")]
             np.add.at(self.planets_found, star.planets.universe[new], 1)
-        self.log.alarms(go, *star.alarms[k])
+        for counts, drawn in zip((self.noise_alarms, self.background_alarms), star.alarms[k], strict=True):
+            counts[go] += drawn[go]
         if strategy.checks_candidates:
             self._doubt(k, visit, star, go, star.universes_of(new))
         star.empty[go & ~star.universes_of(hit)] += 1
@@ -608,6 +510,14 @@ class _Simulation:
         ends &= ~star.stopped
         clock.promised[ends] -= star.left_h
         star.stopped |= ends
+
+    def _note(self, star: StarHistory, new: BoolArray, visit: PlannedVisit, seen: dict[str, Any]) -> None:
+        """Note the planets that a visit adds to those found, with what it shows of them."""
+        planets, used_h = star.planets, self.clock.used[star.planets.universe]
+        given: dict[str, Any] = vars(planets) | vars(visit) | seen
+        given |= {"star": str(self.survey.targets.name[visit.star]), "planet": planets.number}
+        given |= {"known_row": planets.known, "used_h": used_h}
+        self.detections.append({name: np.broadcast_to(given[name], new.shape)[new] for name in DETECTIONS.empty})
 
     def _spend(self, star: StarHistory, go: BoolArray, cost_h: float, on: FloatArray) -> None:
         """Charge the time of one visit of a star in the universes ``go``, for one account of the clock."""
@@ -720,6 +630,52 @@ class _Simulation:
             star.shown[f, mine[enough]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
+    def counts(self) -> dict[str, NDArray[Any]]:
+        """Return planets found, visits made and hours used in each universe."""
+        found: dict[str, NDArray[Any]] = {name: np.zeros(self.n, np.int64) for name in PLANETS}
+        for star in self.stars.values():
+            for counts, some in zip(found.values(), (star.found & ~star.listed, star.found & star.listed), strict=True):
+                np.add.at(counts, star.planets.universe[some], 1)
+        return found | {"visits": self.clock.visits, "hours": self.clock.used}
+
+    def tables(self) -> SurveyTables:
+        """Return what each universe has spent and found."""
+        survey, clock = self.survey, self.clock
+        universes = {name: np.zeros(self.n, empty.dtype) for name, empty in UNIVERSES.empty.items()}
+        rows, orbits = [], [ORBITS.empty]
+        for i, star in sorted(self.stars.items()):
+            own, name = found_orbits(survey, i, star, star.found), str(survey.targets.name[i])
+            shown = star.counts >= survey.strategy.detection.visits_needed
+            found = {
+                "new_planets": star.found & ~star.listed,
+                "new_planets_unconditional": shown & ~star.listed,
+                "known_planets": star.found & star.listed,
+                "orbits_known": np.isin(np.arange(len(star.planets)), own.planet[own.known]),
+            }
+            row = {"star": name, "block": self.block, "universes": self.n, "visits": star.visits}
+            row |= dict(zip(HOURS, star.hours, strict=True)) | {key: int(some.sum()) for key, some in found.items()}
+            rows.append(row)
+            orbits.append(own.columns(name, star.planets))
+            found["confirmed_planets"] = star.found & star.confirmed
+            if survey.strategy.follow_up.wanted:
+                found["characterised_planets"] = star.found & star.shown.all(axis=0)
+            for key, some in found.items():
+                np.add.at(universes[key], star.planets.universe[some], 1)
+            universes["stars_with_planet"] += star.universes_of(star.found)
+        universes |= {"universe": np.arange(self.n), "visits": clock.visits}
+        universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
+        universes |= dict(zip(HOURS, (clock.search, clock.follow, clock.alarm), strict=True))
+        stars = {key: np.array([row[key] for row in rows], empty.dtype) for key, empty in STARS.empty.items()}
+        return SurveyTables(universes, _joined([DETECTIONS.empty, *self.detections]), stars, _joined(orbits))
+
+
+def _joined(parts: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return columns one part after the other, in the types of the first one, which has no rows."""
+    return {
+        name: np.concatenate([part[name] for part in parts]).astype(empty.dtype, copy=False)
+        for name, empty in parts[0].items()
+    }
+
 
 class Epoch(NamedTuple):
     """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
@@ -753,6 +709,13 @@ class FoundOrbits:
     next_day: FloatArray
     place_error_lambda_d: FloatArray
     known: BoolArray
+
+    def columns(self, star: str, planets: PlanetSample) -> dict[str, Any]:
+        """Return the columns of the table of orbits for planets of one star."""
+        mine = planets.select(self.planet)
+        given = vars(self.quality) | vars(self) | {"universe": mine.universe, "planet": mine.number}
+        given |= {"star": np.full(len(mine), star, object), "orbit_known": self.known}
+        return {name: given[name] for name in ORBITS.empty}
 
 
 @dataclass(frozen=True, eq=False)

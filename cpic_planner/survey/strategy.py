@@ -18,14 +18,13 @@ from cpic_core import FloatArray, InputError, Provenance, by_line, is_file, load
 from cpic_planner.etc import LAW_ERROR
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import (
-    EXCLUSIONS,
     Strategy as Reduction,
+    UniverseSettings,
     Written,
     changed_instrument,
     get,
     keys_of,
     put,
-    read_exclusions,
     read_value,
     scaled,
     two_spellings,
@@ -37,7 +36,6 @@ from simulator.config import (
     Instrument,
     Real,
     Sourced,
-    Utc,
     deep_merge,
     nearest,
     preset_path,
@@ -420,8 +418,8 @@ _BUDGETS = ("time_budget_h", "share_of_time")
 _OF_SURVEY = ("kind", "universe", "doubt", "defaults", "strategies")
 
 
-class UniverseConfig(FrozenModel, Sourced):
-    """The settings that strategies share: calendar, instrument, stars, and number of universes.
+class UniverseConfig(UniverseSettings, Sourced):
+    """The settings that strategies share, as their file says them.
 
     Attributes
     ----------
@@ -451,23 +449,6 @@ class UniverseConfig(FrozenModel, Sourced):
         Synthetic universes; at least 2, or no interval is defined.
     seed : int
     """
-
-    start_utc: Utc = "2028-01-01T00:00:00"
-    date_utc: Utc | None = None
-    duration_days: Annotated[Real, Field(ge=1, le=36525)] = 3652.0
-    slot_days: Annotated[Real, Field(ge=1, le=400)] = 30.0
-    instrument: str = "cpic_default"
-    changes: tuple[str, ...] = ()
-    visibility: str = "default"
-    catalog: str = "snapshot"
-    known_planets: str = "snapshot"
-    candidates: bool = False
-    exclusions: Annotated[tuple[str, ...], BeforeValidator(read_exclusions)] = EXCLUSIONS
-    observed: str = ""
-    facts: bool = False
-    background: Literal["off", "on"] = "off"
-    universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
 
     @property
     def n_slots(self) -> int:

@@ -11,28 +11,22 @@ import io
 import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, NDArray, read_file
+from cpic_core import ArrayLike, InputError, NDArray
 from cpic_planner.jobs import DamagedPartError, RunFolder
 from cpic_planner.results import Column, Row, arrow_schema, column, columns_of
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
-_METADATA, _ABOUT = b"cpic_planner", {"schema_version": SCHEMA_VERSION}
-
-
 # All that decides the bytes is fixed.
 _FORMAT = {"row_group_size": 1 << 18, "compression": "zstd", "compression_level": 3, "version": "2.6"}
 _FORMAT |= {"data_page_version": "1.0", "write_statistics": True, "store_schema": True}
-_WRITTEN = "a Parquet file written by this program"
-_MAX_BYTES = 4_000_000_000
-_KINDS = {"float64": "f", "int64": "i", "int32": "i", "bool": "b", "string": "OUT"}
 
 
 @dataclass(frozen=True)
@@ -43,33 +37,24 @@ class Table:
     columns: tuple[Column, ...]
     key: tuple[str, ...]
 
-    def __post_init__(self) -> None:
-        names = [column.name for column in self.columns]
-        for item in self.columns:
-            if item.dtype not in _KINDS:
-                raise InputError(f"columns.{item.name}.dtype", item.dtype, allowed=", ".join(_KINDS))
-        if len(set(names)) < len(names):
-            raise InputError(f"tables.{self.name}.columns", names, allowed="each name once")
-        if not self.key or not set(self.key) <= set(names):
-            raise InputError(f"tables.{self.name}.key", list(self.key), allowed=f"some of {', '.join(names)}")
+    @property
+    def file(self) -> str:
+        """Name of its file in the folder of a run."""
+        return f"{self.name}.parquet"
 
     @cached_property
     def schema(self) -> Any:
         """Arrow schema: types, and unit and description of each column."""
         return arrow_schema(self.columns)
 
-
-@dataclass(frozen=True, eq=False)
-class StoredTable:
-    """A table as read from its file: columns by name, and what the file says about them."""
-
-    name: str
-    key: tuple[str, ...]
-    columns: dict[str, NDArray[Any]]
-    units: dict[str, str]
-    descriptions: dict[str, str]
-    config_hash: str
-    schema_version: int
+    @cached_property
+    def empty(self) -> dict[str, NDArray[Any]]:
+        """Columns without rows."""
+        return {
+            item.name: np.zeros(0, object if item.dtype == "string" else item.dtype)
+            for item in self.columns
+            if item.name != "strategy"
+        }
 
 
 class ResultStore:
@@ -92,16 +77,13 @@ class ResultStore:
     ...     store = ResultStore(folder, [yields])
     ...     _ = store.save_part("b", {"yields": {"draw": [2], "found": [0.5]}})
     ...     _ = store.save_part("a", {"yields": {"draw": [0, 1], "found": [1.5, 2.5]}})
-    ...     path = store.merge()["yields"]
-    ...     read_table(path).columns["found"]
+    ...     store.read("yields")["found"]
     array([1.5, 2.5, 0.5])
     """
 
     def __init__(self, folder: RunFolder, tables: Sequence[Table]) -> None:
         self._folder = folder
         self._tables = {table.name: table for table in tables}
-        if not tables or len(self._tables) < len(tables):
-            raise InputError("tables", [table.name for table in tables], allowed="at least one, each name once")
 
     def finished(self) -> frozenset[str]:
         """Return the keys of the parts that are whole; damaged ones are named on the log and are to be done again."""
@@ -129,24 +111,15 @@ class ResultStore:
         key : str
             Key of the part.
         body : mapping
-            For every table its columns, arrays of one length (which may be 0).
-
-        Raises
-        ------
-        InputError
-            If tables or columns are missing or too many, lengths differ, a value does not fit its declared type,
-            or a key occurs twice.
+            For every table its columns, arrays of one length (which may be 0); Arrow refuses what does not fit.
         """
         import pyarrow as pa
 
-        if set(body) != set(self._tables):
-            raise InputError(f"part {key}: tables", sorted(body), allowed=", ".join(sorted(self._tables)))
         sink = io.BytesIO()
         for name, table in self._tables.items():
-            rows = _arrow_table(table, body[name], f"part {key}: {name}")
-            _refuse_repeats(_sorted_rows(table, rows), table, f"part {key}: {name}")
+            arrays = [pa.array(body[name][field.name], field.type) for field in table.schema]
             with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as stream:
-                stream.write_table(rows)
+                stream.write_table(pa.table(arrays, schema=table.schema))
         self._folder.save_blob(key, sink.getvalue())
         return {}
 
@@ -156,14 +129,15 @@ class ResultStore:
         Raises
         ------
         InputError
-            If a key occurs twice, or the store has no such table.
+            If a key occurs twice.
         DamagedPartError
             If a part is damaged.
         """
-        return _as_arrays(self._joined(table))
+        rows = self._joined(self._tables[table])
+        return {name: rows.column(name).to_numpy() for name in rows.column_names}
 
     def merge(self, expected: Sequence[str] | None = None) -> dict[str, Path]:
-        """Write ``DIR/TABLE.parquet`` for every table, the same bytes for any order of parts.
+        """Write the file of every table, the same bytes for any order of parts.
 
         Parameters
         ----------
@@ -188,140 +162,53 @@ class ResultStore:
                 first, allowed = min(found ^ asked), f"the {len(asked)} of this run"
                 hint = f"{first} is {'missing' if first in asked else 'not one of them'}"
                 raise InputError("parts", f"{len(found)} on disk", allowed=allowed, hint=hint)
-        return {name: self._folder.write_bytes(f"{name}.parquet", self._parquet(name)) for name in self._tables}
+        return {
+            name: self._folder.write_bytes(table.file, self._parquet(table)) for name, table in self._tables.items()
+        }
 
     def _parts(self) -> Iterator[tuple[str, bytes]]:
         for path in self._folder.blob_paths():
             yield self._folder.read_blob(path)
 
-    def _joined(self, name: str) -> Any:
+    def _joined(self, table: Table) -> Any:
+        """Return the rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
         import pyarrow as pa
+        import pyarrow.compute as pc
 
-        if name not in self._tables:
-            raise InputError("table", name, allowed=", ".join(self._tables))
-        table, place = self._tables[name], list(self._tables).index(name)
-        parts = [_rows_of(content, place, table) for _, content in self._parts()]
-        rows = _sorted_rows(table, pa.concat_tables([table.schema.empty_table(), *parts]))
-        _refuse_repeats(rows, table, name)
+        parts = [self._rows_of(content, table) for _, content in self._parts()]
+        rows = pa.concat_tables([table.schema.empty_table(), *parts]).combine_chunks()
+        order = pc.sort_indices(rows, sort_keys=[(name, "ascending") for name in table.key])
+        rows = rows.take(order).combine_chunks()
+        keys = [rows.column(name).to_numpy() for name in table.key]
+        if (same := np.logical_and.reduce([values[1:] == values[:-1] for values in keys])).any():
+            first = rows.slice(int(np.argmax(same)), 1).select(list(table.key)).to_pylist()[0]
+            hint = f"{int(same.sum())} rows repeat one"
+            raise InputError(f"{table.name} key", first, allowed="each key once", hint=hint)
         return rows
 
-    def _parquet(self, name: str) -> bytes:
+    def _rows_of(self, content: bytes, table: Table) -> Any:
+        """Return the rows of a table in a part: one stream of Arrow after another."""
+        import pyarrow as pa
+
+        source = io.BytesIO(content)
+        for name in self._tables:
+            rows = pa.ipc.open_stream(source).read_all()
+            if name == table.name:
+                break
+        if not rows.schema.equals(table.schema):
+            raise DamagedPartError(f"a part has other columns in table {table.name} than this version writes")
+        return rows
+
+    def _parquet(self, table: Table) -> bytes:
         import pyarrow.parquet as pq
 
-        table = self._tables[name]
         made = {name: getattr(self._folder, name) for name in ("config_hash", "fingerprint")}
-        about = {"table": name, "key": table.key, **made, **_ABOUT}
-        rows = self._joined(name).replace_schema_metadata({_METADATA: json.dumps(about, sort_keys=True)})
+        about = {"table": table.name, "key": table.key, **made, "schema_version": SCHEMA_VERSION}
+        rows = self._joined(table).replace_schema_metadata({b"cpic_planner": json.dumps(about, sort_keys=True)})
         sink = io.BytesIO()
-        texts = [column.name for column in table.columns if column.dtype == "string"]
+        texts = [item.name for item in table.columns if item.dtype == "string"]
         pq.write_table(rows, sink, use_dictionary=texts, **_FORMAT)
         return sink.getvalue()
-
-
-def table_files(tables: Sequence[Table]) -> list[str]:
-    """Return the names of the files that `ResultStore.merge` writes."""
-    return [f"{table.name}.parquet" for table in tables]
-
-
-def read_table(path: str | Path) -> StoredTable:
-    """Read a table that `ResultStore.merge` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is not there, not Parquet, or not one of ours.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        data = read_file(path, key="table", allowed=_WRITTEN, max_bytes=_MAX_BYTES)
-        rows = pq.read_table(pa.BufferReader(data), use_threads=False)
-        about = json.loads(rows.schema.metadata[_METADATA])
-    except InputError:
-        raise
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise InputError("table", str(path), allowed=_WRITTEN, hint=f"{type(error).__name__}: {error}") from None
-    units, descriptions = (
-        {field.name: field.metadata[what].decode() for field in rows.schema} for what in (b"unit", b"description")
-    )
-    key, asked, version = tuple(about["key"]), about["config_hash"], about["schema_version"]
-    return StoredTable(about["table"], key, _as_arrays(rows), units, descriptions, asked, version)
-
-
-def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> Any:
-    import pyarrow as pa
-
-    names = [column.name for column in table.columns]
-    if set(columns) != set(names):
-        raise InputError(f"{where} columns", sorted(columns), allowed=", ".join(names))
-    arrays = [_checked(column, columns[column.name], f"{where}.{column.name}") for column in table.columns]
-    lengths = {len(array) for array in arrays}
-    if len(lengths) > 1:
-        raise InputError(f"{where} lengths", sorted(lengths), allowed="one length for all columns")
-    for item, array in zip(table.columns, arrays, strict=True):
-        if item.name in table.key and item.dtype == "float64" and np.isnan(array).any():
-            raise InputError(f"{where}.{item.name}", float("nan"), allowed="numbers in a key")
-    typed = [pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)]
-    return pa.table(typed, schema=table.schema)
-
-
-def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:
-    """Return the values in the declared type, unchanged."""
-    given = np.asarray(values)
-    if given.ndim != 1:
-        raise InputError(where, f"{given.ndim} dimensions", allowed="1")
-    if given.size == 0:
-        return np.empty(0, dtype=object if column.dtype == "string" else column.dtype)
-    if column.dtype == "string":
-        texts = given.astype(object)
-        wrong = next((text for text in texts if not isinstance(text, str)), None)
-        if given.dtype.kind not in _KINDS["string"] or any(not isinstance(text, str) for text in texts):
-            raise InputError(where, wrong, allowed="texts")
-        return texts
-    kinds = {"float64": "fiu", "bool": "b"}.get(column.dtype, "iu")
-    cast = given.astype(column.dtype) if given.dtype.kind in kinds else None
-    if cast is None or not np.array_equal(cast, given, equal_nan=column.dtype == "float64"):
-        raise InputError(where, f"dtype {given.dtype}", allowed=f"values that {column.dtype} holds")
-    return cast
-
-
-def _rows_of(content: bytes, place: int, table: Table) -> Any:
-    """Return the rows of the table at ``place`` in a part: one stream of Arrow after another."""
-    import pyarrow as pa
-
-    source = io.BytesIO(content)
-    for _ in range(place):
-        pa.ipc.open_stream(source).read_all()
-    rows = pa.ipc.open_stream(source).read_all()
-    if not rows.schema.equals(table.schema):
-        raise DamagedPartError(f"a part has other columns in table {table.name} than this version writes")
-    return rows
-
-
-def _sorted_rows(table: Table, rows: Any) -> Any:
-    """Return the rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
-    import pyarrow.compute as pc
-
-    rows = rows.combine_chunks()
-    order = pc.sort_indices(rows, sort_keys=[(name, "ascending") for name in table.key])
-    return rows.take(order).combine_chunks()
-
-
-def _refuse_repeats(rows: Any, table: Table, where: str) -> None:
-    if rows.num_rows < 2:
-        return
-    same = np.ones(rows.num_rows - 1, dtype=bool)
-    for name in table.key:
-        values = rows.column(name).to_numpy()
-        same &= values[1:] == values[:-1]
-    if same.any():
-        first = rows.slice(int(np.argmax(same)), 1).select(list(table.key)).to_pylist()[0]
-        raise InputError(f"{where} key", first, allowed="each key once", hint=f"{int(same.sum())} rows repeat one")
-
-
-def _as_arrays(rows: Any) -> dict[str, NDArray[Any]]:
-    return {name: rows.column(name).to_numpy() for name in rows.column_names}
 
 
 PLANETS = ("new_planets", "known_planets")
@@ -383,23 +270,6 @@ class DetectionRow(Row):
     exozodi_zodis: float = column("dust around the star, in solar systems")
 
 
-class StarRow(Row):
-    """The visits and findings of a strategy at one star in one block of universes."""
-
-    strategy: str = column("name of the strategy")
-    star: str = column("name in the catalogue")
-    block: int = column("block of universes that the sums run over")
-    universes: int = column("universes of the block")
-    visits: int = column("visits of the search, sum")
-    search_h: float = column("telescope time of the search, sum")
-    follow_up_h: float = column("telescope time of the follow-up, sum")
-    alarm_h: float = column("telescope time of visits that only false alarms asked for, sum")
-    new_planets: int = column("planets found that nobody knew, sum")
-    new_planets_unconditional: int = column("the same with the planets that are excluded, sum")
-    known_planets: int = column("known planets seen, sum")
-    orbits_known: int = column("planets whose orbit is known, sum")
-
-
 class OrbitRow(Row):
     """The orbit of one planet that a strategy finds in one universe, with enough positions; errors are 1 sigma."""
 
@@ -419,12 +289,18 @@ class OrbitRow(Row):
     orbit_known: bool = column("whether both errors are within the rule of the strategy")
 
 
-TABLES = (
-    Table("universes", columns_of(UniverseRow), key=("strategy", "universe")),
-    Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet")),
-    Table("stars", columns_of(StarRow), key=("strategy", "star", "block")),
-    Table("orbits", columns_of(OrbitRow), key=("strategy", "universe", "star", "planet")),
+_OF_UNIVERSE = {item.name: item for item in columns_of(UniverseRow)}
+_SUMMED = ("visits", *HOURS, "new_planets", "new_planets_unconditional", "known_planets", "orbits_known")
+STAR_COLUMNS = (
+    _OF_UNIVERSE["strategy"],
+    Column("star", "string", "name in the catalogue"),
+    Column("block", "int64", "block of universes that the sums run over"),
+    Column("universes", "int64", "universes of the block"),
+    *(replace(_OF_UNIVERSE[name], description=f"{_OF_UNIVERSE[name].description}, sum") for name in _SUMMED),
 )
-DETECTION_DTYPES = {item.name: "int64" if item.dtype == "string" else item.dtype for item in columns_of(DetectionRow)}
-"""Types of the columns of detections while they are counted, where a star is its position."""
-ORBIT_DTYPES = {item.name: object if item.dtype == "string" else item.dtype for item in columns_of(OrbitRow)}
+"""Columns of what a strategy does and finds at one star in one block of universes."""
+UNIVERSES = Table("universes", columns_of(UniverseRow), key=("strategy", "universe"))
+DETECTIONS = Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet"))
+STARS = Table("stars", STAR_COLUMNS, key=("strategy", "star", "block"))
+ORBITS = Table("orbits", columns_of(OrbitRow), key=("strategy", "universe", "star", "planet"))
+TABLES = (UNIVERSES, DETECTIONS, STARS, ORBITS)

@@ -17,8 +17,8 @@ from cpic_planner.planets import (
     draw_known,
     masses_of_gravity_msun,
 )
-from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
-from cpic_planner.planets.population_config import QUANTITIES
+from cpic_planner.planets.population import QUANTITIES
+from cpic_planner.planets.published_orbits import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo

@@ -29,9 +29,9 @@ from cpic_planner.survey.outcome import (
     visit_files,
 )
 from cpic_planner.survey.prepare import Ground, Prepared, imaged_model, planned, read_ground
-from cpic_planner.survey.simulate import Survey, count_block, rows_of, simulate_survey
+from cpic_planner.survey.simulate import Survey, block_tasks, simulate_survey, survey_counts
 from cpic_planner.survey.strategy import FILES, StrategiesConfig, sources_of
-from cpic_planner.survey.tables import TABLES, ResultStore, table_files
+from cpic_planner.survey.tables import TABLES, ResultStore
 from cpic_planner.survey.universe import BLOCK, NEW, albedos_of, chance
 from cpic_planner.survey.visibility import utc_of
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
@@ -230,10 +230,10 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
 
 def simulate_block(
     surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
-) -> dict[str, Mapping[str, Any]]:
+) -> Mapping[str, Mapping[str, Any]]:
     """Work on one task: rows of one strategy in one block of universes."""
     survey = surveys[which]
-    return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
+    return simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block * BLOCK)
 
 
 def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = True) -> Job[WhatIfResult]:
@@ -257,26 +257,23 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
         now = read_ground(config)
         return (now, *(read_ground(state, now) for state in states.values()))
 
-    made: list[Prepared] = []
-
     def work(runner: Runner) -> WhatIfResult:
-        made[:] = planned((config, *states.values()), grounds(), runner)
-        ready, store = made[0], ResultStore(runner.folder, TABLES)
-        blocks = runner.finish(simulate_block, _blocks(ready), common=(ready.surveys,), store=store)
-        without = _without_facts(dict(zip(states, made[1:], strict=True)), runner)
+        ready, *others = planned((config, *states.values()), grounds(), runner)
+        folder, store, universe = runner.folder, ResultStore(runner.folder, TABLES), config.universe
+        tasks = [block_tasks(item.strategy.name, which, universe) for which, item in enumerate(ready.surveys)]
+        blocks = runner.finish(simulate_block, itertools.chain(*tasks), common=(ready.surveys,), store=store)
+        without = _without_facts(dict(zip(states, others, strict=True)), runner)
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)
-        doubt = doubt_record(config, runner)
-        return assemble(ready, tables, images, without, runner.digest, doubt)
+        result = assemble(ready, tables, images, without, runner.digest, doubt_record(config, runner))
+        about = {name: getattr(result, name) for name in ("version", "config_hash", "catalogue")}
+        about |= {"fingerprint": folder.fingerprint, "date_utc": universe.date_utc or universe.start_utc}
+        for name, text in visit_files(ready.surveys, about).items():
+            folder.write(name, text)
+        return result
 
     def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
-        ready = made[0]
-        about = {"version": __version__} | {name: getattr(result, name) for name in ("config_hash", "catalogue")}
-        about["fingerprint"] = folder.fingerprint
-        date_utc = config.universe.date_utc or config.universe.start_utc
-        for name, text in visit_files(ready.surveys, ready.odds, about | {"date_utc": date_utc}).items():
-            folder.write(name, text)
         if pages:
             announce("writing the report")
             write_whatif(folder, result)
@@ -287,7 +284,7 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
         decides=lambda: decided_by(config, grounds()[0], n_images),
         work=work,
         write=write,
-        products=(*table_files(TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
+        products=(*(table.file for table in TABLES), *VISIT_FILES, *(WHATIF_PRODUCTS if pages else ())),
         cost=lambda: whatif_cost(config, n_images),
     )
 
@@ -314,33 +311,15 @@ def run_whatif(
     return run(whatif_job(config, n_images=n_images, pages=pages), out, **how)
 
 
-def _blocks(prepared: Prepared) -> list[Task]:
-    """Return a task for each strategy and block of universes."""
-    universe, tasks = prepared.config.universe, []
-    for which, survey in enumerate(prepared.surveys):
-        for block, first in enumerate(range(0, universe.universes, BLOCK)):
-            n = min(BLOCK, universe.universes - first)
-            tasks.append(Task(f"{survey.strategy.name} {block:06d}", (which, block, n, universe.seed)))
-    return tasks
-
-
 def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, list[Counts]]:
     """Return the planets found without each fact, by strategy: planned anew, played in the same universes."""
-    surveys: list[Survey] = []
-    tasks: dict[str, list[list[Task]]] = {}
-    for fact, ready in states.items():
-        tasks[fact] = [[] for _ in ready.surveys]
-        for task in _blocks(ready):
-            which, *rest = task.arguments
-            arguments = (len(surveys) + which, *rest)
-            tasks[fact][which].append(Task(f"without {fact}: {task.key}", arguments))
-        surveys += ready.surveys
-    every = itertools.chain.from_iterable(itertools.chain.from_iterable(tasks.values()))
-    bodies = runner.finish(count_block, every, common=(tuple(surveys),))
-    return {
-        fact: [counts_of([bodies[task.key] for task in own]) for own in of_strategies]
-        for fact, of_strategies in tasks.items()
+    if not states:
+        return {}
+    every = {
+        f"without {fact}: {survey.strategy.name}": survey for fact, ready in states.items() for survey in ready.surveys
     }
+    found = iter(survey_counts(every, next(iter(states.values())).config.universe, runner).values())
+    return {fact: [counts_of(next(found)) for _ in ready.surveys] for fact, ready in states.items()}
 
 
 def _images(prepared: Prepared, detections: Columns, runner: Runner, n: int) -> list[ImageSample | None]:
@@ -394,7 +373,7 @@ def assemble(
         strategies=outcomes,
         differences=changed,
         rank_changes=rank_changes(outcomes),
-        facts=facts_record(taken_back(config), outcomes, [counts_of([own]) for own in universes], without)
+        facts=facts_record(taken_back(config), outcomes, [counts_of(own) for own in universes], without)
         if config.universe.facts
         else None,
         doubt=doubt,

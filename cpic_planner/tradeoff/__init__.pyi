@@ -1,4 +1,9 @@
-from cpic_planner.tradeoff.points import Point as Point
-from cpic_planner.tradeoff.run import chosen as chosen, n_rows as n_rows, tradeoff_job as tradeoff_job
-from cpic_planner.tradeoff.setup import FixedScene as FixedScene
-from cpic_planner.tradeoff.write import FILES as FILES, RESULT as RESULT, read_result as read_result
+from cpic_planner.tradeoff.run import (
+    FILES as FILES,
+    RESULT as RESULT,
+    chosen as chosen,
+    n_rows as n_rows,
+    read_result as read_result,
+    tradeoff_job as tradeoff_job,
+)
+from cpic_planner.tradeoff.scenes import FixedScene as FixedScene, Point as Point

@@ -1,176 +1,247 @@
-"""Errors of every way against the reference of its scene, each with its own uncertainty.
+"""The files of a tradeoff: table, report, figure of error against time; and reading the result back.
+
+Errors of every way against the reference of its scene, each with its own uncertainty.
 
 Measure the ways on the scenes, each in a process of its own, and keep what an earlier run found.
 """
 
+from __future__ import annotations
+
 import dataclasses
+import io
 import itertools
 import math
 import multiprocessing
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from typing import Any, Self
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from pydantic import ValidationError
 
-from cpic_core import Advance, FloatArray, InputError, numeric_context, untold
+from cpic_core import Advance, InputError, numeric_context, parse_json, read_text, untold
 from cpic_planner.jobs import Job, RunFolder, Runner, Task
-from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
-from cpic_planner.tradeoff.points import REFERENCE, Point, compared_programme, points_of
-from cpic_planner.tradeoff.setup import FULL_EFFORT, GLANCE, SCENES, Effort, FixedScene, fixed_scene, this_machine
-from cpic_planner.tradeoff.worker import measured_rows
-from cpic_planner.tradeoff.write import FILES, RESULT, products_of
+from cpic_planner.report import new_figure, place_labels, style
+from cpic_planner.results import (
+    MachineRecord,
+    TradeoffResult,
+    TradeoffRow,
+    TradeoffScene,
+    csv_text as table_text,
+    names_of,
+)
+from cpic_planner.tradeoff.measure import compared, measured_rows, speed_ups
+from cpic_planner.tradeoff.scenes import (
+    FULL_EFFORT,
+    GLANCE,
+    REFERENCE,
+    SCENES,
+    Effort,
+    FixedScene,
+    Point,
+    fixed_scene,
+    points_of,
+    this_machine,
+)
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.knobs import Quantity
 
-FLUX_LIMIT = 1e-9
-"""Rounding of the difference of two expected images, relative to a planet."""
-
-
-@dataclass(frozen=True)
-class _Ratio:
-    """A mean or a ratio, and its standard error."""
-
-    value: float
-    error: float
-
-    @classmethod
-    def of(cls, values: Sequence[float] | FloatArray) -> Self:
-        """Return the mean of samples."""
-        mean = float(np.mean(values))
-        return cls(mean, mean * _relative(values))
-
-    def over(self, other: Self) -> Self:
-        """Return the ratio to another one, whose samples have nothing to do with these."""
-        if not other.value > 0:
-            return type(self)(1.0, 0.0)
-        value = self.value / other.value
-        own = self.error / self.value if self.value > 0 else 0.0
-        return type(self)(value, value * math.hypot(own, other.error / other.value))
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
-def compared(rows: Iterable[TradeoffRow], *, exposure_s: float) -> list[TradeoffRow]:
-    """Return the rows of one scene with their errors; None where there is no reference to compare with.
+_COUNTED = [name for name in names_of(TradeoffRow) if name != "variance_e2"]
+_AT = _COUNTED.index("n_frames")
+COLUMNS = (*_COUNTED[:_AT], "predicted_flux_error", "predicted_snr_error", *_COUNTED[_AT:])
+"""Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
+
+
+def csv_text(result: TradeoffResult) -> str:
+    """Return one line for each row; empty where there is no number."""
+    errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
+    rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
+    return table_text(COLUMNS, rows)
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return ""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-9:.3g} ns"
+
+
+def _error_of(row: TradeoffRow, quantity: str) -> str:
+    value: float | None = getattr(row, f"{quantity}_error")
+    uncertainty: float | None = getattr(row, f"{quantity}_uncertainty")
+    if value is None:
+        return ""
+    if value == 0.0 and not uncertainty:
+        return "0"
+    if abs(value) < (uncertainty or 0.0):
+        return f"< {100 * (uncertainty or 0.0):.2g} %"
+    spread = f" ± {100 * uncertainty:.2g}" if uncertainty and uncertainty > 1e-6 else ""
+    return f"{100 * value:+.2g}{spread} %"
+
+
+def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
+    def size(row: TradeoffRow) -> float:
+        return float(abs(getattr(row, f"{quantity}_error") or 0.0))
+
+    worst = max(rows, key=size)
+    return _error_of(worst, quantity) + (f" ({worst.scene})" if size(worst) else "")
+
+
+def report_text(result: TradeoffResult, *, head: str = "") -> str:
+    """Return the report.
 
     Parameters
     ----------
-    rows : iterable of TradeoffRow
-        Of one scene.
-    exposure_s : float
-        Of a frame.
-
-    Returns
-    -------
-    list of TradeoffRow
-
-    Notes
-    -----
-    ``variance = 2 N white + own + (N t)^2 speckle``: science and reference visit of ``N`` frames each, the planet's own
-    light, and what subtraction leaves of the star. A part whose random numbers are those of the reference, frame by
-    frame or pair by pair, is compared with it sample by sample; the others carry the errors of both.
+    result : TradeoffResult
+    head : str
+        What stands between the title and the tables.
     """
-    every = list(rows)
-    best = next((row for row in every if row.point == REFERENCE and row.status == "ok"), None)
-    if best is None:
-        return [row.model_copy(update=dict.fromkeys(_ERRORS)) for row in every]
-    return [_one(row, best, exposure_s) if row.status == "ok" else row for row in every]
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    loader = PackageLoader("cpic_planner", "presets/tradeoff")
+    made = Environment(loader=loader, undefined=StrictUndefined, **trimmed)  # noqa: S701 - Markdown
+    made.filters |= {"seconds": _seconds, "error": _error_of, "worst": _worst}
+    scenes = ", ".join(f"`{scene.name}`" for scene in result.scenes)
+    names = "all scenes" if len(result.scenes) == len(SCENES) else scenes
+    headings = {group: look[0] for group, look in LOOKS.items()}
+    return made.get_template("report.md.j2").render(result=result, head=head, names=names, headings=headings)
 
 
-_ERRORS = ("variance_e2", "snr", "flux_error", "flux_uncertainty", "snr_error", "snr_uncertainty")
+# Heading in the report; Okabe-Ito colour, symbol and words in the figure.
+LOOKS: dict[str, tuple[str, str, str, str]] = {
+    "closed_form": ("Closed forms", "#D55E00", "*", "closed forms"),
+    "images": ("Images made in a stated way", "#56B4E9", "s", "images, stated way"),
+    "tier": ("Named tiers", "#000000", "o", "named tiers"),
+    "tolerance": ("Tolerances", "#009E73", "D", "tolerances"),
+    "knob": ("The reference with one knob changed", "#CC79A7", "+", "one knob changed"),
+    "effect": ("The reference without one effect", "#999999", "x", "one effect left out"),
+}
+SMALLEST = 1e-6
+"""Errors below are drawn here, as upper limits."""
+_LABELS = {"reference": "reference", "standard": "standard", "quick": "quick", "etc": "closed form"}
+DPI = 130
 
 
-def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
-    assert row.flux_e is not None  # as ok says
-    assert best.flux_e is not None
-    if "contrast" in best.samples:
-        return compared_programme(row, best)
-    white_best, speckle_best = _white(best), _speckle(best, best).value * (best.n_frames * exposure_s) ** 2
-    parts = np.array([2.0 * best.n_frames * white_best.value, best.samples["own_e2"][0], speckle_best])
-    whole = float(parts.sum())
-    if row.group == "closed_form":
-        variance = row.samples["whole_e2"][0] + row.samples["fixed_speckle_e2"][0]
-        error = _variance_error(parts, white_best.error / white_best.value, _relative(best.samples["speckle_e2_s2"]))
-    else:
-        white, ratio = _white_ratio(row, best), _speckle(row, best).over(_speckle(best, best))
-        new = parts * [white.value, 1.0, ratio.value]
-        new[1] = row.samples["own_e2"][0]
-        variance = float(new.sum())
-        error = _variance_error(new, white.error / max(white.value, 1e-300), ratio.error / max(ratio.value, 1e-300))
-    flux, noise = row.flux_e / best.flux_e, math.sqrt(variance / whole)
-    return row.model_copy(
-        update={
-            "variance_e2": variance,
-            "snr": row.flux_e / math.sqrt(variance),
-            "flux_error": flux - 1.0,
-            "flux_uncertainty": 0.0 if row is best else FLUX_LIMIT,
-            "snr_error": flux / noise - 1.0,
-            "snr_uncertainty": 0.0 if row is best else flux / noise * 0.5 * error,
-        }
-    )
+def pareto_png(result: TradeoffResult) -> bytes:
+    """Return the figure as a file."""
+    buffer = io.BytesIO()
+    with style():
+        pareto_figure(result).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
 
 
-def _variance_error(parts: FloatArray, white: float, speckle: float) -> float:
-    return float(np.hypot(parts[0] * white, parts[2] * speckle) / parts.sum())
+def pareto_figure(result: TradeoffResult) -> Figure:
+    """Draw the larger of the errors of flux and SNR against wall clock."""
+    scenes = [scene for scene in result.scenes if not scene.is_programme] or list(result.scenes)
+    columns = 2 if len(scenes) > 1 else 1
+    lines = math.ceil((len(scenes) + (columns == 2 and len(scenes) % 2 == 0)) / columns) if scenes else 1
+    figure = new_figure(3.0 * lines + 0.9)
+    panels = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
+    ok = [row for row in result.rows if row.status == "ok" and row.wall_s and row.snr_error is not None]
+    for panel, scene in zip(panels, scenes, strict=False):
+        _panel(panel, [row for row in ok if row.scene == scene.name])
+        panel.set_title(scene.title)
+    for panel in panels[len(scenes) :]:
+        panel.set_axis_off()
+    for panel in panels[: len(scenes)][-columns:]:
+        panel.tick_params(labelbottom=True)  # the lowest of each column
+    figure.supxlabel("wall clock of one observation (s)", fontsize=10.5)
+    figure.supylabel("relative error (larger of flux and SNR)", fontsize=10.5)
+    handles, labels = _legend()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    for panel, scene in zip(panels, scenes, strict=False):
+        named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
+        times, sizes = [row.wall_s or 0.0 for row in named], [_size(row)[0] for row in named]
+        place_labels(panel, times, sizes, [_LABELS[row.point] for row in named], fontsize=8.5)
+    return figure
 
 
-def _relative(values: Sequence[float] | FloatArray) -> float:
-    array = np.asarray(values, float)
-    if array.size < 2 or not array.mean() > 0:
-        return 0.0
-    return float(array.std(ddof=1) / array.mean() / math.sqrt(array.size))
+def _size(row: TradeoffRow) -> tuple[float, bool]:
+    """Return the error to draw, and whether it is only a limit."""
+    sizes = []
+    for quantity in ("flux", "snr"):
+        value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
+        sizes.append((value, False) if value > limit else (limit, True))
+    value, limit = max(sizes)
+    return (value, limit) if value > SMALLEST else (SMALLEST, True)
 
 
-def _white(row: TradeoffRow) -> _Ratio:
-    return _Ratio.of([*row.samples["white_e2"], *row.samples.get("more_white_e2", [])])
+def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
+    top = max([0.1, *(_size(row)[0] for row in rows)])
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * SMALLEST, 3.0 * top))
+    axes.grid(visible=True)
+    for level in (0.01, 0.03, 0.05):
+        axes.axhline(level, color="#BBBBBB", lw=0.8, ls=":", zorder=1)
+    for row in sorted(rows, key=lambda row: list(LOOKS).index(row.group)):
+        _, colour, marker, _ = LOOKS[row.group]
+        value, limit = _size(row)
+        thin = marker in "+x"
+        axes.plot(
+            row.wall_s or 0.0,
+            value,
+            marker="v" if limit else marker,
+            color=colour,
+            ls="none",
+            zorder=3,
+            ms=9 if marker == "*" else 6,
+            mew=1.3 if thin and not limit else 0.8,
+            mfc="none" if limit or thin else colour,
+            mec=colour,
+        )
 
 
-def _white_ratio(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
-    """Return the white noise over the reference's: frame by frame where the frames have the same random numbers."""
-    ours, theirs = row.samples["white_e2"], best.samples["white_e2"]
-    alike = all(row.settings.get(key) == best.settings.get(key) for key in ("draw", "region"))
-    return _paired(ours, theirs) if alike and len(ours) == len(theirs) else _white(row).over(_white(best))
+def _legend() -> tuple[list[Artist], list[str]]:
+    from matplotlib.lines import Line2D
+
+    handles: list[Artist] = [
+        Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+x" else colour)
+        for _, colour, marker, _ in LOOKS.values()
+    ]
+    handles.append(Line2D([], [], color="#444444", marker="v", ls="none", ms=7, mfc="none"))
+    handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
+    return handles, [*(text for *_, text in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
 
 
-def _speckle(row: TradeoffRow, best: TradeoffRow) -> _Ratio:
-    """Return the variance of the residual of the star, (e-/s)^2; its error is that of the ratio to the reference.
+_MAX_BYTES = 100_000_000
+RESULT = "results.json"
+FILES = ("results.csv", "report.md", "pareto.png")
+"""Names of the files beside the result."""
 
-    What a row does not hold is as in the reference.
+
+def products_of(result: TradeoffResult, *, head: str = "") -> dict[str, bytes]:
+    """Return the files beside the result by their names; ``head`` stands between title and tables of the report."""
+    contents = csv_text(result).encode(), report_text(result, head=head).encode(), pareto_png(result)
+    return dict(zip(FILES, contents, strict=True))
+
+
+def read_result(folder: Path) -> TradeoffResult | None:
+    """Return what an earlier run wrote; None where there is nothing.
+
+    Raises
+    ------
+    InputError
+        If the file there is not such a result.
     """
-    samples, others = row.samples, best.samples
-    fixed = samples.get("speckle_e2_s2", others["speckle_e2_s2"])
-    walk, one = (samples.get(name, others[name]) for name in ("walk_e2_s2", "one_epoch_e2_s2"))
-    epochs = float(np.mean(walk) / np.mean(one)) if np.mean(one) > 0 else 1.0
-    value = float(np.mean(fixed)) * epochs
-    if not value > 0:
-        return _Ratio(0.0, 0.0)
-    knobs, moved = _paired(fixed, others["speckle_e2_s2"]), _paired(walk, others["walk_e2_s2"])
-    return _Ratio(value, value * math.hypot(knobs.error / knobs.value, moved.error / moved.value))
-
-
-def _paired(ours: Sequence[float], theirs: Sequence[float]) -> _Ratio:
-    """Return the ratio of two means of paired samples."""
-    first, second = np.asarray(ours, float), np.asarray(theirs, float)
-    if len(first) != len(second):
-        return _Ratio.of(first).over(_Ratio.of(second))
-    value = float(first.mean() / second.mean())
-    difference = first / first.mean() - second / second.mean() if value > 0 else np.zeros(2)
-    return _Ratio(value, value * float(difference.std(ddof=1)) / math.sqrt(difference.size))
-
-
-def speed_ups(rows: Iterable[TradeoffRow], *, beside: str = "etc") -> dict[str, float]:
-    """Return the wall clock of the reference over that of another way on the same machine, by scene."""
-    times: dict[str, dict[str, TradeoffRow]] = {}
-    for row in rows:
-        if row.point in (REFERENCE, beside) and row.wall_s:
-            times.setdefault(row.scene, {})[row.point] = row
-    return {
-        scene: (pair[REFERENCE].wall_s or 0.0) / (pair[beside].wall_s or math.inf)
-        for scene, pair in times.items()
-        if len(pair) == 2 and pair[REFERENCE].machine == pair[beside].machine
-    }
+    path = folder / RESULT
+    if not path.exists():
+        return None
+    try:
+        text = read_text(path, key="--out", allowed="a folder of an earlier tradeoff", max_bytes=_MAX_BYTES)
+        return TradeoffResult.model_validate(parse_json(text))
+    except (ValueError, ValidationError):
+        allowed = "a folder of an earlier tradeoff, or a new one"
+        raise InputError("--out", str(folder), allowed=allowed, hint=f"its {RESULT} is something else") from None
 
 
 RESULT_VERSION = 1
@@ -339,49 +410,19 @@ def measured(
 ) -> dict[str, Any]:
     """Measure points of a scene, each or each kind of them in a new process; returns plain rows and the machine."""
     groups = [tuple(group) for _, group in itertools.groupby(points, key=lambda point: point.group)]
-    with ThreadPoolExecutor(max_workers=min(at_once, len(groups))) as pool:
-        waiting = [pool.submit(_in_own_process, case, group, effort, machine.key, progress) for group in groups]
-        rows = [row for one in waiting for row in one.result()]
+    rows = []
+    fresh: dict[str, Any] = {"mp_context": multiprocessing.get_context("spawn"), "max_tasks_per_child": 1}
+    with ProcessPoolExecutor(max_workers=min(at_once, len(groups)), **fresh) as pool:
+        waiting = [pool.submit(_rows_of, case, group, effort, machine.key, time.monotonic()) for group in groups]
+        for group, one in zip(groups, waiting, strict=True):
+            rows += one.result()
+            progress(f"{case.name}, {_names(group)}", len(group))
     return {"machine": machine.model_dump(mode="json"), "rows": [row.model_dump(mode="json") for row in rows]}
 
 
-def _in_own_process(
-    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, progress: Advance
+def _rows_of(
+    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, launched_s: float
 ) -> list[TradeoffRow]:
-    """Return the rows of points that a new process measures on one thread, starting from nothing."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_serve, args=(theirs, time.monotonic(), case, points, effort, machine))
-    process.start()
-    theirs.close()
-    try:
-        while True:
-            kind, content = ours.recv()
-            if kind == "step":
-                progress(f"{case.name}, {content}")
-            elif kind == "error":
-                raise content
-            else:
-                return list(content)
-    except EOFError:
-        process.join()
-        raise RuntimeError(f"a measuring process ended with status {process.exitcode}") from None
-    finally:
-        if process.is_alive() and process.exitcode is None:
-            process.join(timeout=1.0)
-        process.terminate()
-        process.join()
-        ours.close()
-
-
-def _serve(
-    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
-) -> None:
-    try:
-        with numeric_context():
-            rows = measured_rows(case, points, effort, machine, launched_s, lambda name: tell.send(("step", name)))
-    except Exception as error:
-        tell.send(("error", error))
-    else:
-        tell.send(("done", rows))
-    tell.close()
+    """Return the rows of points, on one thread."""
+    with numeric_context():
+        return measured_rows(case, points, effort, machine, launched_s)

@@ -5,11 +5,6 @@ from cpic_planner.validation.albedo_fit import (
     fit_albedo as fit_albedo,
     planet_albedo_model as planet_albedo_model,
 )
-from cpic_planner.validation.apertures import (
-    aperture_sum as aperture_sum,
-    aperture_weights as aperture_weights,
-    edge_crossed as edge_crossed,
-)
 from cpic_planner.validation.astrometry import (
     Astrometry as Astrometry,
     SkyPosition as SkyPosition,
@@ -17,47 +12,47 @@ from cpic_planner.validation.astrometry import (
     fit_position as fit_position,
 )
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
-from cpic_planner.validation.detection import BlindSearch as BlindSearch, Candidate as Candidate
-from cpic_planner.validation.findings import (
-    PREDICTION_ERROR as PREDICTION_ERROR,
-    Calibration as Calibration,
-    FittedAlbedo as FittedAlbedo,
-    albedo_fits as albedo_fits,
-    albedo_records as albedo_records,
-    calibrate as calibrate,
-    mean_snr as mean_snr,
-    position_records as position_records,
-    snr_scatter as snr_scatter,
+from cpic_planner.validation.frames import (
+    CalibratedFrames as CalibratedFrames,
+    calibrated_frames as calibrated_frames,
+    combine as combine,
+    filled as filled,
+    reject_cosmic_rays as reject_cosmic_rays,
 )
-from cpic_planner.validation.frames import CalibratedFrames as CalibratedFrames, calibrated_frames as calibrated_frames
 from cpic_planner.validation.injection import (
     INTERVAL as INTERVAL,
+    SearchTask as SearchTask,
     azimuth_share as azimuth_share,
     azimuths_inside as azimuths_inside,
     fraction_interval as fraction_interval,
-)
-from cpic_planner.validation.libraries import (
-    LibraryPlan as LibraryPlan,
-    library_plan as library_plan,
-    scale_library as scale_library,
+    search_task as search_task,
 )
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
+    PlanetTemplate as PlanetTemplate,
     measure_planets as measure_planets,
-)
-from cpic_planner.validation.modelling import (
-    Modelling as Modelling,
-    modelling_of as modelling_of,
-    modelling_record as modelling_record,
-    task_cost as task_cost,
+    planet_templates as planet_templates,
 )
 from cpic_planner.validation.photometry import (
     Contrast as Contrast,
     Photometry as Photometry,
     aperture_photometry as aperture_photometry,
+    aperture_sum as aperture_sum,
+    aperture_weights as aperture_weights,
     contrast as contrast,
+    edge_crossed as edge_crossed,
 )
-from cpic_planner.validation.rdi import RdiResult as RdiResult, rdi_subtract as rdi_subtract
+from cpic_planner.validation.rdi import (
+    RdiResult as RdiResult,
+    ReducedStack as ReducedStack,
+    RollResult as RollResult,
+    pedestal_e as pedestal_e,
+    rdi_subtract as rdi_subtract,
+    reduce_stack as reduce_stack,
+    roll_photometry as roll_photometry,
+    roll_subtract as roll_subtract,
+    scale_library as scale_library,
+)
 from cpic_planner.validation.realise import (
     FrameStatistics as FrameStatistics,
     Realisation as Realisation,
@@ -67,23 +62,11 @@ from cpic_planner.validation.realise import (
     realise_frames as realise_frames,
     visit_pair as visit_pair,
 )
-from cpic_planner.validation.reduced import (
-    ReducedStack as ReducedStack,
-    pedestal_e as pedestal_e,
-    reduce_stack as reduce_stack,
+from cpic_planner.validation.search import (
+    BlindSearch as BlindSearch,
+    Candidate as Candidate,
+    SpeckleMaps as SpeckleMaps,
 )
-from cpic_planner.validation.rejection import (
-    combine as combine,
-    filled as filled,
-    reject_cosmic_rays as reject_cosmic_rays,
-)
-from cpic_planner.validation.roll import (
-    RollResult as RollResult,
-    roll_photometry as roll_photometry,
-    roll_subtract as roll_subtract,
-)
-from cpic_planner.validation.searched import SearchTask as SearchTask, search_task as search_task
-from cpic_planner.validation.speckle_maps import SpeckleMaps as SpeckleMaps
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
     observe_off_mask as observe_off_mask,
@@ -95,22 +78,33 @@ from cpic_planner.validation.task import (
     ConfirmTask as ConfirmTask,
     Frames as Frames,
     ImageSettings as ImageSettings,
+    LibraryPlan as LibraryPlan,
+    Modelling as Modelling,
     expected_of as expected_of,
     gap_s as gap_s,
     images_of as images_of,
+    library_plan as library_plan,
+    modelling_of as modelling_of,
+    modelling_record as modelling_record,
     not_observed as not_observed,
     prepare_task as prepare_task,
     star_scene as star_scene,
     target_scene as target_scene,
+    task_cost as task_cost,
     task_of as task_of,
 )
-from cpic_planner.validation.templates import (
-    PlanetTemplate as PlanetTemplate,
-    planet_templates as planet_templates,
-)
 from cpic_planner.validation.verdict import (
+    PREDICTION_ERROR as PREDICTION_ERROR,
+    Calibration as Calibration,
+    FittedAlbedo as FittedAlbedo,
+    albedo_fits as albedo_fits,
+    albedo_records as albedo_records,
+    calibrate as calibrate,
     contrasts_of as contrasts_of,
+    mean_snr as mean_snr,
+    position_records as position_records,
     refusals_of as refusals_of,
     significant_at_place as significant_at_place,
+    snr_scatter as snr_scatter,
     target_verdict as target_verdict,
 )

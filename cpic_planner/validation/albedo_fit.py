@@ -11,8 +11,8 @@ from catalogs import Band, Spectrum, bracket
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.astrometry import chi2_p_value
 from cpic_planner.validation.photometry import Contrast
-from simulator.band_integrals import band_quadrature, check_covers, check_table
 from simulator.config import LOG10_FSED_MAX, ParametricAlbedo
+from simulator.passbands import band_quadrature, check_covers, check_table
 from simulator.target import LitPlanet, contrast_at, load_parametric_grid, parametric_family, phase_value
 
 

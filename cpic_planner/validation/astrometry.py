@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, NDArray, numeric_context, require
-from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.rdi import ReducedStack
 from simulator.imaging import AnyPsf
 from simulator.target import detector_to_sky, sky_to_detector
 

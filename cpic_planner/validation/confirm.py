@@ -10,14 +10,11 @@ import numpy as np
 from cpic_core import NDArray, Status, announce
 from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
 from cpic_planner.validation.astrometry import Astrometry, fit_position
-from cpic_planner.validation.audit import audited
-from cpic_planner.validation.detection import MATCH_LAMBDA_D, BlindSearch
-from cpic_planner.validation.measure import Measurement, maps_of, measure_planets
-from cpic_planner.validation.modelling import Modelling, modelling_of
-from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, realisations, visit_pair
+from cpic_planner.validation.measure import Measurement, PlanetTemplate, maps_of, measure_planets, planet_templates
+from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, audited, realisations, visit_pair
+from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
-from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.templates import PlanetTemplate, planet_templates
+from cpic_planner.validation.task import ConfirmTask, Modelling, modelling_of
 from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
 from simulator.imaging import ExternalPsf
 from simulator.target import detector_to_sky

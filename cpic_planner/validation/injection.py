@@ -1,14 +1,32 @@
-"""Planets put into residuals, what a search finds of them, and how well a fraction of trials is known."""
+"""Programmes without planets, drawn as images and searched; and planets put into them, one at a time."""
 
 import dataclasses
+import functools
 import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError, Status, announce, stream
+from cpic_planner.etc import diagonal
 from cpic_planner.ranking import inside_zone
-from cpic_planner.validation.detection import BlindSearch, Candidate
-from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.measure import (
+    PlanetTemplate,
+    SpeckleModel,
+    forced_photometry,
+    maps_of,
+    obstacle,
+    place_at,
+    reduced_around,
+    searcher_of,
+    with_image,
+)
+from cpic_planner.validation.rdi import ReducedStack
+from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
+from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch, Candidate, Searcher
+from cpic_planner.validation.task import ConfirmTask, modelling_of
 from simulator.imaging import BandGeometry
 
 _MATCH_LAMBDA_D = 1.0
@@ -140,3 +158,136 @@ def draw_place(
         return None
     angle = float(rng.choice(angles))
     return separation_arcsec * math.cos(angle), separation_arcsec * math.sin(angle)
+
+
+@dataclass(frozen=True)
+class SearchTask:
+    """Some programmes of one star in one band, and what is done with each; plain data for any process.
+
+    Attributes
+    ----------
+    images : dict
+        `ConfirmTask.to_dict` of the star without planets.
+    first, count : int
+        Numbers of the realisations.
+    places_arcsec : list of float
+        Separations on the diagonal at which the noise is measured.
+    planets : list of (float, list of float, list of float)
+        Planets that are put into every image: separation, contrasts that they have, one after the other, and offsets x
+        and y on the detector; without these each stands at an azimuth of its own.
+    planets_until : int
+        Number of the first realisation that gets no planets.
+    """
+
+    images: dict[str, Any]
+    first: int
+    count: int
+    places_arcsec: list[float]
+    planets: list[tuple[float, list[float], list[float]]]
+    planets_until: int
+
+    @property
+    def key(self) -> str:
+        """Name of the finished piece of work."""
+        return f"{self.images['name']} {self.images['band']} {self.first}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plain dict."""
+        return asdict(self)
+
+
+def search_task(tree: dict[str, Any]) -> dict[str, Any]:
+    """Draw programmes, measure their noise, search them, and search them again with planets.
+
+    Parameters
+    ----------
+    tree : dict
+        `SearchTask.to_dict`.
+
+    Returns
+    -------
+    dict
+        ``refused`` (why there are no images; empty where there are), and one entry an image of ``limits`` (contrast of
+        1 sigma at each place, and what the subtraction leaves of a planet; null where it is not known), ``alarms`` (of
+        every peak that is no source, how many of its height noise is expected to show in such a search), ``elements``
+        (resolution elements searched), and ``planets`` (x and y of each, and the number as of ``alarms`` of the peak at
+        each contrast; null without a peak).
+    """
+    own = SearchTask(**tree)
+    task = ConfirmTask(**own.images)
+    announce(f"images of {task.name} in {task.band}")
+    modelling = modelling_of(task)
+    visits = visit_pair(task, modelling=modelling)
+    if modelling.draw != "sums" or visits.stackable.status is not Status.OK:
+        why = visits.stackable.message or "sums of frames are not accurate enough for this scene"
+        return {"refused": why}
+    rate_e_s = visits.science.truth.sources[0].rate_e_s
+    geometry, maps = visits.geometry, maps_of(visits)
+    beside = [(one.x_arcsec, one.y_arcsec) for one in visits.science.truth.sources[1:]]
+    places = []
+    for separation in own.places_arcsec:
+        x, y = (float(part) for part in diagonal(geometry.zone, separation))
+        place = place_at(geometry, visits.strategy, "place", ((x, y),), beside)
+        measured = obstacle(place, geometry, visits.strategy) is None
+        places.append(with_image(visits, place) if measured else None)
+    whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
+    seen = functools.lru_cache(maxsize=8)(functools.partial(visits.optics.at, margin_pixels=0))
+    body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
+    for number in range(own.first, own.first + own.count):
+        drawn = visits.draw(number)
+        body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, whitened) for place in places])
+        blind = searcher_of(visits, drawn.reduced, rate_e_s, maps)
+        empty = blind.search(drawn.reduced.image_e)
+        reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
+        noise = [
+            one
+            for one in empty.candidates
+            if all(math.hypot(one.x_arcsec - x, one.y_arcsec - y) > reach for x, y in beside)
+        ]
+        body["alarms"].append([one.false_alarms for one in noise])
+        body["elements"].append(empty.region.n_elements)
+        planets = own.planets if number < own.planets_until else []
+        body["planets"].append(
+            [_found(visits, seen, blind, drawn, number, index, *one) for index, one in enumerate(planets)]
+        )
+    return body
+
+
+def _noise_at(
+    visits: VisitPair, drawn: Realisation, place: PlanetTemplate | None, rate_e_s: float, model: SpeckleModel | None
+) -> list[float | None]:
+    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
+    if place is None:
+        return [None, None]
+    near = reduced_around(drawn, place, visits)
+    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
+    star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
+    return [float(measured.sigma_background / star_e), float(measured.throughput)]
+
+
+def _found(
+    visits: VisitPair,
+    seen: Callable[[float, float], FloatArray],
+    blind: Searcher,
+    drawn: Realisation,
+    number: int,
+    index: int,
+    separation_arcsec: float,
+    contrasts: list[float],
+    offsets_arcsec: list[float],
+) -> dict[str, Any]:
+    """Return what a search finds of a planet of several contrasts at one place of an image."""
+    task, stack = visits.task, drawn.reduced
+    rng = stream(task.seed, "injection", task.name, task.band, number, index)
+    place = (offsets_arcsec[0], offsets_arcsec[1]) if offsets_arcsec else None
+    place = place or draw_place(visits.geometry, separation_arcsec, rng)
+    if place is None:
+        return {"place": None, "alarms": []}
+    image = seen(*place)
+    rate_e_s = visits.science.truth.sources[0].rate_e_s
+    alarms: list[float | None] = []
+    for contrast in contrasts:
+        shown = inject(stack, image, contrast * rate_e_s * stack.integration_s, rng)
+        best = recovered(blind.search(shown.image_e), *place, visits.geometry.lambda_d_arcsec)
+        alarms.append(None if best is None else best.false_alarms)
+    return {"place": list(place), "alarms": alarms}

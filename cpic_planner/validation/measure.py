@@ -1,22 +1,488 @@
-"""Measurement of one realisation: the blind search decides, forced photometry gives the flux."""
+"""Planets measured in one realisation: the blind search decides, forced photometry gives the flux.
 
+Whether images can show a planet at all is known before any is made: `obstacle`.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self, TypeAlias
 
-from cpic_planner.queries import FluxFilter
-from cpic_planner.validation.detection import BlindSearch, Searcher, searcher
-from cpic_planner.validation.photometry import Photometry, aperture_photometry, sum_weights, without_source
-from cpic_planner.validation.rdi import paying_modes, surviving_fraction
+import numpy as np
+
+from cpic_core import BoolArray, FloatArray, InputError, Reason
+from cpic_planner.queries import FluxFilter, Strategy
+from cpic_planner.validation.photometry import (
+    EXCLUSION_RADII,
+    MIN_BACKGROUND_APERTURES,
+    Photometry,
+    aperture_photometry,
+    aperture_weights,
+    edge_crossed,
+    kernel_at,
+    outside_discs,
+    radius_pixel,
+    ratio,
+    sample_places,
+    sum_weights,
+    without_source,
+)
+from cpic_planner.validation.rdi import ReducedStack, paying_modes, roll_photometry, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
-from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.roll import roll_photometry
-from cpic_planner.validation.speckle_maps import SpeckleMaps, mirror_share, speckle_maps, whole_kernels
+from cpic_planner.validation.search import (
+    BlindSearch,
+    Searcher,
+    SpeckleMaps,
+    mirror_share,
+    speckle_maps,
+    whole_kernels,
+)
 from cpic_planner.validation.star_flux import StarFlux
-from cpic_planner.validation.templates import PlanetTemplate, is_covered, pixels_of, radius_pixel
-from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
+from cpic_planner.validation.task import ConfirmTask, LibraryPlan
+from simulator.config import Instrument
 from simulator.imaging import BandGeometry, TablePsf
-from simulator.signal import REGION_LAMBDA_D
+from simulator.signal import REGION_LAMBDA_D, Whitening, placed, speckle_covariance, unit_parts, with_noise
+from simulator.target import scene_sources
+
+LEAST_COVERED = 0.9
+"""Share of an aperture that must be left by limits and rejection."""
+_WIDER_LAMBDA_D = 0.25  # steps by which a background without room for three apertures is widened
+
+Place: TypeAlias = tuple[float, float]
+"""Offsets x and y from the star on the detector, arcsec."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanetPlace:
+    """The place of a planet to be measured, in one or two rolls, and the pixels that tell its noise.
+
+    Attributes
+    ----------
+    name : str
+    places_arcsec : tuple
+        Offsets (x, y) on the detector, one a roll.
+    apertures : tuple of ndarray, shape (n, n)
+        Weights of the aperture there.
+    background : ndarray of bool, shape (n, n)
+        Annulus that measures background and scatter; other sources are out of it.
+    others : tuple
+        Places of other sources, pixels (x, y).
+    """
+
+    name: str
+    places_arcsec: tuple[tuple[float, float], ...]
+    apertures: tuple[FloatArray, ...]
+    background: BoolArray
+    others: tuple[tuple[float, float], ...]
+
+    @property
+    def separation_arcsec(self) -> float:
+        """Separation from the star."""
+        return float(np.hypot(*self.places_arcsec[0]))
+
+    def around(self, region: BoolArray, geometry: BandGeometry, filter_name: FluxFilter) -> BoolArray:
+        """Return the part of the background in a region that shows nothing of the planet.
+
+        For the filter ``mirror`` nothing of the planet or of other sources either at the opposite places.
+
+        Parameters
+        ----------
+        region : ndarray of bool, shape (n, n)
+        geometry : BandGeometry
+        filter_name : {"aperture", "matched", "mirror", "whitened"}
+        """
+        free, middle = self.background & region, geometry.stamp_pixels - 1
+        places = [pixels_of(geometry, place) for place in self.places_arcsec]
+        if filter_name == "mirror":
+            free &= free[::-1, ::-1]
+            places += [(middle - x, middle - y) for x, y in (*places, *self.others)]
+        return outside_discs(free, places, EXCLUSION_RADII * radius_pixel(geometry))
+
+    def tells_noise(self, region: BoolArray, geometry: BandGeometry, strategy: Strategy) -> bool:
+        """Return whether a region has half of the background, and three apertures in it side by side.
+
+        Parameters
+        ----------
+        region : ndarray of bool, shape (n, n)
+        geometry : BandGeometry
+        strategy : Strategy
+        """
+        whole = np.count_nonzero(self.background)
+        if not np.count_nonzero(self.background & region) >= 0.5 * whole > 0:
+            return False
+        if strategy.n_modes or strategy.filter == "whitened":
+            region = region & geometry.annulus(self.separation_arcsec, REGION_LAMBDA_D)
+        free, radius = self.around(region, geometry, strategy.filter), radius_pixel(geometry)
+        lambda_d = geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
+        for place, aperture in zip(self.places_arcsec, self.apertures, strict=True):
+            seen = (np.ones_like(aperture), lambda_d) if strategy.filter == "matched" else (aperture, radius + 1.0)
+            try:
+                sample_places(free, radius, kernel_at(seen[0], *pixels_of(geometry, place), seen[1]))
+            except InputError:  # no room
+                return False
+        return True
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanetTemplate(PlanetPlace):
+    """A planet to be measured, with its image.
+
+    Attributes
+    ----------
+    templates : tuple of ndarray, shape (n, n)
+        Image of a unit source at its place, one a roll.
+    cores : tuple of float
+        Core throughput.
+    neighbours : tuple of ndarray, shape (n, n)
+        Images of other unit sources.
+    """
+
+    templates: tuple[FloatArray, ...]
+    cores: tuple[float, ...]
+    neighbours: tuple[FloatArray, ...] = ()
+
+    @property
+    def core(self) -> float:
+        """Mean core throughput over the rolls."""
+        return float(np.mean(self.cores))
+
+    def kernels(self, geometry: BandGeometry, filter_name: FluxFilter) -> tuple[FloatArray, ...]:
+        """Return the weights of the sum that measures it around its pixel in every roll.
+
+        Those of the matched filter are scaled so that they find as much of its light as the aperture.
+
+        Parameters
+        ----------
+        geometry : BandGeometry
+        filter_name : {"aperture", "matched", "mirror", "whitened"}
+            Of the last two the sums of apertures.
+        """
+        found = []
+        for place, template, aperture in zip(self.places_arcsec, self.templates, self.apertures, strict=True):
+            pixel = pixels_of(geometry, place)
+            if filter_name == "matched":
+                kernel = kernel_at(template, *pixel, geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec)
+                weights = sum_weights(template.shape, *pixel, 1.0, kernel)
+                kernel *= np.sum(template * aperture) / np.sum(template * weights)
+            else:
+                kernel = kernel_at(aperture, *pixel, radius_pixel(geometry) + 1.0)
+            found.append(kernel)
+        return tuple(found)
+
+
+def planet_places(
+    plan: LibraryPlan, instrument: Instrument, task: ConfirmTask, geometry: BandGeometry, strategy: Strategy
+) -> list[PlanetPlace]:
+    """Return where the planets that a task measures stand, in its order.
+
+    Parameters
+    ----------
+    plan : LibraryPlan
+    instrument : Instrument
+        Of the images.
+    task : ConfirmTask
+    geometry : BandGeometry
+    strategy : Strategy
+    """
+    shown = (plan.science, plan.reference)[: 2 if plan.shows_planet else 1]
+    every = [
+        scene_sources(plan.science_scene, instrument, task.band, roll_deg=visit["roll_deg"])[1:] for visit in shown
+    ]
+    found = []
+    for index, source in enumerate(every[0]):
+        if source.kind != "planet" or source.name not in task.planets:
+            continue
+        places = tuple((sources[index].x_arcsec, sources[index].y_arcsec) for sources in every)
+        beside = [
+            (other.x_arcsec, other.y_arcsec)
+            for sources in every
+            for number, other in enumerate(sources)
+            if number != index
+        ]
+        found.append(place_at(geometry, strategy, source.name, places, beside))
+    return found
+
+
+def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
+    """Return the planets that the task measures, in its order, with what the measurement of each needs."""
+    places = planet_places(visits.plan, visits.instrument, visits.task, visits.geometry, visits.strategy)
+    return tuple(with_image(visits, place) for place in places)
+
+
+def with_image(visits: VisitPair, place: PlanetPlace) -> PlanetTemplate:
+    """Return what the measurement of a planet at a place needs."""
+    pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
+    templates = tuple(visits.optics.at(*offsets) for offsets in place.places_arcsec)
+    cores = (np.sum(image * weights) for image, weights in zip(templates, place.apertures, strict=True))
+    return PlanetTemplate(
+        **vars(place),
+        templates=templates,
+        cores=tuple(float(core) for core in cores),
+        neighbours=tuple(visits.optics.at((x - middle) * pixel, (y - middle) * pixel) for x, y in place.others),
+    )
+
+
+def place_at(
+    geometry: BandGeometry,
+    strategy: Strategy,
+    name: str,
+    places_arcsec: tuple[Place, ...],
+    beside: Sequence[Place] = (),
+) -> PlanetPlace:
+    """Return a place at which a planet is measured, and the pixels around it.
+
+    Parameters
+    ----------
+    geometry : BandGeometry
+    strategy : Strategy
+        Whose annulus is widened until it has room for three apertures.
+    name : str
+    places_arcsec : tuple of (x, y)
+        Offsets on the detector, one a roll.
+    beside : sequence of (x, y)
+        Offsets of other sources; those beyond the stamp do not count.
+    """
+    side, radius, width = geometry.stamp_pixels, radius_pixel(geometry), strategy.annulus_lambda_d
+    edge_arcsec = side // 2 * geometry.pixel_scale_arcsec
+    others = tuple(pixels_of(geometry, place) for place in beside if max(map(abs, place)) < edge_arcsec)
+    apertures = tuple(aperture_weights((side, side), *pixels_of(geometry, place), radius) for place in places_arcsec)
+    while True:
+        annulus = geometry.annulus(float(np.hypot(*places_arcsec[0])), width)
+        background = outside_discs(annulus, others, EXCLUSION_RADII * radius)
+        place = PlanetPlace(
+            name=name, places_arcsec=places_arcsec, apertures=apertures, background=background, others=others
+        )
+        if place.tells_noise(geometry.hole, geometry, strategy) or (annulus == geometry.hole).all():
+            return place
+        width += _WIDER_LAMBDA_D
+
+
+def pixels_of(geometry: BandGeometry, place_arcsec: tuple[float, float]) -> tuple[float, float]:
+    """Return the column and row of a place on the stamp."""
+    middle, pixel = geometry.stamp_pixels // 2, geometry.pixel_scale_arcsec
+    return middle + place_arcsec[0] / pixel, middle + place_arcsec[1] / pixel
+
+
+def obstacle(planet: PlanetPlace, geometry: BandGeometry, strategy: Strategy) -> tuple[Reason, str] | None:
+    """Return why a planet cannot be measured whatever the frames hold, in a word and a sentence; None where it can."""
+    for (x, y), weights in zip(planet.places_arcsec, planet.apertures, strict=True):
+        # The pixels of an aperture that touches the edges may reach beyond them.
+        inside = geometry.zone.contains(np.array(x), np.array(y), geometry.aperture_radius_arcsec)
+        if not (inside or is_covered(geometry.hole, weights)):
+            rolls = " at one of the two rolls" if len(planet.apertures) > 1 else ""
+            reason = edge_crossed(geometry.zone, x, y, geometry.aperture_radius_arcsec)
+            return reason, f"the mask or the edge of the dark hole hides the planet{rolls}"
+    within = geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
+    for place in planet.places_arcsec:
+        apart = [math.dist(pixels_of(geometry, place), other) for other in planet.others]
+        if min(apart, default=math.inf) < within:
+            nearest = f"{min(apart) * geometry.pixel_scale_arcsec:.3f} arcsec from the planet, within lambda/D"
+            return Reason.SOURCE_ON_PLACE, f"another source stands {nearest}: their light cannot be told apart"
+    if not planet.tells_noise(geometry.hole, geometry, strategy):
+        few = f"fewer than {MIN_BACKGROUND_APERTURES} apertures fit around the planet to measure the noise in"
+        return Reason.TOO_FEW_ELEMENTS, few
+    return None
+
+
+def is_covered(region: BoolArray, weights: FloatArray) -> bool:
+    """Return whether enough of an aperture lies in a region."""
+    return float(np.sum(weights * region) / np.sum(weights)) >= LEAST_COVERED
+
+
+_MOST_PROBES = 200  # places that tell the scatter: several an aperture
+
+
+@dataclass(frozen=True, eq=False)
+class SpeckleModel:
+    """Residual speckles of a programme as the optical model foresees them; made by `of`.
+
+    Attributes
+    ----------
+    instrument : Instrument
+        Whose static field, mirror and drift are taken for granted.
+    band : str
+    linear_nm2, square_nm4 : float
+        What the wavefronts of the programme leave of both parts; see `simulator.signal.unit_parts`.
+    star_e : float
+        Electrons of the star on the clear disc in the summed stack.
+    """
+
+    instrument: Instrument
+    band: str
+    linear_nm2: float
+    square_nm4: float
+    star_e: float
+
+    @classmethod
+    def of(cls, visits: VisitPair, star_rate_e_s: float, instrument: Instrument | None = None) -> Self:
+        """Return the model of a programme.
+
+        Parameters
+        ----------
+        visits : VisitPair
+        star_rate_e_s : float
+            Rate of the star on the clear disc.
+        instrument : Instrument, optional
+            The instrument that is taken for granted; that of the images by default.
+        """
+        model, plan, one = instrument or visits.instrument, visits.plan, visits.science
+        visit_s = (one.exposure_s + one.readout_s) * one.n_frames
+        gap_s = visits.task.gap_s if plan.visits > 1 else math.inf
+        length = visits.strategy.reference_library.reference_length(
+            np.asarray(float(plan.visits)), np.asarray(float(plan.reference_visits))
+        )
+        parts = unit_parts(model.drift, reference_ratio=visits.strategy.reference_ratio, timing=visits.task.timing)
+        left = (
+            float(part.law(plan.visits, plan.reference_visits, gap_s, reference_length=length).variance(visit_s))
+            for part in parts
+        )
+        # Noise-free references are expectations of the science visits: they have their wavefronts.
+        linear, square = (0.0, 0.0) if plan.noise_free else left
+        star_e = star_rate_e_s * one.exposure_s * one.n_frames * plan.visits
+        return cls(model, visits.task.band, linear, square, star_e)
+
+    def covariance_e2(self, separation_arcsec: float, region: BoolArray, geometry: BandGeometry) -> FloatArray:
+        """Return the covariance of the speckles in the pixels of a region, electrons squared, shape (p, p).
+
+        Parameters
+        ----------
+        separation_arcsec : float
+        region : ndarray of bool, shape (n, n)
+            Part of the hole within 2.4 lambda/D of the separation.
+        geometry : BandGeometry
+        """
+        every = speckle_covariance(self.instrument, self.band, separation_arcsec, self.linear_nm2, self.square_nm4)
+        part = region[geometry.annulus(separation_arcsec, REGION_LAMBDA_D)]
+        return np.asarray(self.star_e**2 * every[np.ix_(part, part)])
+
+
+class WhitenedFilter:
+    """Generalised least squares for a source at one place, over the pixels of the annulus around it.
+
+    Parameters
+    ----------
+    stack : ReducedStack
+        Of one roll; its pixels, white noise and modes count, not its image.
+    template : ndarray, shape (n, n)
+        Image of a unit source at the place.
+    place_pixel : tuple of float
+        The place (x, y); pixel centres are at integers.
+    geometry : BandGeometry
+    model : SpeckleModel
+        The residual speckles.
+    background_region : ndarray of bool, shape (n, n)
+        Where the scatter is measured, without other sources; a disc around the place is taken out here.
+    neighbours : tuple of ndarray, shape (n, n)
+        Images of other sources.
+
+    Raises
+    ------
+    InputError
+        If the background region holds fewer than 3 apertures side by side.
+
+    Notes
+    -----
+    A level, the modes that were subtracted and the neighbours are fitted with the source. A filter belongs to its
+    place: the scatter is that of the same estimate at the places of apertures in the background region, each with its
+    own filter and the source at its place fitted too, over the error that the covariance foresees there. Its rms times
+    the error foreseen at the place is the error: the shape of the covariance is believed, not its size.
+    """
+
+    def __init__(
+        self,
+        stack: ReducedStack,
+        template: FloatArray,
+        place_pixel: tuple[float, float],
+        *,
+        geometry: BandGeometry,
+        model: SpeckleModel,
+        background_region: BoolArray,
+        neighbours: tuple[FloatArray, ...] = (),
+    ) -> None:
+        radius, middle = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
+        x_pixel, y_pixel = place_pixel
+        separation = math.hypot(x_pixel - middle, y_pixel - middle) * geometry.pixel_scale_arcsec
+        region = stack.region & geometry.annulus(separation, REGION_LAMBDA_D)
+        noise = with_noise(model.covariance_e2(separation, region, geometry), stack.white_variance_e2[region])
+        modes = np.zeros((len(stack.rdi.modes), *region.shape))
+        modes[:, stack.rdi.region] = stack.rdi.modes
+        beside = np.array([image[region] for image in (np.ones(region.shape), *modes, *neighbours)])
+        self._whitening = Whitening(noise, beside)
+        self._region, self._background, self._place, self._radius = region, background_region, place_pixel, radius
+        self._left = stack.rdi.project(template)
+        source = template[region]
+        self._source = self._whitening.of(source)
+        self._power = float(self._source @ self._source)
+        probes, self._apertures = _probes(template, place_pixel, region, background_region & region, radius)
+        others = self._whitening.of(probes)
+        others -= np.outer(others @ self._source / self._power, self._source)
+        self._others = others / np.sqrt((others**2).sum(axis=1, keepdims=True))
+        self._core = float(np.sum(aperture_weights(template.shape, x_pixel, y_pixel, radius) * template))
+        # Variance of the strength by the source's own electrons, one a unit of its strength.
+        self._own = float(np.sum(self._whitening.weights(source) ** 2 * np.maximum(source, 0.0)))
+
+    @property
+    def sigma_e(self) -> float:
+        """Standard deviation of the light in the aperture that the covariance foresees, electrons."""
+        return self._core / math.sqrt(self._power)
+
+    def photometry(self, stack: ReducedStack) -> Photometry:
+        """Return the flux of the source.
+
+        Parameters
+        ----------
+        stack : ReducedStack
+            Of the same pixels, white noise and modes.
+
+        Returns
+        -------
+        Photometry
+            ``raw_flux`` and errors are those of the light in the photometric aperture, with a ``throughput`` of 1: the
+            source is fitted with what the subtraction leaves of it. ``background_per_pixel``, ``flux_paper_error``,
+            ``snr_paper`` and the areas are those of an aperture.
+        """
+        plain = aperture_photometry(
+            stack.image_e,
+            *self._place,
+            self._radius,
+            background_region=self._background,
+            factor2=stack.factor2,
+            left=self._left,
+        )
+        image = self._whitening.of(stack.image_e[self._region])
+        strength = float(self._source @ image) / self._power
+        scatter = float(np.sqrt(np.mean((self._others @ image) ** 2)))
+        raw, sigma = self._core * strength, scatter * self.sigma_e
+        own = stack.factor2 * self._own * max(strength, 0.0)
+        error = math.sqrt(sigma**2 + self._core**2 * own)
+        return replace(
+            plain,
+            flux=raw,
+            error=error,
+            snr=ratio(raw, error),
+            significance=ratio(raw, sigma),
+            raw_flux=raw,
+            sigma_background=sigma,
+            n_background_apertures=self._apertures,
+            error_rel_uncertainty=1.0 / math.sqrt(2.0 * (self._apertures - 1)),
+            throughput=1.0,
+        )
+
+
+def _probes(
+    template: FloatArray, place: tuple[float, float], region: BoolArray, background: BoolArray, radius: float
+) -> tuple[FloatArray, int]:
+    """Return the source moved by whole pixels to where apertures lie in the background, and how many fit."""
+    row, column, half = round(place[1]), round(place[0]), math.ceil(radius + 0.5)
+    side = 2 * half + 1
+    kernel = aperture_weights((side, side), half + place[0] - column, half + place[1] - row, radius)
+    away = outside_discs(background, [place], EXCLUSION_RADII * radius)
+    rows, columns, _, n_apertures = sample_places(away, radius, kernel)
+    some = np.unique(np.linspace(0, len(rows) - 1, _MOST_PROBES).astype(int))
+    reach = len(template)  # any move on the stamp
+    stamp = np.pad(template, reach)[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
+    moved = (placed(template.shape, stamp, *there)[region] for there in zip(rows[some], columns[some], strict=True))
+    return np.array(list(moved)), n_apertures
 
 
 @dataclass(frozen=True)
@@ -82,7 +548,7 @@ def searcher_of(
         `maps_of` the visits, where they are at hand.
     """
     plan, still = visits.plan, visits.still
-    return searcher(
+    return Searcher(
         stack,
         visits.optics,
         maps or maps_of(visits),

@@ -13,10 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, require
-from cpic_planner.validation.apertures import aperture_weights
-from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
-from cpic_planner.validation.photometry import Photometry
-from cpic_planner.validation.rejection import combine, rejected_in
+from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, combine, rejected_in, transferred
+from cpic_planner.validation.photometry import Photometry, aperture_weights
 from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
 from simulator.observing import Observation, observe

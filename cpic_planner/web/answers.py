@@ -1,79 +1,89 @@
-"""Answers to addresses, as data: JSON as the command line prints it, tables in other forms, figures as bytes."""
+"""Answers of the pages: the calculator, the ranking, a star, two instruments, and the columns of a table.
+
+Each ends in one `Page`; a page says nothing that its command does not say.
+"""
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import functools
-import hashlib
-import json
 import threading
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
-
-from catalogs import tables_read
-from cpic_core import InputError, dump_json, only_sent_files
+from catalogs import open_catalogue, tables_read, taken_for, velocity_limit
+from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import report
-from cpic_planner.api import Answered, answered, prepared
-from cpic_planner.results import RankResult
-from cpic_planner.version import __version__
-from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, Q
-from cpic_planner.web.sent import Sent, check_optics
+from cpic_planner.api import Answered, answered, prepared, visibility_of
+from cpic_planner.api.one_star import named
+from cpic_planner.queries import (
+    FILTERS,
+    EtcQuestion,
+    KnownQuestion,
+    RankQuestion,
+    VisibilityQuestion,
+    called_as,
+    instrument_rows,
+    instrument_title,
+    observed_utc,
+    read_instrument,
+)
+from cpic_planner.results import (
+    ColumnsResult,
+    EtcResult,
+    InstrumentResult,
+    KnownResult,
+    RankedTarget,
+    RankResult,
+    StarResult,
+    TwoInstrumentsResult,
+)
+from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, Q, Sent, address, check_shipped, python_lines
+from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
+from cpic_planner.web.pages import MEDIA, Answer, Page, blocks_of, cited, elsewhere, figure_blocks, notes_blocks
+from simulator.config import preset_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Console
 
-MEDIA = {
-    "json": "application/json",
-    "csv": "text/csv; charset=utf-8",
-    "ecsv": "text/plain; charset=utf-8",
-    "latex": "text/plain; charset=utf-8",
-    "markdown": "text/plain; charset=utf-8",
-}
-"""Media type of each form of an answer beside the page."""
-FigureForm: TypeAlias = Literal["svg", "png", "values"]
-FIGURE_MEDIA: dict[FigureForm, str] = {"svg": "image/svg+xml", "png": "image/png", "values": "text/html; charset=utf-8"}
-"""Media type of each form of a figure; its values are a page of tables."""
-_PENCIL = threading.Lock()
-"""Matplotlib's settings are those of the process: one figure is drawn at a time."""
+    from cpic_planner.api.runs import Prepared
+
 _RANKER = threading.Lock()
 DEFAULT_ROWS, MOST_ROWS = 50, 1500
 
 
-class Problem(BaseModel):
-    """An error in a question, for programs."""
-
-    schema_version: Literal[1] = 1
-    kind: Literal["error"] = "error"
-    type: Literal["invalid_input"] = "invalid_input"
-    parameter: str
-    value: str
-    unit: str
-    allowed: str
-    hint: str
-    message: str
-
-    @classmethod
-    def of(cls, error: InputError) -> Problem:
-        """Return the problem that a refusal states."""
-        texts = {name: getattr(error, name) for name in ("unit", "allowed", "hint")}
-        return cls(parameter=error.key, value=str(error.value)[:200], message=str(error), **texts)
+@contextlib.contextmanager
+def _question(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
+    """Yield the question of an address; the files that were sent are the only ones that are read."""
+    with only_sent_files({} if sent is None else sent.files), called_as(asking.names):
+        question: Any = asking.question(pairs)
+        if sent is not None and sent.files:
+            check_shipped(question.instrument, question.band_names())
+        with tables_read(strict=getattr(question, "strict", False), tell=lambda remark: None):  # the answer has them
+            yield question
 
 
-def tag_of(kind: str, pairs: Pairs) -> str:
-    """Return the tag of an answer: a hash of the question and of the version that answers it.
+def _one_of(name: str, given: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], str]:
+    """Return the parameters without those of a name, and its only value; empty without.
 
-    Parameters
-    ----------
-    kind : str
-        What the answer is: a figure, a form.
-    pairs : sequence of (str, str)
+    Raises
+    ------
+    InputError
+        If it has several.
     """
-    text = dump_json({"version": __version__, "kind": kind, "asked": pairs})
-    return f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+    values = [text for key, text in given if key == name and text]
+    if len(values) > 1:
+        raise InputError(name, f"{len(values)} values", allowed="one value")
+    return [pair for pair in given if pair[0] != name], "".join(values)
+
+
+def _without(pairs: Pairs, *names: str) -> Pairs:
+    return tuple(pair for pair in pairs if pair[0] not in names)
+
+
+# The calculator.
 
 
 @functools.lru_cache(maxsize=128)
@@ -85,31 +95,53 @@ def etc_answer(pairs: Pairs) -> Answered:
     InputError
         For the first fault, naming the parameter.
     """
-    return fresh_etc(pairs)
+    return _fresh_etc(pairs, None)
 
 
-def fresh_etc(pairs: Pairs, sent: Sent | None = None) -> Answered:
-    """Return the answer of the calculator with files that were sent, which are the only ones that are read.
-
-    Raises
-    ------
-    InputError
-        As `etc_answer`.
-    """
-    with _asked(ETC, pairs, sent) as question:
+def _fresh_etc(pairs: Pairs, sent: Sent | None) -> Answered:
+    with _question(ETC, pairs, sent) as question:
         return answered(question)
 
 
-@contextlib.contextmanager
-def _asked(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
-    from cpic_planner.queries import called_as
+def _etc(pairs: Pairs, sent: Sent | None) -> Answer:
+    answer = etc_answer(pairs) if sent is None else _fresh_etc(pairs, sent)
+    title = f"{report.pretty_name(answer.result.target)}: {ETC_PAGE.title}"
+    return Answer(title, answer.result, partial(_etc_blocks, answer, pairs, sent), answer.print)
 
-    with only_sent_files({} if sent is None else sent.files), called_as(asking.names):
-        question = asking.question(pairs)
-        if sent is not None:
-            check_optics(question, sent)
-        with tables_read(strict=getattr(question, "strict", False), tell=lambda remark: None):  # the answer has them
-            yield question
+
+def _etc_blocks(answer: Answered, pairs: Pairs, sent: Sent | None) -> list[report.Block]:
+    """Return an answer as blocks; with files the figure is in the page, and there are no lines of Python."""
+    blocks, result = blocks_of(answer.print), answer.result
+    if any(row.budget for row in result.answers):
+        alt = f"SNR against wall time, contrast limit against separation, and noise budget of {result.target}"
+        place = address(ETC_PAGE.drawing("", "svg"), pairs) if sent is None else ""
+        caption = f"{alt}; asked: {report.question_text(answer.question)}."
+        blocks += figure_blocks(place, answer.figure, alt, caption)
+    blocks += notes_blocks(result.notes)
+    if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
+        more = report.page_link(address(STAR.path, (), name=result.target), "its page")
+        blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
+    lines = python_lines(answer.question, pairs) if sent is None else ""
+    return blocks + elsewhere([ETC.command_line(pairs)], cited(result), lines)
+
+
+ETC_PAGE = Page(
+    ETC.page,
+    "CPI-C exposure-time calculator",
+    "Wall time for an SNR or a detection, SNR in a time, or the contrast limit, of one star or known planet. "
+    "The address of an answer is its question: share it.",
+    ETC.canonical,
+    etc_form,
+    _etc,
+    EtcResult,
+    lambda pairs, name: etc_answer(pairs).figure,
+    figures=("",),
+    media=tuple(MEDIA),
+    takes_files=True,
+)
+
+
+# The ranking.
 
 
 @functools.lru_cache(maxsize=16)
@@ -124,13 +156,11 @@ def ranking(pairs: Pairs) -> RankResult:
     InputError
         As `etc_answer`.
     """
-    from cpic_planner.queries import FILTERS, called_as
-
     with called_as(RANK.names):
         ready = prepared(RANK.question(pairs))
         if ready.stars.chosen is None:
             return _whole_ranking(pairs)
-        return ready.of_all(_whole_ranking(tuple(pair for pair in pairs if pair[0] not in FILTERS)))
+        return ready.of_all(_whole_ranking(_without(pairs, *FILTERS)))
 
 
 @functools.lru_cache(maxsize=4)
@@ -144,103 +174,404 @@ def _whole_ranking(pairs: Pairs) -> RankResult:
         return _kept_ranking(pairs)
 
 
-def form_text(form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
-    """Return an answer in a form of `MEDIA`, to the byte as the command line prints it.
-
-    Parameters
-    ----------
-    form : str
-    result : BaseModel
-    tables : callable
-        Prints its tables on a console.
-    """
-    if form == "json":
-        return dump_json(result.model_dump(mode="json"))
-    from rich.console import Console
-
-    sheet = report.Sheet(Console(width=110, highlight=False), form)
-    tables(cast("Console", sheet))
-    if sheet.taken is None:
-        raise InputError("format", form, allowed="html or json: this answer has no table")
-    return report.form_text(form, result, sheet.taken)
-
-
-@functools.lru_cache(maxsize=64)
-def etc_figure(pairs: Pairs, form: FigureForm) -> bytes:
-    """Return the figure of an answer of the calculator; the last ones are kept.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    form : str
-        As of `drawn`.
-    """
-    return drawn(etc_answer(pairs).figure, form)
-
-
-@functools.lru_cache(maxsize=16)
-def rank_figure(pairs: Pairs, limit: int, form: FigureForm) -> bytes:
-    """Return the figure of a ranking; the last ones are kept.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    limit : int
-        Stars that are drawn.
-    form : str
-        As of `drawn`.
-    """
-    result = ranking(pairs)
-    return drawn(lambda: report.rank_figure(result, limit), form)
-
-
-def drawn(figure: Callable[[], Figure], form: FigureForm) -> bytes:
-    """Return a figure in a form, while no other is drawn.
-
-    Parameters
-    ----------
-    figure : callable
-    form : {"svg", "png", "values"}
-        The last is the JSON of what it shows.
-    """
-    with _PENCIL, report.style():
-        made = figure()
-        return _panels(made).encode() if form == "values" else _image(made, form)
-
-
-def _panels(made: Figure) -> str:
-    return json.dumps(report.panels_of(made), separators=(",", ":"))
-
-
-def _image(made: Figure, form: Literal["svg", "png"]) -> bytes:
-    return base64.b64decode(report.save(made, form, alt="", caption="").uri.partition(",")[2])
-
-
-def fresh_ranking(pairs: Pairs, sent: Sent | None = None) -> RankResult:
-    """Return a ranking with files that were sent; as `fresh_etc`."""
-    with _asked(RANK, pairs, sent) as question:
-        return prepared(question).ranked()
-
-
-def figure_inside(figure: Callable[[], Figure], alt: str, caption: str) -> list[report.Block]:
-    """Return the figure of an answer with files that were sent, which has no address, and its values."""
-    with _PENCIL, report.style():
-        made = figure()
-        panels, picture = _panels(made), report.save(made, "svg", alt=alt, caption=caption)
-    values = report.Fold("Values of the figure", list(report.values_blocks(json.loads(panels))))
-    return [report.Figure(picture, panels=panels), values]
-
-
-def rows_of(given: Any) -> int:
-    """Return the number of rows that are shown, from the text of the parameter ``limit``; `DEFAULT_ROWS` without.
+def rank_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
+    """Return the parameters of a ranking in order: those of the question, and the rows that are shown (``limit``).
 
     Raises
     ------
     InputError
-        If it is no number from 1 to `MOST_ROWS`.
+        As `cpic_planner.web.asking.Asking.canonical`; and for rows that are no number from 1 to `MOST_ROWS`.
     """
-    if given in (None, ""):
-        return DEFAULT_ROWS
-    if not (str(given).isascii() and str(given).isdecimal() and 1 <= int(str(given)[:6]) <= MOST_ROWS):
-        raise InputError("limit", str(given)[:40], allowed=f"1 to {MOST_ROWS}")
-    return int(given)
+    rest, limit = _one_of("limit", given)
+    if limit and not (limit.isascii() and limit.isdecimal() and 1 <= int(limit[:6]) <= MOST_ROWS):
+        raise InputError("limit", limit[:40], allowed=f"1 to {MOST_ROWS}")
+    return (*RANK.canonical(rest), *((("limit", limit),) if limit else ()))
+
+
+def _rows(pairs: Pairs) -> int:
+    return int(dict(pairs).get("limit", DEFAULT_ROWS))
+
+
+def _rank(pairs: Pairs, sent: Sent | None) -> Answer:
+    asked = _without(pairs, "limit")
+    if sent is None:
+        result = ranking(asked)
+    else:
+        with _question(RANK, asked, sent) as question:
+            result = prepared(question).ranked()
+    tables = partial(report.print_rank, result, limit=_rows(pairs))
+    return Answer(RANK_PAGE.title, result, partial(_rank_blocks, result, pairs, sent), tables)
+
+
+def _rank_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
+    return partial(report.rank_figure, ranking(_without(pairs, "limit")), min(_rows(pairs), report.MOST_STARS))
+
+
+def _rank_blocks(result: RankResult, pairs: Pairs, sent: Sent | None) -> list[report.Block]:
+    asked, limit = _without(pairs, "limit"), _rows(pairs)
+    blocks = blocks_of(partial(report.print_rank, result, limit=limit, full=False))
+    if result.targets:
+        alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
+        place = address(RANK_PAGE.drawing("", "svg"), asked, limit=str(limit)) if sent is None else ""
+        blocks += figure_blocks(place, partial(report.rank_figure, result, limit), alt, f"{alt}.")
+    blocks += notes_blocks(result.notes)
+    return blocks + elsewhere([f"{RANK.command_line(asked)} --limit {limit}"], cited(result))
+
+
+RANK_PAGE = Page(
+    RANK.page,
+    "CPI-C priorities",
+    "Which stars promise most planets per hour of telescope time, among 1077 nearby ones.",
+    rank_pairs,
+    rank_form,
+    _rank,
+    RankResult,
+    _rank_figure,
+    figures=("",),
+    media=tuple(MEDIA),
+    takes_files=True,
+    answers_all=True,
+)
+
+
+# Pages of few fields.
+
+
+_NO_FIELD = Field("", "", "")
+
+
+def _few_pairs(fields: Mapping[str, Field], given: Sequence[tuple[str, str]]) -> Pairs:
+    """Return the parameters of a page of few fields in order, without empty ones.
+
+    Raises
+    ------
+    InputError
+        For an unknown parameter, one that is given twice, or a value that is too long or none of the choices.
+    """
+    for name, text in given:
+        if name not in fields:
+            raise InputError(name[:40], "given", allowed=", ".join(fields))
+        if len(text) > 100 or not text.isprintable():
+            raise InputError(name, f"{len(text)} characters", allowed="at most 100 printable ones")
+        if fields[name].choices and text not in ("", *fields[name].choices):
+            raise InputError(name, text[:40], allowed=" or ".join(fields[name].choices))
+        if sum(key == name for key, _ in given) > 1:
+            raise InputError(name, "given twice", allowed="once")
+    values = {name: text for name, text in given if text}
+    return tuple((name, values[name]) for name in fields if name in values)
+
+
+def _few_fields(
+    fields: Mapping[str, Field], given: Sequence[tuple[str, str]], error: InputError | None, *, other: str = ""
+) -> tuple[Field, ...]:
+    """Return the fields of such a page, with what is filled in and what is wrong; ``other`` takes all other errors."""
+    values = {name: text for name, text in given if text and fields.get(name, _NO_FIELD).kind != "file"}
+    wrong = "" if error is None else error.key if error.key in fields else other
+    return tuple(
+        replace(field, values=(values[name],) if name in values else (), error=str(error) if name == wrong else "")
+        for name, field in fields.items()
+    )
+
+
+# A star: when it is seen, its known planets and their next windows, its priority, and what is missing.
+
+
+_YEARS = 5.0
+"""How far known planets are followed."""
+_DATE = "First day of the seasons and windows. Without: the mission's start."
+_STAR_FIELDS = {
+    "name": Field("name", "Star or known planet", "A star by any of its names.", example="tau Cet, HIP 8102, 61 Cyg A"),
+    "date_utc": Field("date_utc", "From (UTC)", _DATE, example="2028-06-01"),
+}
+
+
+def _star_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    rest = "" if error is None or error.key in _STAR_FIELDS else str(error)
+    return Form(STAR.path, (Group("Which star", _few_fields(_STAR_FIELDS, given, error)),), "Show", rest)
+
+
+@functools.lru_cache(maxsize=1)
+def _prepared() -> Prepared:
+    return prepared(RankQuestion())
+
+
+@functools.lru_cache(maxsize=64)
+@only_sent_files({})
+def star_answer(pairs: Pairs) -> StarResult:
+    """Return what is known of the star of an address; the last ones are kept.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, or what is no date.
+    """
+    from cpic_planner.ranking import KnownChoice, explain_star
+    from cpic_planner.ranking.known_answer import known_answer
+
+    given = dict(pairs)
+    if "name" not in given:
+        raise InputError("name", "missing", allowed="a star")
+    with called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
+        date = {"date_utc": given["date_utc"]} if "date_utc" in given else {}
+        table = open_catalogue()
+        star, note, _ = named(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
+        name, ready = str(star.name[0]), _prepared()
+        question = KnownQuestion.of({"star": name} | date)
+        utc = observed_utc(question)
+        rank = ranking(())
+        explanation = known = None
+        if any(row.name == name for row in rank.targets):
+            stars = ready.stars.targets
+            explanation = explain_star(ready.model, stars, name, rank=rank, **ready.asked)
+        drawn: dict[str, Any] = {"n_draws": question.n_draws, "seed": question.seed}
+        choice = KnownChoice.at("snapshot", utc, question.albedo, question.instrument, **drawn)
+        if choice.table.listed_rows_of(name):
+            known = known_answer(ready.model, star, choice, years=_YEARS, catalogue=table.provenance)
+        seasons = visibility_of(VisibilityQuestion.of({"target": name, "start_utc": utc}))
+    told = {"name": name, "note": note, "date_utc": utc, "catalogue": table.provenance}
+    found: dict[str, Any] = {"explanation": explanation, "known": known, "seasons": seasons}
+    return StarResult.of(star, at=0, hip=int(star.hip[0]) or None, **told, **found)
+
+
+def _followed(known: KnownResult | None) -> bool:
+    """Return whether there is a known planet whose place is followed in time."""
+    return known is not None and any(row.track is not None for row in known.planets)
+
+
+def _star_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
+    answer = star_answer(pairs)
+    if name == "seasons":
+        return partial(report.visibility_figure, answer.seasons)
+    if answer.known is None or not _followed(answer.known):
+        raise InputError("name", dict(pairs)["name"], allowed="a star with a planet that is counted")
+    return partial(report.known_figure, answer.known)
+
+
+def _star(pairs: Pairs, sent: Sent | None) -> Answer:
+    answer = star_answer(pairs)
+    return Answer(report.full_name(answer.name, answer.hip or 0), answer, lambda: list(_star_blocks(answer, pairs)))
+
+
+def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
+    yield from _facts(answer)
+    yield report.Heading("Priority, and what is missing")
+    yield from _priority(answer)
+    yield report.Heading("Known planets")
+    yield from _planets(answer, pairs)
+    yield report.Heading("When it is seen")
+    yield from blocks_of(partial(report.print_visibility, answer.seasons))
+    alt = f"Time per orbit in which {report.pretty_name(answer.name)} is seen, day by day, and the angles"
+    yield report.Figure(report.Picture(address(STAR.drawing("seasons", "svg"), pairs), alt, f"{alt}."))
+    quoted, start = f'"{answer.name}"', answer.date_utc[:10]
+    commands = [f"cpic rank --explain {quoted}", f"cpic visibility {quoted} --start {start}"]
+    if answer.known is not None:
+        commands.append(f"cpic known {quoted} --date {start}")
+    yield from elsewhere(commands, f"; {answer.catalogue}")
+
+
+def _facts(star: StarResult) -> Iterator[report.Block]:
+    if star.note:
+        yield report.Paragraph(star.note, "note")
+    companion = star.companion_separation_arcsec
+    facts: list[tuple[Any, Any]] = [
+        ("V", f"{star.v_mag:.2f} mag"),
+        ("Distance", f"{star.distance_pc:.4g} pc"),
+        ("Spectral type", star.sp_type or "not known"),
+        ("Temperature", f"{star.teff_k:.0f} K"),
+        ("Luminosity", f"{star.luminosity_lsun:.3g} L☉"),
+        ("Companion", "none that counts" if companion is None else f"at {companion:.3g}″ on {star.date_utc[:10]}"),
+    ]
+    yield report.Facts(facts, wide=False)
+    target = address(ETC.page, [("target", star.name)])
+    asked = [
+        report.page_link(target, "SNR in ten hours"),
+        report.page_link(f"{target}&detect=on", "time of a detection"),
+        report.page_link(f"{target}&contrast_limit=on", "contrast limit"),
+    ]
+    yield report.Paragraph(["Ask the calculator: ", asked[0], ", ", asked[1], ", ", asked[2], "."])
+
+
+def _priority(answer: StarResult) -> Iterator[report.Block]:
+    why = answer.explanation
+    if why is None:
+        yield report.Paragraph("The ranking does not have this star: it ends at V 7.")
+        return
+    rank = ranking(())
+    if why.star.tier is not None:
+        yield report.Paragraph(f"Tier {why.star.tier}: {report.TIERS[why.star.tier]}.", "lead")
+    yield from report.priority_blocks(rank, [why.star])
+    yield from blocks_of(partial(report.print_explanation, why))
+    yield report.Paragraph(_velocities(answer.name, why.star))
+
+
+def _velocities(name: str, row: RankedTarget) -> str:
+    """Return what radial velocities say."""
+    limit = velocity_limit(name)
+    if limit is None:
+        return "No published search by radial velocities excludes planets of this star."
+    counted = f"{limit.n_velocities} velocities" if limit.n_velocities else "Velocities"
+    lost = (row.completeness_unconditional or row.completeness) - row.completeness
+    found = f"; what is known of the star excludes {lost:.2%} of the population that would be detected" * (lost > 0)
+    reach = f"over {limit.baseline_years:.3g} years exclude planets out to {limit.reach_au:.3g} au"
+    return f"{counted} {reach}{found}. {limit.reference}."
+
+
+def _planets(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
+    known = answer.known
+    if known is None:
+        yield report.Paragraph("None is listed.")
+        return
+    if any(row.counted and row.windows for row in known.planets):
+        yield from report.known_blocks(known)
+    yield from blocks_of(partial(report.print_known, known))
+    if _followed(known):
+        alt = f"Separation of the known planets of {report.pretty_name(answer.name)} against time, with the dark holes"
+        yield report.Figure(report.Picture(address(STAR.drawing("planets", "svg"), pairs), alt, f"{alt}."))
+
+
+STAR = Page(
+    "/star",
+    "A star for CPI-C",
+    "When it is seen, its known planets and their next windows, its place among the priorities, and what a detection "
+    "lacks.",
+    partial(_few_pairs, _STAR_FIELDS),
+    _star_form,
+    _star,
+    StarResult,
+    _star_figure,
+    figures=("seasons", "planets"),
+)
+
+
+# Two instruments: the values in which they differ, and what the calculator answers with each.
+
+
+OTHER = "other"
+_OTHER = ("The other instrument", "What the first one is compared with; its values are as shipped.")
+_FIRST = ("The first instrument", "Changes below are changes of this one.")
+
+
+def _compare_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    form = etc_form([pair for pair in given if pair[0] != OTHER], None if error and error.key == OTHER else error)
+    fields = {field.name: field for group in form.groups for field in group.fields}
+    presets = {
+        name: Field(name, *told, "choice", preset_names("instrument"))
+        for name, told in (("instrument", _FIRST), (OTHER, _OTHER))
+    }
+    which = Group("Which instruments", (*_few_fields(presets, given, error), fields["set"]))
+    kept = (
+        replace(group, fields=tuple(item for item in group.fields if item.name not in ("instrument", "set")))
+        for group in form.groups
+    )
+    return Form(COMPARE.path, (which, *kept), "Compare", form.error)
+
+
+def _compare_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
+    """Return the parameters of an address in order: those of the calculator, and the other instrument."""
+    rest, other = _one_of(OTHER, given)
+    if other and other not in preset_names("instrument") and not was_sent(other):
+        raise InputError(OTHER, "another word", allowed=", ".join(preset_names("instrument")))
+    return (*ETC.canonical(rest), *(((OTHER, other),) if other else ()))
+
+
+def _compare(pairs: Pairs, sent: Sent | None) -> Answer:
+    """Return two instruments, and a question answered with each where one names a star."""
+    asked, names = _without(pairs, OTHER), dict(pairs)
+    star = "target" in names or "v_mag" in names
+    with called_as(ETC.names):
+        question = ETC.question(asked if star else (*asked, ("target", "tau Cet")))
+    first, other = question.instrument, read_instrument(names.get(OTHER))
+    if sent is not None and sent.files:
+        check_shipped(first, question.band_names())
+        check_shipped(other, question.bands or other.visible_bands(), OTHER)
+    title = f"{instrument_title(first)} beside {instrument_title(other)}"
+    differing = InstrumentResult(title=title, values=instrument_rows(first, other=other))
+    both = (question, question.model_copy(update={"instrument": other})) if star else ()
+    found = tuple(map(answered, both))
+    result = TwoInstrumentsResult(differences=differing, answers=[answer.result for answer in found])
+    labels = (first.name, other.name)
+    if first.name == other.name:
+        labels = (f"{first.name}, first", f"{other.name}, other")
+    heading = f"{names.get('instrument', 'cpic_default')} beside {names.get(OTHER, 'cpic_default')}"
+    return Answer(heading, result, lambda: [*_differences(differing, labels, found), *_same_comparison(pairs)])
+
+
+def _differences(
+    differing: InstrumentResult, labels: tuple[str, str], answers: Sequence[Answered]
+) -> Iterable[report.Block]:
+    if differing.values:
+        yield from blocks_of(partial(report.print_instrument, differing, "key value other unit"))
+    else:
+        yield report.Paragraph(f"{differing.title}: the same in every value.")
+    if not answers:
+        yield report.Paragraph("With a star below, both answer the same question.", "note")
+        return
+    both = list(zip(labels, answers, strict=True))
+    yield from blocks_of(partial(report.print_both, [(name, answer.result) for name, answer in both]))
+    for name, answer in both:
+        yield report.Fold(f"All that {name} answers", blocks_of(answer.print))
+
+
+def _same_comparison(pairs: Pairs) -> list[report.Block]:
+    names = dict(pairs)
+    words = ["cpic instrument diff", names.get("instrument", "cpic_default"), names.get(OTHER, "cpic_default")]
+    commands = [" ".join([*words, *(f"--set {text}" for name, text in pairs if name == "set")])]
+    if "target" in names or "v_mag" in names:
+        second = (("instrument", names[OTHER]),) if OTHER in names else ()
+        both = _without(pairs, OTHER), (*_without(pairs, OTHER, "instrument", "set"), *second)
+        commands += map(ETC.command_line, both)
+    return elsewhere(commands)
+
+
+COMPARE = Page(
+    "/compare",
+    "Two instruments for CPI-C",
+    "The values in which two instruments differ, and what the calculator answers with each.",
+    _compare_pairs,
+    _compare_form,
+    _compare,
+    TwoInstrumentsResult,
+    takes_files=True,
+)
+
+
+# What the columns of a table that is sent are taken for, in the words of ``cpic catalog columns``.
+
+
+_TABLE, _KIND = "table", "as"
+_KIND_HINT = "A table of stars or of planets; by default each kind that it can be."
+_TABLE_HINT = "Stars or planets, in any format that tables are read in. It is not kept."
+_COLUMNS_FIELDS = {
+    _TABLE: Field(_TABLE, "Table, at most 2 MB", _TABLE_HINT, "file"),
+    _KIND: Field(_KIND, "Taken as", _KIND_HINT, "choice", ("stars", "planets")),
+}
+
+
+def _columns_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
+    fields = _few_fields(_COLUMNS_FIELDS, given, error, other=_TABLE)
+    return Form(COLUMNS.path, (Group("A table of your own", fields),), "Show its columns", method="post")
+
+
+def _columns(pairs: Pairs, sent: Sent | None) -> Answer:
+    given: dict[str, Any] = dict(pairs)
+    if sent is None or given.get(_TABLE) not in sent.files:
+        raise InputError(_TABLE, "missing", allowed="a file that is sent with the form")
+    result = ColumnsResult.of_files(taken_for(given[_TABLE], given.get(_KIND)))
+    command = f"cpic catalog columns {result.file}{f' --as {given[_KIND]}' if _KIND in given else ''}"
+    tables = partial(report.print_columns, result)
+    return Answer(f"Columns of {given[_TABLE]}", result, lambda: [*blocks_of(tables), *elsewhere([command], None)])
+
+
+COLUMNS = Page(
+    "/columns",
+    "Columns of a table",
+    "What the columns of a table of your own are taken for, and which of its rows can be used.",
+    partial(_few_pairs, _COLUMNS_FIELDS),
+    _columns_form,
+    _columns,
+    ColumnsResult,
+    takes_files=True,
+)
+
+PAGES = (ETC_PAGE, RANK_PAGE, STAR, COMPARE, COLUMNS)
+"""Pages that answer a question at once."""

@@ -1,27 +1,32 @@
 """Addresses as questions: parameters are the fields of a question, and become it as options of the command line do.
 
-The same question as a command and as lines of Python.
+The same question as a command and as lines of Python; and files that come with a question, parsed from the body, held
+in memory while it is answered, never written.
 """
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 import re
 import shlex
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
-from urllib.parse import urlencode
+from urllib.parse import parse_qsl, urlencode
 
 from cpic_core import InputError, was_sent
 from cpic_planner import queries
-from simulator.config import nearest
+from simulator.config import Instrument, nearest
+from simulator.imaging import metrics_key, shipped_file
 
 Q = TypeVar("Q", bound=queries.Question)
 Pairs = tuple[tuple[str, str], ...]
 """Parameters of an address with their values, in order."""
 
+MOST_PARAMETERS = 200
+"""Of an address, and parts of a posted body."""
 MOST_VALUES, LONGEST_VALUE = 16, 200
 _YES, _NO = ("1", "true", "on", "yes"), ("0", "false", "off", "no")
 _ON_THE_COMMAND_LINE = "without it: requests do not ask for this, the command line does"
@@ -163,19 +168,19 @@ class Asking(Generic[Q]):
                 words += [option.flag, text]
         return shlex.join(words)
 
-    def address(self, pairs: Iterable[tuple[str, str]], ending: str = "", **more: str) -> str:
-        """Return the address of a question.
 
-        Parameters
-        ----------
-        pairs : iterable of (str, str)
-        ending : str
-            Such as ``.svg``.
-        **more
-            Further parameters.
-        """
-        asked = urlencode([*pairs, *more.items()])
-        return f"{self.page}{ending}{'?' * bool(asked)}{asked}"
+def address(path: str, pairs: Iterable[tuple[str, str]], **more: str) -> str:
+    """Return the address of a path with parameters.
+
+    Parameters
+    ----------
+    path : str
+    pairs : iterable of (str, str)
+    **more
+        Further parameters.
+    """
+    asked = urlencode([*pairs, *more.items()])
+    return f"{path}{'?' * bool(asked)}{asked}"
 
 
 def parameter(option: queries.Option) -> str:
@@ -264,11 +269,8 @@ IMAGES = Asking(
 
 def image_lines(pairs: Pairs) -> str:
     """Return lines of Python that give the result of images."""
-    tree, made = dict(IMAGES.tree(pairs)), _parts(IMAGES, pairs)
-    imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
-    words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]
-    call = f"targets = confirm_targets({', '.join([_literal(tree['target'], ('target',), made), *words])})"
-    return "\n".join(["from cpic_planner import confirm_targets", *imports, "", call])
+    tree, made = IMAGES.tree(pairs), _parts(IMAGES, pairs)
+    return _lines(made, f"targets = {_call('confirm_targets', tree, made)}", "from cpic_planner import confirm_targets")
 
 
 def python_lines(question: queries.EtcQuestion, pairs: Pairs) -> str:
@@ -283,7 +285,6 @@ def python_lines(question: queries.EtcQuestion, pairs: Pairs) -> str:
     import cpic_planner
 
     tree, made = {"target": question.target[0]} | ETC.tree(pairs), _parts(ETC, pairs)
-    imports = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
     name = "contrast_limit" if question.contrast_limit else "exposure_time" if question.asks_time else "signal_to_noise"
     if name == "signal_to_noise" and question.strategy.visits is None:
         tree.setdefault("time_s", question.wall_s)
@@ -292,18 +293,30 @@ def python_lines(question: queries.EtcQuestion, pairs: Pairs) -> str:
         tree.pop("detect", None)
         tree.setdefault("time_s", question.wall_s)
     if set(tree) <= set(inspect.signature(getattr(cpic_planner, name)).parameters):
-        lines = [f"from cpic_planner import {name}", *imports]
-        words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]
-        return "\n".join([*lines, "", f"answers = {name}({', '.join([repr(tree['target']), *words])})"])
-    tree = dict(ETC.tree(pairs))
-    lines = ["from cpic_planner.api import answered", "from cpic_planner.queries import EtcQuestion", *imports]
-    asked = f"EtcQuestion.of({_literal(tree, (), made)})"
-    return "\n".join([*lines, "", f"answers = answered({asked}).result.answers"])
+        return _lines(made, f"answers = {_call(name, tree, made)}", f"from cpic_planner import {name}")
+    answers = f"answers = answered(EtcQuestion.of({_literal(ETC.tree(pairs), (), made)})).result.answers"
+    return _lines(
+        made, answers, "from cpic_planner.api import answered", "from cpic_planner.queries import EtcQuestion"
+    )
 
 
-def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]:
+_Parts = dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]
+
+
+def _lines(made: _Parts, answer: str, *imports: str) -> str:
+    """Return lines of Python: imports, also of what several options make, and the answer."""
+    more = sorted({f"from {module} import {kind}" for module, kind, _ in made.values()})
+    return "\n".join([*imports, *more, "", answer])
+
+
+def _call(function: str, tree: Mapping[str, Any], made: _Parts) -> str:
+    words = [f"{key}={_literal(value, (key,), made)}" for key, value in tree.items() if key != "target"]
+    return f"{function}({', '.join([_literal(tree['target'], ('target',), made), *words])})"
+
+
+def _parts(asking: Asking[Any], pairs: Pairs) -> _Parts:
     """Return the values that several options make: module and name of the model, and options, by place."""
-    made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]] = {}
+    made: _Parts = {}
     given = asking.given(pairs)
     for option, value in ((option, given[option.name]) for option in asking.options):
         if option.parts is not None and value is not None:
@@ -312,7 +325,7 @@ def _parts(asking: Asking[Any], pairs: Pairs) -> dict[tuple[str, ...], tuple[str
     return made
 
 
-def _literal(value: Any, path: tuple[str, ...], made: dict[tuple[str, ...], tuple[str, str, dict[str, Any]]]) -> str:
+def _literal(value: Any, path: tuple[str, ...], made: _Parts) -> str:
     """Return a value as Python writes it, also where it is made of options."""
     if path in made:
         _, kind, given = made[path]
@@ -322,3 +335,142 @@ def _literal(value: Any, path: tuple[str, ...], made: dict[tuple[str, ...], tupl
     if isinstance(value, list | tuple):
         return repr(value[0] if len(value) == 1 else list(value))
     return repr(value)
+
+
+_FORM = "application/x-www-form-urlencoded"
+_NAME = re.compile(r"[\w][\w.+ -]{0,79}")
+_QUOTED = re.compile(rb'(name|filename)="((?:[^"\\]|\\.)*)"')
+_FOLDED = re.compile(rb"\r\n[ \t]+")
+FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets", "table")
+"""Parameters that take a file."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A posted question.
+
+    Attributes
+    ----------
+    given : tuple of (str, str)
+        Parameters; one that takes a file has the name of it.
+    files : mapping
+        Content by name.
+    """
+
+    given: tuple[tuple[str, str], ...]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+    @property
+    def hashes(self) -> list[tuple[str, str]]:
+        """Names of the files with the sha256 of their content."""
+        return [(name, hashlib.sha256(data).hexdigest()) for name, data in self.files.items()]
+
+
+def read_sent(content_type: str, body: bytes) -> Sent:
+    """Return a posted question.
+
+    Parameters
+    ----------
+    content_type : str
+        Of the request: that of a form, with files or without.
+    body : bytes
+
+    Raises
+    ------
+    InputError
+        For a body of another kind, a file without a name or with a strange one, or where none is taken.
+    """
+    kind = content_type.partition(";")[0].strip().lower()
+    if kind == _FORM:
+        return Sent(tuple(form_fields(content_type, body)))
+    found = re.search(r'boundary="?([\w\'()+,./:=? -]{1,70})"?', content_type)
+    if kind != "multipart/form-data" or found is None:
+        raise InputError("body", kind[:60] or "no type", allowed="multipart/form-data, as forms and curl -F send it")
+    given: list[tuple[str, str]] = []
+    files: dict[str, bytes] = {}
+    for head, content in _split_parts(body, found[1].rstrip().encode()):
+        names = dict(_QUOTED.findall(_FOLDED.sub(b" ", head)))
+        parameter = names.get(b"name", b"").decode("utf-8", "replace")
+        if b"filename" not in names:
+            given.append((parameter, content.decode("utf-8", "replace").strip()))
+            continue
+        if not names[b"filename"] and not content:
+            continue  # a field of a form in which no file was chosen
+        name = re.split(r"[/\\]", names[b"filename"].decode("utf-8", "replace"))[-1]
+        _check_file(parameter, name, files)
+        files[name] = content
+        given.append((parameter, name))
+    return Sent(tuple(given), files)
+
+
+def form_fields(content_type: str, body: bytes) -> list[tuple[str, str]]:
+    """Return the fields of a posted form without files.
+
+    Parameters
+    ----------
+    content_type : str
+        Of the request.
+    body : bytes
+
+    Raises
+    ------
+    InputError
+        For a body of another kind.
+    """
+    kind = content_type.partition(";")[0].strip().lower()
+    if kind != _FORM:
+        raise InputError("content-type", kind[:60], allowed=_FORM)
+    try:
+        given = parse_qsl(body.decode(), keep_blank_values=True, errors="strict", max_num_fields=MOST_PARAMETERS)
+    except ValueError:
+        allowed = f"at most {MOST_PARAMETERS} fields of a form, in UTF-8"
+        raise InputError("body", "another text", allowed=allowed) from None
+    return [(name, value.strip()) for name, value in given]
+
+
+def _split_parts(body: bytes, boundary: bytes) -> list[tuple[bytes, bytes]]:
+    """Return the head and content of each part of a body."""
+    first, *pieces = (b"\r\n" + body).split(b"\r\n--" + boundary)
+    if first or not pieces or pieces[-1] not in (b"--", b"--\r\n") or len(pieces) > MOST_PARAMETERS:
+        raise InputError(
+            "body", "another text", allowed=f"a whole multipart/form-data body of at most {MOST_PARAMETERS} parts"
+        )
+    parts = []
+    for piece in pieces[:-1]:
+        head, blank, content = piece.partition(b"\r\n\r\n")
+        if not head.startswith(b"\r\n") or not blank:
+            raise InputError("body", "a part without a head", allowed="multipart/form-data")
+        parts.append((head, content))
+    return parts
+
+
+def _check_file(parameter: str, name: str, files: Mapping[str, bytes]) -> None:
+    if parameter not in FILE_FIELDS:
+        raise InputError(parameter[:40] or "a file", "a file", allowed=f"files for {', '.join(FILE_FIELDS)}")
+    if not _NAME.fullmatch(name) or "." not in name:
+        allowed = "a name of letters, digits, blanks, points, + and -, with an ending such as .csv, .yaml or .fits"
+        raise InputError(parameter, name[:80] if name.isprintable() else "another name", allowed=allowed)
+    if name in files:
+        raise InputError(parameter, name, allowed="files of different names")
+    if len(files) >= MOST_VALUES:
+        raise InputError(parameter, name, allowed=f"at most {MOST_VALUES} files")
+
+
+def check_shipped(instrument: Instrument, bands: Sequence[str], key: str = "instrument") -> None:
+    """Refuse an instrument that was sent where its optics are none that the package ships: they take minutes.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    bands : sequence of str
+    key : str
+        What it is asked for as, for messages.
+
+    Raises
+    ------
+    InputError
+    """
+    for band in bands if instrument.coronagraph.table is None else ():
+        if band in instrument.bands and not shipped_file("metrics", metrics_key(instrument, band), band).is_file():
+            hint = "on the command line it is computed once, which takes seconds to minutes"
+            raise InputError(key, f"other optics in {band}", allowed="the optics of a shipped instrument", hint=hint)

@@ -47,11 +47,11 @@ class Field:
     name: str
     label: str
     hint: str
-    kind: Literal["text", "choice", "tick", "ticks", "file"]
-    choices: tuple[str, ...]
-    values: tuple[str, ...]
-    error: str
-    example: str
+    kind: Literal["text", "choice", "tick", "ticks", "file"] = "text"
+    choices: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()
+    error: str = ""
+    example: str = ""
     check: tuple[tuple[str, str], ...] = ()
 
 
@@ -112,10 +112,10 @@ def rank_form(given: Sequence[tuple[str, str]], error: InputError | None = None)
     form = _form(RANK, RANK_GROUPS, "Rank", given, error)
     texts = tuple(text for name, text in given if name == "limit" and text)[:1]
     wrong = str(error) if error is not None and error.key == "limit" else ""
-    limit = Field("limit", "Rows", "Stars that are shown, 1 to 1500.", "text", (), texts, wrong, "50")
+    limit = Field("limit", "Rows", "Stars that are shown, 1 to 1500.", values=texts, error=wrong, example="50")
     first, *others = form.groups
-    groups = (Group(first.title, (*first.fields, limit)), *others)
-    return Form(form.action, groups, form.button, "" if wrong else form.error)
+    groups = (replace(first, fields=(*first.fields, limit)), *others)
+    return replace(form, groups=groups, error="" if wrong else form.error)
 
 
 _FILES: dict[str, tuple[str, str]] = _WORDS["files"]
@@ -131,20 +131,17 @@ def own_form(form: Form) -> Form:
     """
     if form.sends:
         return form
-    wrong = {field.name: field.error for field in form.wrong}
-    kept = [
+    errors = {field.name: field.error for group in form.groups for field in group.fields}
+    who, *others = (
         replace(group, fields=tuple(field for field in group.fields if field.name not in _FILES))
         for group in form.groups
-    ]
-    has = {field.name for group in form.groups for field in group.fields}
-    files = tuple(
-        Field(name, label, hint, "file", (), (), wrong.get(name, ""), "")
-        for name, (label, hint) in _FILES.items()
-        if name != "other" or name in has
     )
-    who, *others = kept
-    groups = (who, Group("Files of your own, 2 MB in all", files), *others)
-    return replace(form, groups=groups, method="post", error=form.error)
+    files = tuple(
+        Field(name, label, hint, "file", error=errors.get(name, ""))
+        for name, (label, hint) in _FILES.items()
+        if name != "other" or name in errors
+    )
+    return replace(form, groups=(who, Group("Files of your own, 2 MB in all", files), *others), method="post")
 
 
 def _form(

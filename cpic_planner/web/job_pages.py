@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import Any, Literal
-from urllib.parse import parse_qsl
+from typing import Any
 
-from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from cpic_core import InputError, read_file
 from cpic_planner import report
 from cpic_planner.report import PANELS, Picture
 from cpic_planner.results import StarImagesResult
-from cpic_planner.web import answers, forms, pages
-from cpic_planner.web.asking import IMAGES, Pairs, image_lines
-from cpic_planner.web.guard import line
-from cpic_planner.web.job_queue import FullError, JobQueue, Standing, State
-from cpic_planner.web.work import Workers
+from cpic_planner.web import pages
+from cpic_planner.web.asking import IMAGES, MOST_PARAMETERS, Pairs, form_fields, image_lines
+from cpic_planner.web.forms import image_form
+from cpic_planner.web.guard import Workers, line
+from cpic_planner.web.job_queue import RESULT, FullError, JobAnswer, JobQueue, State, expected
 
 DEAREST_S = 900.0
 """Longest expected processor time of a job."""
-MOST_PARAMETERS = 200
-_RESULT, _TABLE = "star_images.json", "measurements.csv"
+_TABLE = "measurements.csv"
 _MEDIA = {".json": "application/json", ".csv": "text/csv; charset=utf-8", ".png": "image/png", ".svg": "image/svg+xml"}
 _DRAWING_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _MOST_BYTES = 50_000_000
@@ -42,40 +39,6 @@ _SAID: Mapping[State, str] = {
     "failed": "It failed; what went wrong is in the log of the server. Asked again it is tried again.",
     "late": "It took longer than jobs may here. In Python it has no limit of time.",
 }
-
-
-class JobAnswer(BaseModel):
-    """The progress of a job, for programs."""
-
-    schema_version: Literal[1] = 1
-    kind: Literal["job"] = "job"
-    id: str
-    state: State
-    place: int
-    finished: int
-    tasks: int
-    expected_s: float
-    address: str
-    result: str | None
-    """Address of the result; null where there is none yet."""
-    token: str | None = None
-    """What cancels the job; only whoever asked is told."""
-
-    @classmethod
-    def of(cls, standing: Standing, token: str = "") -> JobAnswer:
-        """Return what a job's standing says."""
-        address = f"/jobs/{standing.id}"
-        return cls(
-            id=standing.id,
-            state=standing.state,
-            place=standing.place,
-            finished=standing.done,
-            tasks=standing.tasks,
-            expected_s=standing.cost_s,
-            address=address,
-            result=f"{address}/{_RESULT}" if standing.state == "done" else None,
-            token=token or None,
-        )
 
 
 class JobPages:
@@ -102,7 +65,7 @@ class JobPages:
         ]
 
     def _of(
-        self, answer: Callable[[Request, Standing], Awaitable[Response]]
+        self, answer: Callable[[Request, JobAnswer], Awaitable[Response]]
     ) -> Callable[[Request], Awaitable[Response]]:
         """Answer about a job that there is: what a request calls a job is looked up, never opened."""
 
@@ -121,27 +84,25 @@ class JobPages:
         try:
             given = await _fields(request)
             form = next((text for name, text in given if name == "format"), "")
-            if form not in ("", "html", "json"):
-                raise InputError("format", form[:40], allowed="html or json")
+            pages.page_or_json(form)
             pairs = IMAGES.canonical((name, text) for name, text in given if name != "format")
             if sum(name == "target" for name, _ in pairs) != 1:
                 raise InputError("target", "not one", allowed="one star")
             standing, token = await self._workers.do(self._ask, pairs)
         except InputError as error:
             if form == "json":
-                return JSONResponse(answers.Problem.of(error).model_dump(mode="json"), 400)
-            return _page(pages.page(_TITLE, _ABOUT, forms.image_form(given, error)), 400)
+                return pages.data(pages.Problem.of(error), 400)
+            return pages.html(pages.page(_TITLE, _ABOUT, image_form(given, error)), 400)
         except FullError:
             text = f"{self._queue.waiting()} jobs wait, as many as may; ask again later."
             return line(text, 503, **{"Retry-After": "300"})
         if form == "json":
-            return _json(JobAnswer.of(standing, token), 200 if standing.state == "done" else 202)
+            told = standing.model_copy(update={"token": token or None})
+            return pages.data(told, 200 if standing.state == "done" else 202)
         return RedirectResponse(f"/jobs/{standing.id}{f'?token={token}' * bool(token)}", 303)
 
-    def _ask(self, pairs: Pairs) -> tuple[Standing, str]:
+    def _ask(self, pairs: Pairs) -> tuple[JobAnswer, str]:
         """Put a question into the queue; this runs in a thread of its own."""
-        from cpic_planner.web.job import expected
-
         name, cost = expected(pairs)
         if cost["wall_s"] > DEAREST_S:
             about, hint = (
@@ -154,37 +115,31 @@ class JobPages:
         assert standing is not None
         return standing, token
 
-    async def _told(self, request: Request, standing: Standing) -> Response:
+    async def _told(self, request: Request, standing: JobAnswer) -> Response:
         """Say how far a job is, or what it found."""
         token = request.query_params.get("token", "")[:64]
-        form = request.query_params.get("format", "")
-        if form not in ("", "html", "json"):
-            return line(str(InputError("format", form[:40], allowed="html or json")), 400)
-        if form == "json":
-            return _json(JobAnswer.of(standing), 200)
+        if pages.page_or_json(request.query_params.get("format", "")):
+            return pages.data(standing)
         folder = self._queue.run_folder(standing.id)
         if folder is None:
-            return _page(_progress_page(f"{_star(standing)}: {_TITLE}", standing, token))
-        body = await run_in_threadpool(_read, folder / _RESULT)
+            return pages.html(_progress_page(f"{_star(standing)}: {_TITLE}", standing, token))
+        body = await run_in_threadpool(_read, folder / RESULT)
         result = StarImagesResult.model_validate_json(body)
-        return _page(_result_page(standing, result))
+        return pages.html(_result_page(standing, result))
 
-    async def _cancelled(self, request: Request, standing: Standing) -> Response:
+    async def _cancelled(self, request: Request, standing: JobAnswer) -> Response:
         """Withdraw an asker."""
-        try:
-            token = next((text for name, text in await _fields(request) if name == "token"), "")
-        except InputError as error:
-            return line(str(error), 400)
+        token = next((text for name, text in await _fields(request) if name == "token"), "")
         if not self._queue.withdraw(standing.id, token[:64]):
             return line("Only who asked for a job, with its token and before it has ended, can cancel it.", 403)
         text = "It is cancelled for you; it goes on where others asked for it too."
-        return _page(pages.told_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
+        return pages.html(pages.told_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
 
-    async def _file(self, request: Request, standing: Standing) -> Response:
+    async def _file(self, request: Request, standing: JobAnswer) -> Response:
         """Send one of the files that every job leaves, by its name among them."""
         name, folder = request.path_params["name"], self._queue.run_folder(standing.id)
         images = [PANELS.format(band=band) for band in _bands()]
-        known = {name: name for name in (_RESULT, _TABLE, *images)} | {_drawing(name): name for name in images}
+        known = {name: name for name in (RESULT, _TABLE, *images)} | {_drawing(name): name for name in images}
         if folder is None or name not in known:
             return line("The job has no such file, or is not done.", 404)
         try:
@@ -199,21 +154,11 @@ class JobPages:
 
 async def _form(request: Request) -> Response:
     given = [(name, text.strip()) for name, text in request.query_params.multi_items()][:MOST_PARAMETERS]
-    return _page(pages.page(_TITLE, _ABOUT, forms.image_form(given)))
+    return pages.html(pages.page(_TITLE, _ABOUT, image_form(given)))
 
 
 async def _fields(request: Request) -> list[tuple[str, str]]:
-    """Return the fields of a posted form."""
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if kind != "application/x-www-form-urlencoded":
-        raise InputError("content-type", kind[:60], allowed="application/x-www-form-urlencoded")
-    try:
-        text = (await request.body()).decode("ascii")
-        given = parse_qsl(text, keep_blank_values=True, errors="strict", max_num_fields=MOST_PARAMETERS)
-    except ValueError:
-        allowed = f"at most {MOST_PARAMETERS} fields of a form, in UTF-8"
-        raise InputError("body", "another text", allowed=allowed) from None
-    return [(name, value.strip()) for name, value in given]
+    return form_fields(request.headers.get("content-type", ""), await request.body())
 
 
 def _drawing(image: str) -> str:
@@ -227,7 +172,7 @@ def _bands() -> Sequence[str]:
     return tuple(load_instrument().bands)
 
 
-def _star(standing: Standing) -> str:
+def _star(standing: JobAnswer) -> str:
     return next((text for name, text in standing.pairs if name == "target"), "")
 
 
@@ -235,37 +180,29 @@ def _read(path: Any) -> bytes:
     return read_file(path, key="job", allowed="a file of the job", max_bytes=_MOST_BYTES)
 
 
-def _json(answer: JobAnswer, status: int) -> Response:
-    return JSONResponse(answer.model_dump(mode="json"), status)
-
-
-def _page(text: str, status: int = 200) -> Response:
-    return Response(text, status, media_type="text/html; charset=utf-8")
-
-
-def _progress_page(title: str, standing: Standing, token: str) -> str:
+def _progress_page(title: str, standing: JobAnswer, token: str) -> str:
     """Return the page of a job without a result: while that may come it asks again by itself."""
     going = standing.state in ("waiting", "running")
     blocks: list[report.Block] = [report.Paragraph(_SAID[standing.state], "lead")]
     facts: list[tuple[Any, Any]] = [("Question", ", ".join(f"{name} {text}" for name, text in standing.pairs))]
-    facts += [("Expected", f"{report.duration_text(standing.cost_s)} of processor time")]
+    facts += [("Expected", f"{report.duration_text(standing.expected_s)} of processor time")]
     if standing.place:
         facts.append(("Place in the queue", str(standing.place)))
     if standing.state == "running":
-        facts.append(("Finished", f"{standing.done} of {standing.tasks} band{'s' * (standing.tasks != 1)}"))
+        facts.append(("Finished", f"{standing.finished} of {standing.tasks} band{'s' * (standing.tasks != 1)}"))
     blocks.append(report.Facts(facts))
     more: dict[str, Any] = {}
     if going:
         note = f"This page asks again every {_REFRESH_S} s; it can be closed and come back to at /jobs/{standing.id}."
         blocks.append(report.Paragraph(note, "note"))
-        more = {"refresh_s": _REFRESH_S, "share": (standing.done, max(standing.tasks, 1))}
+        more = {"refresh_s": _REFRESH_S, "share": (standing.finished, max(standing.tasks, 1))}
     if going and token:
         blocks.append(report.Paragraph("This address can cancel the job; the one in the note above cannot.", "note"))
         more["cancel"] = (f"/jobs/{standing.id}/cancel", token)
     return pages.told_page(title, _ABOUT, "Job", blocks, **more)
 
 
-def _result_page(standing: Standing, result: StarImagesResult) -> str:
+def _result_page(standing: JobAnswer, result: StarImagesResult) -> str:
     (target,) = result.targets
     address, name = f"/jobs/{standing.id}", report.pretty_name(target.name)
     images = {}
@@ -275,6 +212,6 @@ def _result_page(standing: Standing, result: StarImagesResult) -> str:
             picture = f"{address}/{_drawing(PANELS.format(band=band.band))}"
             images[band.image] = Picture(picture, f"{name} in {caption}.", f"{caption}.")
     blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
-    blocks += pages.elsewhere("", image_lines(standing.pairs), result.config_hash, result.catalogue)
-    sources = [("JSON", f"{address}/{_RESULT}"), ("CSV", f"{address}/{_TABLE}")]
+    blocks += pages.elsewhere((), pages.cited(result), image_lines(standing.pairs))
+    sources = [("JSON", f"{address}/{RESULT}"), ("CSV", f"{address}/{_TABLE}")]
     return pages.told_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)

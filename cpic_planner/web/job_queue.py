@@ -1,5 +1,7 @@
 """Jobs that visitors ask for: a queue in a folder, one process at a time, and the results that they leave.
 
+The process of one job is ``python -m cpic_planner.web.job_queue PARENT FOLDER``.
+
 Layout::
 
     DIR/cpic-jobs.json        says that the folder is of this kind
@@ -16,6 +18,7 @@ was finished.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import logging
 import os
@@ -25,10 +28,12 @@ import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import BaseModel, PrivateAttr
 
 from cpic_core import (
     THREAD_VARIABLES,
@@ -36,11 +41,17 @@ from cpic_core import (
     LockHeld,
     dump_json,
     exclusive_lock,
+    numeric_context,
     parse_json,
     read_text,
     write_text,
 )
-from cpic_planner.web.asking import Pairs
+from cpic_planner.queries import called_as
+from cpic_planner.web.asking import IMAGES, Pairs
+
+if TYPE_CHECKING:
+    from cpic_planner.jobs import Job
+    from cpic_planner.results import StarImagesResult
 
 _LOG = logging.getLogger(__name__)
 State = Literal["waiting", "running", "done", "failed", "late"]
@@ -51,41 +62,42 @@ LIMIT_S = 3600.0
 _KIND = {"schema_version": 1, "kind": "cpic-planner jobs"}
 _ID = re.compile(r"[0-9a-f]{16}")
 _MOST_BYTES = 1_000_000
+_ASKED = ("order", "cost_s", "tasks", "askers")
+"""What a job's folder holds of it beside the question."""
+_NICE = 10
+RESULT = "star_images.json"
+"""File of the result in the folder of a run."""
 
 
 class FullError(Exception):
     """The queue is full: as many jobs wait as may."""
 
 
-@dataclass(frozen=True)
-class Standing:
-    """The progress of a job.
+class JobAnswer(BaseModel):
+    """The progress of a job, for programs."""
 
-    Attributes
-    ----------
-    id : str
-        Hash of what decides its result.
-    pairs : tuple of (str, str)
-        The question.
-    state : str
-    place : int
-        Place in the queue, 1 for the next one; 0 where it does not wait.
-    done, tasks : int
-        Finished pieces, and all of them.
-    text : str
-        The last finished piece.
-    cost_s : float
-        Expected processor time.
-    """
-
+    schema_version: Literal[1] = 1
+    kind: Literal["job"] = "job"
     id: str
-    pairs: Pairs
     state: State
     place: int
-    done: int
+    """Place in the queue, 1 for the next one; 0 where it does not wait."""
+    finished: int
+    """Finished pieces of ``tasks``."""
     tasks: int
-    text: str
-    cost_s: float
+    expected_s: float
+    """Expected processor time."""
+    address: str
+    result: str | None
+    """Address of the result; null where there is none yet."""
+    token: str | None = None
+    """What cancels the job; only whoever asked is told."""
+    _pairs: Pairs = PrivateAttr(default=())
+
+    @property
+    def pairs(self) -> Pairs:
+        """The question."""
+        return self._pairs
 
 
 @dataclass(eq=False)
@@ -98,15 +110,14 @@ class _Job:
     askers: list[str]
     state: State = "waiting"
     process: subprocess.Popen[bytes] | None = None
-    withdrawn: bool = field(default=False)
+    withdrawn: bool = False
 
     def asked(self) -> dict[str, Any]:
-        names = ("order", "cost_s", "tasks", "askers")
-        return {"schema_version": 1, "pairs": self.pairs} | {name: getattr(self, name) for name in names}
+        return {"schema_version": 1, "pairs": self.pairs} | {name: getattr(self, name) for name in _ASKED}
 
 
 def _command(folder: Path) -> list[str]:
-    return [sys.executable, "-P", "-m", "cpic_planner.web.job", str(os.getpid()), str(folder)]
+    return [sys.executable, "-P", "-m", "cpic_planner.web.job_queue", str(os.getpid()), str(folder)]
 
 
 class JobQueue:
@@ -214,7 +225,7 @@ class JobQueue:
             self._changed.notify_all()
         return token
 
-    def standing(self, name: str) -> Standing | None:
+    def standing(self, name: str) -> JobAnswer | None:
         """Return how far a job is; None where there is none of that name."""
         with self._changed:
             job = self._jobs.get(name)
@@ -224,8 +235,19 @@ class JobQueue:
             place = waiting.index(job) + 1 if job in waiting else 0
             state = job.state
         said = _json(self.folder / name / "progress.json") or {}
-        done, text = min(int(said.get("done", 0)), job.tasks), str(said.get("text", ""))
-        return Standing(name, job.pairs, state, place, done, job.tasks, text, job.cost_s)
+        address = f"/jobs/{name}"
+        answer = JobAnswer(
+            id=name,
+            state=state,
+            place=place,
+            finished=min(int(said.get("done", 0)), job.tasks),
+            tasks=job.tasks,
+            expected_s=job.cost_s,
+            address=address,
+            result=f"{address}/{RESULT}" if state == "done" else None,
+        )
+        answer._pairs = job.pairs
+        return answer
 
     def waiting(self) -> int:
         """Return how many jobs wait."""
@@ -351,8 +373,7 @@ def _read(folder: Path) -> _Job | None:
         return None
     asked, ended = _json(folder / "asked.json"), _json(folder / "outcome.json") or {}
     try:
-        names = ("order", "cost_s", "tasks", "askers")
-        job = _Job(folder.name, read_pairs(folder), **{name: (asked or {})[name] for name in names})
+        job = _Job(folder.name, read_pairs(folder), **{name: (asked or {})[name] for name in _ASKED})
     except (KeyError, TypeError, ValueError):
         _LOG.warning("the question of job %s is damaged: it is passed over", folder.name)
         return None
@@ -371,3 +392,56 @@ def _json(path: Path) -> dict[str, Any] | None:
 
 def _hash(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
+
+
+def job_of(pairs: Pairs) -> Job[StarImagesResult]:
+    """Return the job that an address asks for.
+
+    Raises
+    ------
+    InputError
+        For the first fault, naming the parameter.
+    """
+    from cpic_planner.api import model_of
+    from cpic_planner.api.functions import stars_named
+    from cpic_planner.confirm import star_images_job
+    from cpic_planner.targets import as_catalogue
+
+    with called_as(IMAGES.names | {"star": "target"}):
+        question = IMAGES.question(pairs)
+        (star,) = stars_named(question)
+        return star_images_job(question, model_of(question), star, as_catalogue(question.catalog).provenance)
+
+
+@functools.lru_cache(maxsize=256)
+def expected(pairs: Pairs) -> tuple[str, Mapping[str, float]]:
+    """Return the hash of the job that an address asks for, and its expected cost; errors as of `job_of`."""
+    from cpic_planner.jobs import estimate
+
+    job = job_of(pairs)
+    with called_as(IMAGES.names):
+        return job.digest, estimate(job)
+
+
+def main(parent: str, folder: str) -> None:
+    """Do the job of a folder, and end when the server has gone."""
+    from cpic_planner.jobs import run
+    from cpic_planner.jobs.worker import end_with
+
+    end_with(int(parent))
+    os.nice(_NICE)
+    place, done = Path(folder), 0
+
+    def advance(text: str, steps: int = 1, /) -> None:
+        nonlocal done
+        done += steps
+        write_text(place / "progress.json", dump_json({"done": done, "text": text}))
+
+    # One that a killed server left behind may still be ending.
+    with exclusive_lock(place / "job.lock"), numeric_context():
+        # Forced: what a server of other code left there is begun anew.
+        run(job_of(read_pairs(place)), place / "run", advance=advance, force=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

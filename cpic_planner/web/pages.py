@@ -1,22 +1,193 @@
-"""Pages: the form, the answer as the command line says it, its figure, and the same question elsewhere."""
+"""Pages: what one is about, its form, its answer as the command line says it, its figures, and the same elsewhere."""
 
 from __future__ import annotations
 
+import base64
 import functools
+import hashlib
 import json
-from collections.abc import Sequence
-from typing import Any
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 from urllib.parse import urlencode
 
-from cpic_planner import report
-from cpic_planner.version import __version__
-from cpic_planner.web import answers
-from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, python_lines
-from cpic_planner.web.blocks import blocks_of
-from cpic_planner.web.forms import Form
-from cpic_planner.web.sent import Sent
+from pydantic import BaseModel
+from starlette.responses import JSONResponse, Response
 
+from cpic_core import InputError, dump_json
+from cpic_planner import report
+from cpic_planner.results import RankedTarget, Result
+from cpic_planner.version import __version__
+from cpic_planner.web.asking import Pairs, Sent, address
+from cpic_planner.web.forms import Form, own_form
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+MEDIA = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "ecsv": "text/plain; charset=utf-8",
+    "latex": "text/plain; charset=utf-8",
+    "markdown": "text/plain; charset=utf-8",
+}
+"""Media type of each form of an answer beside the page."""
 _NAMES = {"latex": "LaTeX", "markdown": "Markdown"}
+FigureForm: TypeAlias = Literal["svg", "png", "values"]
+FIGURE_MEDIA: dict[FigureForm, str] = {"svg": "image/svg+xml", "png": "image/png", "values": "text/html; charset=utf-8"}
+"""Media type of each form of a figure; its values are a page of tables."""
+_PENCIL = threading.Lock()
+"""Matplotlib's settings are those of the process: one figure is drawn at a time."""
+_LEAST_ROWS = 3
+
+
+class Problem(BaseModel):
+    """An error in a question, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["error"] = "error"
+    type: Literal["invalid_input"] = "invalid_input"
+    parameter: str
+    value: str
+    unit: str
+    allowed: str
+    hint: str
+    message: str
+
+    @classmethod
+    def of(cls, error: InputError) -> Problem:
+        """Return the problem that a refusal states."""
+        texts = {name: getattr(error, name) for name in ("unit", "allowed", "hint")}
+        return cls(parameter=error.key, value=str(error.value)[:200], message=str(error), **texts)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer of a page to its parameters.
+
+    Attributes
+    ----------
+    title : str
+    result : Result
+    blocks : callable
+        Returns the answer as blocks of the page.
+    tables : callable, optional
+        Prints its tables on a console; for pages that give other forms than JSON.
+    """
+
+    title: str
+    result: Result
+    blocks: Callable[[], list[report.Block]]
+    tables: Callable[[Console], None] | None = None
+
+    def text(self, form: str) -> str:
+        """Return the answer in a form of `MEDIA`, to the byte as the command line prints it."""
+        if form == "json":
+            return dump_json(self.result.model_dump(mode="json"))
+        from rich.console import Console
+
+        sheet = report.Sheet(Console(width=110, highlight=False), form)
+        if self.tables is not None:
+            self.tables(cast("Console", sheet))
+        if sheet.taken is None:
+            raise InputError("format", form, allowed="html or json: this answer has no table")
+        return report.form_text(form, self.result, sheet.taken)
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A page that answers a question.
+
+    Attributes
+    ----------
+    path, title, about : str
+    pairs : callable
+        Returns the parameters of an address in order, without empty ones; refuses others.
+    form : callable
+        Returns the form, with what is filled in and what is wrong with it.
+    answer : callable
+        Returns the `Answer` to such parameters and, where files may be sent with it, to these.
+    result : type of Result
+        Kind of the answer as data.
+    figure : callable, optional
+        Returns what draws the figure of a name, for such parameters.
+    figures : tuple of str
+        Names of the figures; empty for the only one.
+    media : tuple of str
+        Forms of the answer beside the page, of `MEDIA`.
+    takes_files : bool
+        Whether files may be sent with it.
+    answers_all : bool
+        Whether it answers without parameters; else it is its form then.
+    """
+
+    path: str
+    title: str
+    about: str
+    pairs: Callable[[Sequence[tuple[str, str]]], Pairs]
+    form: Callable[[Sequence[tuple[str, str]], InputError | None], Form]
+    answer: Callable[[Pairs, Sent | None], Answer]
+    result: type[Result]
+    figure: Callable[[Pairs, str], Callable[[], Figure]] | None = None
+    figures: tuple[str, ...] = ()
+    media: tuple[str, ...] = ("json",)
+    takes_files: bool = False
+    answers_all: bool = False
+
+    @functools.cached_property
+    def has_own(self) -> bool:
+        """Whether it has a second form, which takes files."""
+        return self.takes_files and not self.form((), None).sends
+
+    def drawing(self, name: str, form: str) -> str:
+        """Return the path of a figure."""
+        return f"{self.path}{'/' * bool(name)}{name}.{form}"
+
+    def sources(self, pairs: Pairs) -> list[tuple[str, str]]:
+        """Return links to an answer in other forms, as (name, address)."""
+        found = [(_NAMES.get(form, form.upper()), address(self.path, pairs, format=form)) for form in self.media]
+        drawn = ("png", "svg") if self.figures == ("",) else ()
+        return [*found, *((form.upper(), address(self.drawing("", form), pairs)) for form in drawn)]
+
+    def asked(self, given: Sequence[tuple[str, str]], error: InputError | None = None, *, sends: bool = False) -> str:
+        """Return the page without an answer; ``sends`` is the form that takes files."""
+        made = self.form(given, error)
+        own = f"{self.path}/own" if self.has_own and not given and not sends else ""
+        return page(self.title, self.about, own_form(made) if sends else made, own=own)
+
+    def answered(self, answer: Answer, pairs: Pairs, sent: Sent | None) -> str:
+        """Return the page of an answer, with the files that were sent with the question."""
+        form = self.form(pairs, None)
+        if sent is not None:
+            return page(answer.title, self.about, own_form(form), [*answer.blocks(), *_sent_blocks(sent)])
+        own = address(f"{self.path}/own", pairs) if self.has_own else ""
+        return page(answer.title, self.about, form, answer.blocks(), self.sources(pairs), own)
+
+
+def html(text: str, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
+    """Return a page as an answer."""
+    return Response(text, status, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def data(model: BaseModel, status: int = 200) -> Response:
+    """Return a model as an answer, in JSON."""
+    return JSONResponse(model.model_dump(mode="json"), status)
+
+
+def page_or_json(form: str) -> bool:
+    """Return whether data is asked for instead of a page, by the parameter ``format``.
+
+    Raises
+    ------
+    InputError
+        For another form.
+    """
+    if form not in ("", "html", "json"):
+        raise InputError("format", form[:40], allowed="html or json")
+    return form == "json"
 
 
 @functools.lru_cache(maxsize=1)
@@ -37,7 +208,7 @@ def script() -> bytes:
 def page(
     title: str, about: str, form: Form, blocks: Sequence[report.Block] = (), sources: Sequence[Any] = (), own: str = ""
 ) -> str:
-    """Return a page.
+    """Return a page with the form of a question.
 
     Parameters
     ----------
@@ -50,107 +221,8 @@ def page(
     own : str
         Address of the form that takes files; none where it is empty.
     """
-    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("asked.html.j2")
     told = {"title": title, "about_text": about, "form": form, "blocks": blocks, "sources": sources, "own": own}
-    return template.render(version=__version__, **told)
-
-
-def etc_blocks(pairs: Pairs, sent: Sent | None = None) -> list[report.Block]:
-    """Return the answer of the calculator to an address as blocks.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    sent : Sent, optional
-        Files that came with it: the figure is then in the page, and there are no lines of Python.
-    """
-    answer = answers.etc_answer(pairs) if sent is None else answers.fresh_etc(pairs, sent)
-    blocks = blocks_of(answer.print)
-    question = report.question_text(answer.question)
-    if any(row.budget for row in answer.result.answers):
-        alt = f"SNR against wall time, contrast limit against separation, and noise budget of {answer.result.target}"
-        caption = f"{alt}; asked: {question}."
-        if sent is None:
-            blocks.append(report.Figure(report.Picture(ETC.address(pairs, ".svg"), alt, caption)))
-        else:
-            blocks += answers.figure_inside(answer.figure, alt, caption)
-    blocks += notes_blocks(answer.result.notes)
-    if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
-        more = report.page_link(f"/star?{urlencode({'name': answer.result.target})}", "its page")
-        blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
-    lines = python_lines(answer.question, pairs) if sent is None else ""
-    catalogue = answer.result.catalogue
-    return blocks + elsewhere(ETC.command_line(pairs), lines, answer.result.config_hash, catalogue)
-
-
-def rank_blocks(pairs: Pairs, limit: int, sent: Sent | None = None) -> list[report.Block]:
-    """Return a ranking as blocks.
-
-    Parameters
-    ----------
-    pairs : sequence of (str, str)
-    limit : int
-        Rows that are shown.
-    sent : Sent, optional
-        As of `etc_blocks`.
-    """
-    result = answers.ranking(pairs) if sent is None else answers.fresh_ranking(pairs, sent)
-    blocks = blocks_of(functools.partial(report.print_rank, result, limit=limit, full=False))
-    if result.targets:
-        alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
-        if sent is None:
-            address = RANK.address(pairs, ".svg", limit=str(limit))
-            blocks.append(report.Figure(report.Picture(address, alt, f"{alt}.")))
-        else:
-            blocks += answers.figure_inside(functools.partial(report.rank_figure, result, limit), alt, f"{alt}.")
-    blocks += notes_blocks(result.notes)
-    command = f"{RANK.command_line(pairs)} --limit {limit}"
-    return blocks + elsewhere(command, "", result.config_hash, result.catalogue)
-
-
-def notes_blocks(notes: Sequence[str]) -> list[report.Block]:
-    """Return remarks on the reading of tables as blocks; none without remarks."""
-    return [report.Heading("Remarks on your tables"), report.Items(list(notes))] if notes else []
-
-
-def elsewhere(command: str, lines: str, config_hash: str, catalogue: str) -> list[report.Block]:
-    """Return the same question on the command line and in Python, where there are such, and how to cite the answer.
-
-    Parameters
-    ----------
-    command, lines : str
-        Empty for none.
-    config_hash, catalogue : str
-    """
-    cited = f"cpic-planner {__version__}, configuration {config_hash}; {catalogue}"
-    facts: list[tuple[Any, Any]] = [("Command", report.code(command))] if command else []
-    if lines:
-        facts.append(("Python", report.lines(*map(report.code, filter(None, lines.split("\n"))))))
-    return [report.Heading("The same elsewhere"), report.Facts([*facts, ("To cite", cited)])]
-
-
-def sources_of(asking: Asking[Any], pairs: Pairs, **more: str) -> list[tuple[str, str]]:
-    """Return links to an answer in other forms, as (name, address)."""
-    found = [(_NAMES.get(form, form.upper()), asking.address(pairs, format=form, **more)) for form in answers.MEDIA]
-    return [*found, ("PNG", asking.address(pairs, ".png", **more)), ("SVG", asking.address(pairs, ".svg", **more))]
-
-
-def values_page(title: str, figure: str, answer: str, panels: bytes) -> str:
-    """Return the page of what a figure shows, in tables.
-
-    Parameters
-    ----------
-    title : str
-    figure, answer : str
-        Addresses of the figure, as ``.svg``, and of the page that it is on.
-    panels : bytes
-        Its values, as `cpic_planner.web.answers.drawn` gives them.
-    """
-    picture = report.Picture(figure, "The figure whose values are in the tables below", "The values are as plotted.")
-    blocks: list[report.Block] = [report.Figure(picture, panels=panels.decode())]
-    blocks.append(report.Paragraph(report.page_link(answer, "Back to the answer")))
-    blocks += report.values_blocks(json.loads(panels))
-    return told_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
+    return _rendered("asked.html.j2", told)
 
 
 def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:
@@ -164,7 +236,186 @@ def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Bloc
         ``refresh_s``, after which the browser asks again; ``share``, finished and all pieces; ``sources``, as of
         `page`; ``cancel``, address and token of a button.
     """
-    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template("told.html.j2")
     told: dict[str, Any] = {"refresh_s": 0, "share": (), "sources": (), "cancel": ()} | more
-    told |= {"title": title, "about_text": about, "heading": heading, "blocks": blocks}
+    return _rendered("told.html.j2", told | {"title": title, "about_text": about, "heading": heading, "blocks": blocks})
+
+
+def _rendered(name: str, told: Mapping[str, Any]) -> str:
+    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template(name)
     return template.render(version=__version__, **told)
+
+
+def _sent_blocks(sent: Sent) -> list[report.Block]:
+    told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
+    return [report.Heading("Files that were sent, and not kept"), report.Items(told)]
+
+
+def notes_blocks(notes: Sequence[str]) -> list[report.Block]:
+    """Return remarks on the reading of tables as blocks; none without remarks."""
+    return [report.Heading("Remarks on your tables"), report.Items(list(notes))] if notes else []
+
+
+def cited(result: Any) -> str:
+    """Return what is cited of a result beside the version: its hash and its catalogue."""
+    return f", configuration {result.config_hash}; {result.catalogue}"
+
+
+def elsewhere(commands: Sequence[str], cited: str | None = "", python: str = "") -> list[report.Block]:
+    """Return the same question on the command line and in Python, where there are such, and how to cite the answer.
+
+    Parameters
+    ----------
+    commands : sequence of str
+    cited : str, optional
+        What is cited beside the version; None where the answer is nothing to cite.
+    python : str
+        Lines of Python; empty for none.
+    """
+    facts: list[tuple[Any, Any]] = []
+    if commands:
+        facts.append((f"Command{'s' * (len(commands) > 1)}", report.lines(*map(report.code, commands))))
+    if python:
+        facts.append(("Python", report.lines(*map(report.code, filter(None, python.split("\n"))))))
+    if cited is not None:
+        facts.append(("To cite", f"cpic-planner {__version__}{cited}"))
+    return [report.Heading("The same elsewhere"), report.Facts(facts)]
+
+
+def tag_of(kind: str, pairs: Pairs) -> str:
+    """Return the tag of an answer: a hash of the question and of the version that answers it.
+
+    Parameters
+    ----------
+    kind : str
+        What the answer is: a figure, a form.
+    pairs : sequence of (str, str)
+    """
+    text = dump_json({"version": __version__, "kind": kind, "asked": pairs})
+    return f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+
+
+def drawn(figure: Callable[[], Figure], form: FigureForm) -> bytes:
+    """Return a figure in a form, while no other is drawn.
+
+    Parameters
+    ----------
+    figure : callable
+    form : {"svg", "png", "values"}
+        The last is the JSON of what it shows.
+    """
+    with _PENCIL, report.style():
+        made = figure()
+        if form == "values":
+            return _panels(made).encode()
+        return base64.b64decode(report.save(made, form, alt="", caption="").uri.partition(",")[2])
+
+
+def figure_blocks(place: str, figure: Callable[[], Figure], alt: str, caption: str) -> list[report.Block]:
+    """Return the figure of an answer by its address or, where it has none as files were sent, with its values."""
+    if place:
+        return [report.Figure(report.Picture(place, alt, caption))]
+    with _PENCIL, report.style():
+        made = figure()
+        panels, picture = _panels(made), report.save(made, "svg", alt=alt, caption=caption)
+    values = report.Fold("Values of the figure", list(report.values_blocks(json.loads(panels))))
+    return [report.Figure(picture, panels=panels), values]
+
+
+def _panels(made: Figure) -> str:
+    return json.dumps(report.panels_of(made), separators=(",", ":"))
+
+
+def values_page(title: str, figure: str, answer: str, panels: bytes) -> str:
+    """Return the page of what a figure shows, in tables.
+
+    Parameters
+    ----------
+    title : str
+    figure, answer : str
+        Addresses of the figure, as ``.svg``, and of the page that it is on.
+    panels : bytes
+        Its values, as `drawn` gives them.
+    """
+    picture = report.Picture(figure, "The figure whose values are in the tables below", "The values are as plotted.")
+    blocks: list[report.Block] = [report.Figure(picture, panels=panels.decode())]
+    blocks.append(report.Paragraph(report.page_link(answer, "Back to the answer")))
+    blocks += report.values_blocks(json.loads(panels))
+    return told_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
+
+
+class Blocks(report.Sheet):
+    """Stands where a console does, and keeps what is printed as blocks of a page."""
+
+    def __init__(self) -> None:
+        self.form, self.width, self.encoding, self.taken = "page", 0, "utf-8", None
+        self.blocks: list[report.Block] = []
+
+    def take(self, title: str, columns: Sequence[report.Cells], entries: list[Any]) -> None:
+        """Keep a table, and what its headings mean."""
+        columns, same = _told_once(columns, entries)
+        named = [(column.label or column.header, column.unit) for column in columns]
+        looks = ["" if column.right else "left" for column in columns]
+        looks[-1] += " verdict" * (not columns[-1].right)
+        texts: list[Any] = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
+        heads = tuple(map(report.Cell, texts, looks))
+        rows = [[_cell(column, entry) for column in columns] for entry in entries]
+        picked = frozenset(number for number, row in enumerate(rows) if str(row[0]).startswith("→"))
+        first_heads = [True] + [False] * (len(columns) - 1)
+        cells = tuple(tuple(map(report.Cell, row, looks, first_heads)) for row in rows)
+        first, *more = title.split("\n")
+        caption: Any = [report.strong(f"{first}."), *(f" {text}." for text in [*more, *filter(None, [same])])]
+        self.blocks.append(report.Table(first, caption, heads, cells, "", picked))
+        said = [f"{column.label or column.header}: {column.legend}." for column in columns if column.legend]
+        if said:
+            self.blocks.append(report.Fold("What the headings mean", [report.Items(said)]))
+
+    def print(self, *objects: Any, **look: Any) -> None:
+        """Keep a line."""
+        text = " ".join(str(item) for item in objects).strip()
+        if text and getattr(objects[0], "style", "") == "bold":
+            self.blocks.append(report.Heading(text))
+        elif text:
+            self.blocks.append(report.Paragraph(text, "note" if text.startswith(("!", "Note")) else ""))
+
+
+def _told_once(columns: Sequence[report.Cells], entries: Sequence[Any]) -> tuple[list[report.Cells], str]:
+    """Return the columns without those that repeat another one in every row, and a sentence that says which these are.
+
+    Fewer than three rows, and cells without a value, repeat by chance; the last column, the status, always stays.
+    """
+    kept: dict[tuple[str, ...], report.Cells] = {}
+    same = []
+    for number, column in enumerate(columns):
+        texts = tuple(str(column.text(entry)).strip() for entry in entries)
+        chance = len(texts) < _LEAST_ROWS or set(texts) <= {"", report.MISSING} or number + 1 == len(columns)
+        first = kept.setdefault((str(number),) if chance else texts, column)
+        if first is not column:
+            same.append(f"{column.label or column.header} (as {first.label or first.header})")
+    return list(kept.values()), f"Left out, because alike in every row: {', '.join(same)}" * bool(same)
+
+
+def _cell(column: report.Cells, entry: Any) -> Any:
+    """Return the text of a cell; a ranked star leads to its page."""
+    text = column.cell(entry).strip()
+    if isinstance(entry, RankedTarget) and column.fields == ("name",):
+        name = f"HIP {entry.hip}" if entry.hip else entry.name
+        return report.page_link(f"/star?{urlencode({'name': name})}", text)
+    return text
+
+
+def blocks_of(tables: Callable[[Console], None]) -> list[report.Block]:
+    """Return what a function prints on a console as blocks of a page."""
+    sheet = Blocks()
+    tables(cast("Console", sheet))
+    return [block for part in groupby(sheet.blocks, key=_is_plain) for block in _listed(*part)]
+
+
+def _is_plain(block: report.Block) -> bool:
+    return isinstance(block, report.Paragraph) and not block.look
+
+
+def _listed(plain: bool, blocks: Iterable[report.Block]) -> list[report.Block]:
+    """Return blocks, or one list of many lines: a wall of them is not read."""
+    found = list(blocks)
+    texts = [block.text for block in found if isinstance(block, report.Paragraph)]
+    return [report.Items(texts)] if plain and len(texts) >= _LEAST_ROWS else found

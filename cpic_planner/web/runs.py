@@ -1,21 +1,23 @@
 """Plans, what-ifs, confirmations and rankings in a folder, found by their own marks and shown as they were written.
 
 A request names a run by its hash and a file by one of the names in `FILES`; both are looked up, neither is a path.
+Commands that are not run for visitors are shown with their expected cost.
 """
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel
+from pydantic import BaseModel, PrivateAttr
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
@@ -24,7 +26,7 @@ from cpic_core import InputError, digest_of, parse_json, read_file, read_text
 from cpic_planner import report
 from cpic_planner.jobs import LIST_NAME
 from cpic_planner.web import pages
-from cpic_planner.web.guard import line
+from cpic_planner.web.guard import Workers, line
 
 FILES = {
     "report.html": "text/html; charset=utf-8",
@@ -40,6 +42,10 @@ FRESH_S = 2.0
 _KINDS = {"plan": "plan", "whatif": "what-if", "confirm": "confirmation", "rank": "ranking"}
 _TITLE = "Plans and what-ifs"
 _ABOUT = "Runs that this server was told to show, as they were written."
+_LONGER = "Longer runs"
+_ABOUT_LONGER = "Plans, what-ifs and dark holes of other optics take minutes to hours: the command line makes them."
+_HOLE_S = 15.0
+"""Processor time in which the dark hole of a band is dug and measured: 51 s were measured for four of them."""
 _REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """A report is one file with its style and images inside, and runs nothing."""
 
@@ -48,53 +54,21 @@ class RunAnswer(BaseModel):
     """One run, for programs; files are addresses."""
 
     id: str
+    """Hash of the run; a number follows where several folders hold the same."""
     title: str
+    """Name of its folder, or of its file."""
     kind: Literal["plan", "whatif", "confirm", "rank"]
     state: Literal["finished", "running", "not finished"]
     date_utc: str
+    """Date of its end, empty where it has none."""
     config_hash: str
     files: list[str]
+    _paths: Mapping[str, Path] = PrivateAttr(default_factory=dict)
+    _digests: Mapping[str, set[str]] = PrivateAttr(default_factory=dict)
 
-
-class RunsAnswer(BaseModel):
-    """All runs, for programs."""
-
-    schema_version: Literal[1] = 1
-    kind: Literal["runs"] = "runs"
-    runs: list[RunAnswer]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run.
-
-    Attributes
-    ----------
-    id : str
-        Its hash; a number follows where several folders hold the same.
-    title : str
-        Name of its folder, or of its file.
-    kind, state, date_utc, config_hash : str
-        The date is that of its end, empty where it has none.
-    files : mapping of str to Path
-        By the names of `FILES`.
-    digests : mapping of str to set of str
-        Hashes of what was written, by the same names; files without one count as they are.
-    """
-
-    id: str
-    title: str
-    kind: str
-    state: str
-    date_utc: str
-    config_hash: str
-    files: Mapping[str, Path] = field(default_factory=dict)
-    digests: Mapping[str, set[str]] = field(default_factory=dict)
-
-    def told(self) -> RunAnswer:
-        """Return what is said of it, for programs."""
-        own: dict[str, Any] = {name: value for name, value in vars(self).items() if name not in ("files", "digests")}
-        return RunAnswer(**own, files=[f"/runs/{self.id}/{name}" for name in self.files])
+    def named(self, name: str) -> RunAnswer:
+        """Return the run under a hash, with the addresses of its files."""
+        return self.model_copy(update={"id": name, "files": [f"/runs/{name}/{file}" for file in self._paths]})
 
     def read(self, name: str) -> bytes:
         """Return a file as it was written.
@@ -105,10 +79,10 @@ class Run:
             If it is not there, or is no more what the run wrote.
         """
         changed = InputError("file", name, allowed="a file as the run wrote it")
-        if name not in self.files:
+        if name not in self._paths:
             raise changed
-        path = self.files[name]
-        if path.is_symlink() or (name in self.digests and digest_of(path) not in self.digests[name]):
+        path = self._paths[name]
+        if path.is_symlink() or (name in self._digests and digest_of(path) not in self._digests[name]):
             raise changed
         try:
             return read_file(path, key="file", allowed="a file of the run", max_bytes=MOST_BYTES)
@@ -116,7 +90,22 @@ class Run:
             raise changed from None
 
 
-def runs_of(folder: Path) -> list[Run]:
+class RunsAnswer(BaseModel):
+    """All runs, for programs."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["runs"] = "runs"
+    runs: list[RunAnswer]
+
+
+def _run(paths: Mapping[str, Path], digests: Mapping[str, set[str]], **told: Any) -> RunAnswer:
+    """Return a run with its files by the names of `FILES`, and the hashes of what was written where there are any."""
+    run = RunAnswer(id="", files=[], **told)
+    run._paths, run._digests = paths, digests
+    return run
+
+
+def runs_of(folder: Path) -> list[RunAnswer]:
     """Return the runs beneath a folder, the latest first; links are not followed."""
     found = []
     for place in _folders(folder):
@@ -126,12 +115,12 @@ def runs_of(folder: Path) -> list[Run]:
             found += [_ranking_of(path) for path in sorted(place.glob("*.json"))]
         if len(found) > 2 * MOST_RUNS:
             break
-    runs: dict[str, Run] = {}
+    runs: dict[str, RunAnswer] = {}
     for run in sorted(filter(None, found), key=lambda run: (run.date_utc, run.title), reverse=True)[:MOST_RUNS]:
         name, number = run.config_hash, 2
         while name in runs:
             name, number = f"{run.config_hash}-{number}", number + 1
-        runs[name] = replace(run, id=name)
+        runs[name] = run.named(name)
     return list(runs.values())
 
 
@@ -150,7 +139,7 @@ def _folders(folder: Path) -> Iterator[Path]:
             left += [(path, depth + 1) for path in below if not path.name.startswith(".")]
 
 
-def _run_of(place: Path) -> Run | None:
+def _run_of(place: Path) -> RunAnswer | None:
     """Return the run of a folder; None for one of another kind, or a damaged list."""
     try:
         lines = _text(place / LIST_NAME).splitlines()
@@ -167,10 +156,11 @@ def _run_of(place: Path) -> Run | None:
     files = {name: place / name for name in FILES if name in digests and (place / name).is_file()}
     date_utc = _date(place / "run.json") if "run.json" in digests else ""
     state = "finished" if date_utc and f"{kind}.json" in files else "running" if _is_held(place) else "not finished"
-    return Run("", place.name, kind, state, date_utc, config_hash, files, digests)
+    told = {"title": place.name, "kind": kind, "state": state, "date_utc": date_utc, "config_hash": config_hash}
+    return _run(files, digests, **told)
 
 
-def _ranking_of(path: Path) -> Run | None:
+def _ranking_of(path: Path) -> RunAnswer | None:
     """Return the ranking of a file that ``cpic rank --out`` wrote; None for any other file."""
     try:
         beginning = "" if path.is_symlink() else _beginning(path)
@@ -180,7 +170,8 @@ def _ranking_of(path: Path) -> Run | None:
     named = re.search(r'"config_hash": "([0-9a-f]+)"', beginning)
     if named is None or '"kind": "rank"' not in beginning:
         return None
-    return Run("", path.stem, "rank", "finished", date_utc, named[1], {"rank.json": path})
+    told = {"title": path.stem, "kind": "rank", "state": "finished", "date_utc": date_utc, "config_hash": named[1]}
+    return _run({"rank.json": path}, {}, **told)
 
 
 def _text(path: Path) -> str:
@@ -188,7 +179,7 @@ def _text(path: Path) -> str:
 
 
 def _beginning(path: Path) -> str:
-    from cpic_core.user_files import open_file
+    from cpic_core.files import open_file
 
     with open_file(path, key="--folder", allowed="a file of a run", max_bytes=MOST_BYTES) as file:
         return file.read(1000).decode("utf-8", "replace")
@@ -225,7 +216,7 @@ class RunPages:
     def __init__(self, folder: Path | None) -> None:
         if folder is not None and not folder.is_dir():
             raise InputError("--folder", str(folder), allowed="a folder that is there")
-        self._folder, self._found, self._until_s = folder, list[Run](), 0.0
+        self._folder, self._found, self._until_s = folder, list[RunAnswer](), 0.0
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
@@ -235,19 +226,24 @@ class RunPages:
             Route("/runs/{id}/{name}", self._file),
         ]
 
-    async def _runs(self) -> list[Run]:
+    async def _runs(self) -> list[RunAnswer]:
         """Return the runs, looked for again after `FRESH_S`."""
         if self._folder is not None and time.monotonic() > self._until_s:
             self._found = await run_in_threadpool(runs_of, self._folder)
             self._until_s = time.monotonic() + FRESH_S
         return self._found
 
+    async def _run(self, request: Request) -> RunAnswer:
+        """Return the run of a request, which is looked up and never opened by its name."""
+        found = next((run for run in await self._runs() if run.id == request.path_params["id"]), None)
+        if found is None:
+            raise HTTPException(404, "There is no such run.")
+        return found
+
     async def _listed(self, request: Request) -> Response:
-        runs, form = await self._runs(), request.query_params.get("format", "")
-        if form == "json":
-            return JSONResponse(RunsAnswer(runs=[run.told() for run in runs]).model_dump(mode="json"))
-        if form not in ("", "html"):
-            return line(str(InputError("format", form[:40], allowed="html or json")), 400)
+        runs = await self._runs()
+        if pages.page_or_json(request.query_params.get("format", "")):
+            return pages.data(RunsAnswer(runs=runs))
         if self._folder is None:
             text = "This server shows no folder; cpic serve --folder DIR shows the plans and what-ifs beneath one."
             blocks: list[report.Block] = [report.Paragraph(text)]
@@ -257,26 +253,21 @@ class RunPages:
             heads = tuple(report.Cell(text, "left") for text in ("Title", "Kind", "State", "Ended (UTC)", "Hash"))
             rows = tuple(tuple(map(report.Cell, _cells(run), ["left"] * 5, [True] + [False] * 4)) for run in runs)
             blocks = [report.Table("Runs", "Runs, the latest first.", heads, rows)]
-        return _page(pages.told_page(_TITLE, _ABOUT, "Runs", blocks))
+        return pages.html(pages.told_page(_TITLE, _ABOUT, "Runs", blocks))
 
     async def _one(self, request: Request) -> Response:
-        run = next((run for run in await self._runs() if run.id == request.path_params["id"]), None)
-        if run is None:
-            return line("There is no such run.", 404)
-        if request.query_params.get("format") == "json":
-            return JSONResponse(run.told().model_dump(mode="json"))
+        run = await self._run(request)
+        if pages.page_or_json(request.query_params.get("format", "")):
+            return pages.data(run)
         facts: list[tuple[Any, Any]] = [("Kind", _KINDS[run.kind]), ("State", run.state)]
         facts += [("Ended", run.date_utc)] if run.date_utc else []
         facts.append(("Configuration", report.code(run.config_hash)))
-        links = [report.page_link(f"/runs/{run.id}/{name}", name) for name in run.files]
+        links = [report.page_link(address, address.rpartition("/")[2]) for address in run.files]
         blocks: list[report.Block] = [report.Facts(facts), report.Items(links)]
-        return _page(pages.told_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
+        return pages.html(pages.told_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
 
     async def _file(self, request: Request) -> Response:
-        name = request.path_params["name"]
-        run = next((run for run in await self._runs() if run.id == request.path_params["id"]), None)
-        if run is None or name not in run.files:
-            return line("There is no such file of a run.", 404)
+        name, run = request.path_params["name"], await self._run(request)
         try:
             body = await run_in_threadpool(run.read, name)
         except InputError as error:
@@ -285,10 +276,60 @@ class RunPages:
         return Response(body, media_type=FILES[name], headers={"Cache-Control": "private, no-cache"} | policy)
 
 
-def _cells(run: Run) -> list[Any]:
+def _cells(run: RunAnswer) -> list[Any]:
     link = report.page_link(f"/runs/{run.id}", run.title)
     return [link, _KINDS[run.kind], run.state, run.date_utc[:19].replace("T", " "), report.code(run.config_hash)]
 
 
-def _page(text: str) -> Response:
-    return Response(text, media_type="text/html; charset=utf-8")
+@functools.lru_cache(maxsize=1)
+def costs() -> dict[str, Mapping[str, float]]:
+    """Return commands with their expected cost: counts, ``wall_s``, ``memory_mb``, ``disk_mb``, with one worker."""
+    from cpic_planner.confirm import plan_job
+    from cpic_planner.jobs import estimate
+    from cpic_planner.queries import PlanQuestion, WhatIfQuestion
+    from cpic_planner.survey import load_strategies, whatif_job, with_universe
+    from simulator.config import load_instrument
+
+    plan, whatif = PlanQuestion.of({}), WhatIfQuestion.of({"strategies": "survey_default"})
+    config = with_universe(load_strategies("survey_default"), whatif.universe(), whatif.share_of_time)
+    dug = {"n_bands": len(load_instrument().visible_bands())}
+    return {
+        f"cpic plan --top {plan.top}": estimate(plan_job(plan)),
+        "cpic whatif survey_default": estimate(whatif_job(config, n_images=whatif.images)),
+        'cpic etc "tau Cet" --set wavefront.opd_rms_nm=25': dug | {"wall_s": dug["n_bands"] * _HOLE_S},
+    }
+
+
+class Commands:
+    """The page of long runs.
+
+    Parameters
+    ----------
+    workers : Workers
+        Who works the costs out.
+    """
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+
+    def routes(self) -> list[Route]:
+        """Return the addresses that are answered."""
+        return [Route("/commands", self._told)]
+
+    async def _told(self, request: Request) -> Response:
+        as_data = pages.page_or_json(request.query_params.get("format", ""))
+        found = await self._workers.do(costs)
+        if as_data:
+            return JSONResponse({command: dict(cost) for command, cost in found.items()})
+        facts: list[tuple[Any, Any]] = [(report.code(command), _cost_text(cost)) for command, cost in found.items()]
+        note = "Each says what a run of your own would cost with --dry-run; --workers shares the work."
+        blocks: list[report.Block] = [report.Facts(facts), report.Paragraph(note, "note")]
+        return pages.html(pages.told_page(_LONGER, _ABOUT_LONGER, "Commands and their expected cost", blocks))
+
+
+def _cost_text(cost: Mapping[str, float]) -> str:
+    counts = [
+        f"{count:g} {name.removeprefix('n_').replace('_', ' ')}" for name, count in cost.items() if name[:2] == "n_"
+    ]
+    sizes = [f"{cost[name]:.0f} MB of {name.removesuffix('_mb')}" for name in ("memory_mb", "disk_mb") if name in cost]
+    return "; ".join([", ".join(counts), f"about {report.duration_text(cost['wall_s'])} with one worker", *sizes])

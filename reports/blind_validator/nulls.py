@@ -7,8 +7,7 @@ from typing import Any
 from cases import star_alone
 
 from cpic_planner.etc import search_threshold
-from cpic_planner.validation.detection import search
-from cpic_planner.validation.speckle_maps import speckle_maps
+from cpic_planner.validation.search import search, speckle_maps
 
 SCENES = (("61 Cyg A", "F850"), ("tau Cet", "F662"), ("alf Cen A", "F520"), ("alf CMi", "F850"))
 SEQUENCES, BLOCK = 500, 50

@@ -9,8 +9,7 @@ import numpy as np
 from cases import star_alone
 
 from cpic_planner.validation import PlanetTemplate, VisitPair, fit_position
-from cpic_planner.validation.measure import forced_photometry
-from cpic_planner.validation.templates import place_at, with_image
+from cpic_planner.validation.measure import forced_photometry, place_at, with_image
 from simulator.detectors import excess_noise_factor2
 
 BAND_STARS = {"F520": "tau Cet", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}

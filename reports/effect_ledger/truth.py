@@ -26,7 +26,7 @@ from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
 from simulator.imaging import centred_axis, off_axis_light
 from simulator.imaging.drift import screen_model, wavefronts
 from simulator.knobs import Knobs
-from simulator.ledger.choice_rows import DRIFT_TERMS
+from simulator.ledger.choice import DRIFT_TERMS
 from simulator.observing import Observation
 from simulator.observing.sequence import Light
 

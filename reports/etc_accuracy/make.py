@@ -23,7 +23,7 @@ from speed import SpeedRow, speed_rows
 from threadpoolctl import threadpool_limits
 
 from cpic_core import write_bytes, write_text
-from cpic_planner.etc import EtcModel, FixedFrames, FrameProblem, band_cases, build_model, least_time, planets_of
+from cpic_planner.etc import EtcModel, FrameProblem, build_model, cases_of, least_time, planets_of
 from cpic_planner.report import style
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
@@ -112,14 +112,14 @@ def optimiser_rows(model: EtcModel) -> list[Row]:
         rows.append(_both(f"{RANDOM_STARS} random stars x 8 bands", f"SNR {level:g}", [(problem, level)]))
     every, planets = rank_sample(), planets_of(SEPARATION_ARCSEC)
     wide = build_model(model.instrument, tuple(model.instrument.bands))
-    bands = [band_cases(wide, every, band, planets, FixedFrames()) for band in wide.bands]
+    bands = [cases_of(wide, every, [band], planets) for band in wide.bands]
     name = f"catalogue ({len(every)}) x {len(wide.bands)} bands, 1 R_J at {SEPARATION_ARCSEC:g} arcsec"
     rows.append(_both(name, "SNR 5", [(part.problem("snr"), 5.0) for part in bands]))
     rows.append(_both(name, "SNR 1", [(part.problem("snr"), 1.0) for part in bands]))
-    detection = [(part.problem("significance"), float(part.threshold[0])) for part in bands]
+    detection = [(part.problem("significance"), float(part.threshold[0, 0, 0])) for part in bands]
     rows.append(_both(name, "detection", detection))
     bright = planets_of(SEPARATION_ARCSEC, None, 1e-7)
-    near = [band_cases(wide, every, band, bright, FixedFrames()).problem("snr") for band in wide.bands]
+    near = [cases_of(wide, every, [band], bright).problem("snr") for band in wide.bands]
     for level in (5.0, 20.0):
         rows.append(_both("the same stars and bands, contrast 1e-7", f"SNR {level:g}", [(one, level) for one in near]))
     return rows

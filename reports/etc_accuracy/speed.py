@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc import FixedFrames, band_cases, build_model, contrast_limit, least_time, planets_of
+from cpic_planner.etc import build_model, cases_of, contrast_limit, least_time, planets_of
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import find_target, rank_sample
@@ -56,7 +56,7 @@ def speed_rows() -> list[SpeedRow]:
 
     def catalogue() -> None:
         for band in wide.bands:
-            least_time(band_cases(wide, every, band, planets, FixedFrames()).problem("snr"), 5.0)
+            least_time(cases_of(wide, every, [band], planets).problem("snr"), 5.0)
 
     return [
         timed(

@@ -25,13 +25,10 @@ from simulator import Psf, load_instrument, single_band_psf
 from simulator.config import Instrument
 from simulator.imaging import aperture_sums, build_imager, centred_axis, overlap_weights, pixel_axis
 from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dig
-from simulator.imaging.conjugation import Conjugation
-from simulator.imaging.dark_hole import default_settings
+from simulator.imaging.dark_hole import Conjugation, default_settings
 from simulator.imaging.imager import Imager
-from simulator.imaging.paper_scene import CELLS, paper_scene_image
 from simulator.imaging.psf import forget_stamps, wide_on_axis
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.scene_image import CELLS, BandTransfer, PointSources, paper_scene_image, scene_image
 from simulator.knobs import FIDELITIES, Knobs
 from tools.report_parts import machine
 

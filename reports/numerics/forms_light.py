@@ -18,10 +18,9 @@ from catalogs.stellar_physics import (
     mass_from_luminosity,
     radius_from_luminosity,
 )
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_scene
 from simulator.effects.sky import colour_factor, zodiacal_radiance
-from simulator.passbands import Passbands
+from simulator.passbands import Passbands, v_photon_rate, vega_v_photon_rate
 from simulator.target import scene_sources, stellar_spectrum
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 

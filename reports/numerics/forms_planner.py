@@ -15,7 +15,7 @@ from catalogs import eccentric_anomaly, orbit_places
 from cpic_planner.etc import ApertureRates, FrameCamera, Programme, stack_noise
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
-from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.population import read_law
 from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
 from simulator.detectors import clean_fraction
@@ -103,7 +103,7 @@ def law(tree: dict[str, float | str], exact: Callable[[mpf], mpf]) -> ClosedForm
     drawn = read_law(tree)
     shown = "".join(f"{key} {value!r}, " for key, value in tree.items() if key != "law")
     return ClosedForm(
-        f"cpic_planner.planets.laws, {name}",
+        f"cpic_planner.planets.population, {name}",
         f"{shown}shares 0 to 1 - 1e-16",
         [(s,) for s in SHARES],
         lambda share: drawn.quantile(np.array([share]))[0],

@@ -233,7 +233,7 @@ FORMS = [
         pa_exact,
     ),
     ClosedForm(
-        "cpic_planner.etc.planet.reference_distance_au",
+        "cpic_planner.etc.rates.reference_distance_au",
         "0.1 pc to 1 kpc, 1e-6 to 120 arcsec, to 1e-9 deg of 0 and 180",
         list(itertools.product((0.1, 10.0, 1000.0), (1e-6, 0.55, 120.0), [p for p in PHASES if 0 < p < 180])),
         lambda d, rho, a: reference_distance_au(at_distance(d), np.array([rho]), ReferencePlanet(phase_deg=a))[0, 0],

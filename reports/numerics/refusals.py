@@ -14,7 +14,7 @@ from catalogs import eccentric_anomaly, orbit_places, position_angle, separation
 from catalogs.coordinates import propagate
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
 from cpic_planner.etc.detection import detection_threshold
-from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.population import read_law
 from cpic_planner.validation import aperture_sum, aperture_weights, combine, contrast, filled, scale_library
 from simulator.camera.noise import mean_projection_um
 from simulator.detectors import clean_fraction
@@ -223,7 +223,7 @@ REFUSALS = [
         "semi_major_axis_au = 0.0 au: not accepted; allowed: above 0",
     ),
     Refusal(
-        "cpic_planner.planets.laws",
+        "cpic_planner.planets.population",
         read_law,
         ({"law": "uniform", "low": 1.0, "high": 1.0},),
         "low = 1.0: not accepted; allowed: below high = 1",

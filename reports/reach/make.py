@@ -216,7 +216,7 @@ def report(every: list[Cell], n_stars: int) -> str:
         f"The walk in a visit changes with the drift. Science and reference differ by {drift.common_fraction:g}",
         "of the rms of the offset in all visits, which no number of visits averages; the last column leaves it out.",
         "Reference frames take half of the time. A blind search goes through velocities up to that of escape, and its",
-        "threshold pays for them (`cpic_planner.planets.orbit_search`); visits follow each other at once.",
+        "threshold pays for them (`cpic_planner.planets.motion`); visits follow each other at once.",
         "",
         f"Each number is the count of rows with verdict `detected` of one command, as `{sample.command}` for the",
         f"{sample.detected} in the table.",

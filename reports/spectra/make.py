@@ -19,11 +19,10 @@ from matplotlib.figure import Figure
 from catalogs import Band, load_albedo, load_reference_spectrum
 from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_instrument
-from simulator.passbands import Passbands
+from simulator.passbands import Passbands, v_photon_rate, vega_v_photon_rate
 from simulator.target import load_parametric_grid, planet_albedo, stellar_spectrum
-from simulator.target.parametric import phase_curve
+from simulator.target.albedo import phase_curve
 from tools.calibrate_albedo.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, read_table
 from tools.report_parts import png
 

@@ -14,9 +14,8 @@ from cpic_core import dump_json, write_bytes, write_text
 from cpic_planner.jobs import run
 from cpic_planner.results import TradeoffResult, TradeoffRow
 from cpic_planner.tradeoff import RESULT, tradeoff_job
-from cpic_planner.tradeoff.points import points_of
-from cpic_planner.tradeoff.setup import SCENES
-from cpic_planner.tradeoff.write import products_of
+from cpic_planner.tradeoff.run import products_of
+from cpic_planner.tradeoff.scenes import SCENES, points_of
 
 HERE = Path(__file__).resolve().parent
 ORDERS = 1000.0

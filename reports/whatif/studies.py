@@ -10,7 +10,7 @@ import numpy as np
 
 from cpic_planner.jobs.job import run_tasks
 from cpic_planner.planets import Planets
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey import StrategiesConfig, load_strategies
 from cpic_planner.survey.detection import detection_chance, expected_signals
 from cpic_planner.survey.outcome import difference_interval

@@ -18,15 +18,14 @@ from cpic_planner.confirm.etc_images import grey_scene
 from cpic_planner.etc import build_model, planet_offsets
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
-from cpic_planner.validation.apertures import aperture_weights, outside_discs
-from cpic_planner.validation.photometry import EXCLUSION_RADII, aperture_photometry
+from cpic_planner.validation.measure import SpeckleModel, WhitenedFilter
+from cpic_planner.validation.photometry import EXCLUSION_RADII, aperture_photometry, aperture_weights, outside_discs
 from cpic_planner.validation.rdi import surviving_fraction
-from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
 from simulator.config import Instrument, load_instrument
 from simulator.imaging import Psf, centred_axis, single_band_psf, visit_responses
 from simulator.knobs import FIDELITIES
 from simulator.signal import REGION_LAMBDA_D, Whitening, speckle_covariance, with_noise
-from simulator.signal.speckle_visits import Stamps, stamps_around
+from simulator.signal.speckle_modes import Stamps, stamps_around
 
 HERE = Path(__file__).resolve().parent
 OFFSET_NM, HELD_OUT, SEED = 0.05, 1000, 7

@@ -256,7 +256,7 @@ def mean_projection_um(depth_um: float, max_length_um: float) -> float:
     float
         ``d (arccos m - m sqrt(1 - m^2)) / (1 - m^2)`` with ``m = d / longest``, in um: the mean of
         ``d sqrt(1 / mu^2 - 1)`` where ``mu^2`` is uniform from ``m^2`` to 1, as for an isotropic flux
-        (`simulator.effects.tracks`). ``pi d / 2`` without a longest chord.
+        (`simulator.effects.cosmic_rays`). ``pi d / 2`` without a longest chord.
     """
     depth = checked_scalar("depth_um", depth_um, low=1e-6, high=1e9, unit="um")
     longest = checked_scalar("max_length_um", max_length_um, low=depth * (1.0 + 1e-6), high=1e12, unit="um")

@@ -18,14 +18,12 @@ from simulator.imaging.annuli import (
 )
 from simulator.imaging.aperture import aperture_sums as aperture_sums
 from simulator.imaging.build import build_imager as build_imager
-from simulator.imaging.clear_pupil import scattered_light as scattered_light
 from simulator.imaging.drift import SharedTerms as SharedTerms, visit_frames as visit_frames, wavefronts as wavefronts
 from simulator.imaging.external import ExternalPsf as ExternalPsf
 from simulator.imaging.frame import (
     AnyPsf as AnyPsf,
     SceneModel as SceneModel,
     Window as Window,
-    apodizer_energy as apodizer_energy,
     forget_starlight as forget_starlight,
     full_star_map as full_star_map,
     off_axis_light as off_axis_light,
@@ -33,7 +31,6 @@ from simulator.imaging.frame import (
     star_column_light as star_column_light,
     window_of as window_of,
 )
-from simulator.imaging.geometry import BandGeometry as BandGeometry, zone_of as zone_of
 from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager, centred_axis as centred_axis
 from simulator.imaging.light_expansion import (
     LARGEST_NM as LARGEST_NM,
@@ -44,23 +41,22 @@ from simulator.imaging.light_expansion import (
 )
 from simulator.imaging.measure import matched_kernel as matched_kernel, visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
-from simulator.imaging.mirror_states import (
-    at_contrast as at_contrast,
-    mean_contrast as mean_contrast,
-    measured_states as measured_states,
-    published_bands as published_bands,
-)
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.sampling import pixel_axis as pixel_axis
 from simulator.imaging.store import (
     Unkeyed as Unkeyed,
+    at_contrast as at_contrast,
+    mean_contrast as mean_contrast,
+    measured_states as measured_states,
     metrics_key as metrics_key,
     psf_metrics as psf_metrics,
+    published_bands as published_bands,
     shipped_file as shipped_file,
 )
-from simulator.imaging.table_metrics import TableMetrics as TableMetrics
+from simulator.imaging.table_metrics import TableMetrics as TableMetrics, scattered_light as scattered_light
 from simulator.imaging.table_psf import TablePsf as TablePsf, psf_of_table as psf_of_table
 from simulator.imaging.zones import (
+    BandGeometry as BandGeometry,
     HoleMode as HoleMode,
     HoleSide as HoleSide,
     HoleZone as HoleZone,
@@ -68,4 +64,5 @@ from simulator.imaging.zones import (
     Zone as Zone,
     ZoneMode as ZoneMode,
     zone_from as zone_from,
+    zone_of as zone_of,
 )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, IntArray, overlap_weights
-from simulator.imaging.geometry import BandGeometry
+from simulator.imaging.zones import BandGeometry
 
 STRIPS = 256
 CELLS_PER_PIXEL = 10

@@ -8,11 +8,10 @@ from cpic_core import FloatArray, InputError, stream
 from simulator.config import Instrument
 from simulator.imaging.dark_hole import DarkHole, HoleResult
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
-from simulator.imaging.geometry import zone_of
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations, cell_means, draw_aberrations, flat_aberrations, upsample
 from simulator.imaging.store import configured_apodizer, hole_key, hole_state, search
-from simulator.imaging.zones import HoleStatus, HoleZone
+from simulator.imaging.zones import HoleStatus, HoleZone, zone_of
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
 

@@ -2,46 +2,117 @@
 
 import functools
 import hashlib
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, as_path, check_number, check_word, numeric_context
+from cpic_core import (
+    ArrayLike,
+    FloatArray,
+    InputError,
+    NDArray,
+    as_path,
+    check_number,
+    check_word,
+    check_writable,
+    numeric_context,
+    write_named,
+    write_npz,
+)
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
-from simulator.config.map_files import real_map
-from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.sampling import displaced, open_pixels
-from simulator.imaging.stamp_metrics import StampMetrics
-from simulator.imaging.stamps import StampFile, read_stamps, stamp_metrics, write_stamps
+from simulator.config.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps, real_map
+from simulator.imaging.aperture import core_cells, figures_of_stamps
+from simulator.imaging.metrics import StampMetrics
+from simulator.imaging.sampling import displaced, open_pixels, unpixelled
+from simulator.imaging.zones import BandGeometry
+
+_CARDS = {"mask_half_width_arcsec": "MASKHW", "apodizer_energy": "APODENER"}
+_BAND_CARDS = ("BAND", "FILTER")
+FITS_SUFFIXES = (".fits", ".fit", ".fts")
+
+
+def read_stamps(path: str | Path) -> dict[str, Any]:
+    """Return the stamps of a file and what goes with them, unchecked, by the names of `ExternalPsf`.
+
+    What the file does not say is left out; see `load_psf` for its layout.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has no off-axis image, or holds something else under a known name.
+    """
+    file = read_maps("psf", path)
+    return _from_fits(path, file) if file.is_fits else _from_npz(path, file)
+
+
+def _fits_bytes(known: dict[str, Any]) -> bytes:
+    from astropy.io import fits
+
+    primary = fits.PrimaryHDU()
+    primary.header["PIXSCALE"] = (known["pixel_scale_arcsec"], "arcsec per pixel")
+    if "band" in known:
+        primary.header["BAND"] = known["band"]
+    for name, card in _CARDS.items():
+        if name in known:
+            primary.header[card] = (known[name], name)
+    hdus = fits.HDUList([primary])
+    for name in ("off_axis", "on_axis"):
+        hdus.append(fits.ImageHDU(known[name], name=name.upper()))
+        hdus[-1].header["BUNIT"] = ("", "fraction of the energy on the clear disc")
+    for hdu in hdus:
+        hdu.add_checksum(when="of this unit")  # the default comment is the time of day
+    buffer = io.BytesIO()
+    hdus.writeto(buffer)
+    return buffer.getvalue()
+
+
+def _from_npz(path: str | Path, file: MapFile) -> dict[str, Any]:
+    known: dict[str, Any] = {name: item.data for name in ("off_axis", "on_axis") if (item := file.named(name))}
+    if "off_axis" not in known:
+        allowed = "an npz file with an array named off_axis"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"it has {', '.join(item.name for item in file.maps)}")
+    for name in ("pixel_scale_arcsec", *_CARDS):
+        item = file.named(name)
+        if item is None:
+            continue
+        if item.data.size != 1 or item.data.dtype.kind not in "fiu" or not np.isfinite(item.data).all():
+            raise InputError(f"psf {name}", str(item.data.tolist())[:40], allowed="one finite number", hint=str(path))
+        known[name] = float(item.data.reshape(()))
+    if (band := file.named("band")) is not None:
+        if band.data.size != 1 or band.data.dtype.kind not in "US":
+            raise InputError("psf band", str(band.data.tolist())[:40], allowed="one name", hint=str(path))
+        word = band.data.reshape(()).item()
+        known["band"] = word.decode("ascii", "replace") if isinstance(word, bytes) else word
+    return known
+
+
+def _from_fits(path: str | Path, file: MapFile) -> dict[str, Any]:
+    off_axis, on_axis = file.named("OFF_AXIS"), file.named("ON_AXIS")
+    if off_axis is None and on_axis is None and len(file.maps) == 1:
+        off_axis = file.maps[0]
+    if off_axis is None:
+        allowed = "a FITS file with an image OFF_AXIS, or a single image"
+        raise InputError("psf", str(path), allowed=allowed, hint=f"its images are {[item.name for item in file.maps]}")
+    found = [pixel_scale("psf", path, item.header) for item in (off_axis, on_axis) if item is not None]
+    scales = [scale for scale in found if scale is not None]
+    if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
+        raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
+    numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
+    named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
+    known: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
+    known |= {"on_axis": on_axis.data} if on_axis is not None else {}
+    known |= {"pixel_scale_arcsec": scales[0]} if scales else {}
+    return known | {"off_axis": off_axis.data, "band": next(iter(named), "")}
+
 
 SIDES = (9, 2201)
 ROUNDING = 1e-6
 NEGATIVE = 1e-9
 """Largest negative pixel, relative to the peak, that counts as rounding."""
-SCALE_TOLERANCE = 1e-3
-
-
-class Stamps(Protocol):
-    """The protocol of what can be written: the public attributes of any point-spread function."""
-
-    @property
-    def band(self) -> str:
-        """Name of the band."""
-
-    @property
-    def on_axis(self) -> FloatArray:
-        """The masked star."""
-
-    @property
-    def off_axis(self) -> FloatArray:
-        """A source on the centre pixel, unmasked."""
-
-    @property
-    def pixel_scale_arcsec(self) -> float:
-        """Pixel of the stamps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +194,12 @@ class ExternalPsf:
         InputError
             If no band was named.
         """
-        return stamp_metrics(self.on_axis, self.off_axis, self._named_band, self.geometry, self.apodizer_energy)
+        geometry = self.geometry
+        cells, _ = core_cells(geometry.pixel_scale_arcsec, geometry.aperture_radius_arcsec)
+        core = unpixelled(self.off_axis, cells)
+        figures = figures_of_stamps(self.on_axis, self.off_axis, core, geometry, geometry.zone.diagonal)
+        figures |= geometry.figures() | {"column_light": self.on_axis.sum(axis=0)}
+        return StampMetrics(band=self._named_band, strehl=None, apodizer_energy=self.apodizer_energy, **figures)
 
     @functools.cached_property
     def _open(self) -> FloatArray:
@@ -224,19 +300,19 @@ def load_psf(
     if band is not None:
         check_word("band", band, chosen.bands)
     found = read_stamps(path)
-    name = _band(path, found.band, band, chosen)
+    name = _band(path, found.get("band"), band, chosen)
     flags: list[str] = []
-    off_axis = _image(path, "off_axis", found.off_axis, flags)
+    off_axis = _image(path, "off_axis", found["off_axis"], flags)
     _check_centre(path, off_axis)
-    on_axis = None if found.on_axis is None else _image(path, "on_axis", found.on_axis, flags)
+    on_axis = _image(path, "on_axis", found["on_axis"], flags) if "on_axis" in found else None
     if on_axis is not None and on_axis.shape != off_axis.shape:
         allowed = f"the shape of off_axis, {off_axis.shape}"
         raise InputError("psf on_axis", str(path), allowed=allowed, hint=f"found {on_axis.shape}")
-    pixel = _pixel(path, found.pixel_scale_arcsec, chosen, name)
+    pixel = _pixel(path, found.get("pixel_scale_arcsec"), chosen, name)
     scale = _scale(path, float(off_axis.sum()), energy, flags)
     off_axis = off_axis * scale
     width = chosen.mask_half_width_arcsec(name) if name else chosen.coronagraph.mask_half_width_arcsec
-    stated = found.mask_half_width_arcsec
+    stated = found.get("mask_half_width_arcsec")
     if stated is not None and abs(stated - width) > ROUNDING:
         if not 0 <= stated <= 4:
             raise InputError("psf mask_half_width_arcsec", stated, unit="arcsec", allowed="0 to 4", hint=str(path))
@@ -249,7 +325,7 @@ def load_psf(
         on_axis = on_axis * scale
         if on_axis.sum() > 1 + ROUNDING:
             raise InputError("psf on_axis", str(path), allowed="a sum of at most 1", hint=f"found {on_axis.sum():.6g}")
-    behind = found.apodizer_energy
+    behind = found.get("apodizer_energy")
     if behind is None or energy is not None:
         behind = float(off_axis.sum())
         flags.append("apodizer_energy_of_stamp")
@@ -264,14 +340,14 @@ def load_psf(
     return ExternalPsf(name, on_axis, off_axis, pixel, chosen, width, float(behind), kept, Path(path).name)
 
 
-def save_psf(psf: Stamps, path: str | Path) -> Path:
+def save_psf(psf: Any, path: str | Path) -> Path:
     """Write point-spread functions to a file that `load_psf` reads back, bit for bit; whole or not at all.
 
     Parameters
     ----------
     psf : Psf, ExternalPsf or the like
-        Anything with ``band``, ``on_axis``, ``off_axis`` and ``pixel_scale_arcsec``. The width of the mask (its own or
-        its instrument's) and the energy behind the apodizer (its own or its imager's) are written if it has them.
+        Anything with ``band``, ``on_axis``, ``off_axis`` and ``pixel_scale_arcsec``. ``mask_half_width_arcsec`` and
+        ``apodizer_energy`` are written if it has them.
     path : str or Path
         A name that ends in ``.npz`` or ``.fits``. FITS carries checksums.
 
@@ -289,22 +365,19 @@ def save_psf(psf: Stamps, path: str | Path) -> Path:
     place = as_path("path", path)
     if not all(hasattr(psf, name) for name in ("band", "on_axis", "off_axis", "pixel_scale_arcsec")):
         raise InputError("psf", psf, allowed="what single_band_psf or load_psf returns")
-    images = {name: np.asarray(getattr(psf, name), dtype=np.float64) for name in ("off_axis", "on_axis")}
-    for name, image in images.items():
+    known: dict[str, Any] = {name: np.asarray(getattr(psf, name), np.float64) for name in ("off_axis", "on_axis")}
+    for name, image in known.items():
         _image(place, name, image, [])
-    width = getattr(psf, "mask_half_width_arcsec", None)
-    if width is None and hasattr(psf, "instrument"):
-        width = psf.instrument.mask_half_width_arcsec(psf.band)
-    behind = getattr(psf, "apodizer_energy", getattr(getattr(psf, "imager", None), "apodizer_energy", None))
-    stamps = StampFile(
-        off_axis=images["off_axis"],
-        on_axis=images["on_axis"],
-        pixel_scale_arcsec=float(psf.pixel_scale_arcsec),
-        band=psf.band or None,
-        mask_half_width_arcsec=width,
-        apodizer_energy=behind,
-    )
-    return write_stamps(stamps, place)
+    known["pixel_scale_arcsec"] = float(psf.pixel_scale_arcsec)
+    others = {name: getattr(psf, name, None) for name in ("band", *_CARDS)}
+    known |= {name: value for name, value in others.items() if value is not None and value != ""}
+    if place.suffix.lower() == ".npz":
+        check_writable(place, key="psf")
+        write_npz(place.resolve(), known)
+        return place
+    if place.suffix.lower() not in FITS_SUFFIXES:
+        raise InputError("psf", str(place), allowed="a name that ends in .npz or .fits")
+    return write_named(place, _fits_bytes(known), key="psf")
 
 
 def _band(path: str | Path, stated: str | None, asked: str | None, instrument: Instrument) -> str:

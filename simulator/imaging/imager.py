@@ -24,10 +24,9 @@ import numpy as np
 from cpic_core import FloatArray, InputError, NDArray, load_quietly
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging import pupil_symmetry as parity
-from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.pupil import Aberrations
 from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
-from simulator.imaging.zones import HoleZone
+from simulator.imaging.zones import BandGeometry, HoleZone
 from simulator.knobs import Knobs
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]

@@ -12,12 +12,10 @@ from cpic_core import FloatArray, InputError, check_word, numeric_context, overl
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
-from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
-from simulator.imaging.zones import HoleStatus
+from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
+from simulator.imaging.zones import BandGeometry, HoleStatus
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target import stellar_spectrum
 
@@ -81,6 +79,16 @@ class Psf:
     imager: Imager
     instrument: Instrument
     spectrum: Spectrum | None = None
+
+    @property
+    def mask_half_width_arcsec(self) -> float:
+        """Half width of the bars of the cross."""
+        return self.imager.mask_half_width_arcsec
+
+    @property
+    def apodizer_energy(self) -> float:
+        """Energy behind the apodizer, relative to the clear disc."""
+        return self.imager.apodizer_energy
 
     @functools.cached_property
     def geometry(self) -> BandGeometry:

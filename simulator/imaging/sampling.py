@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import FloatArray, NDArray
-from simulator.band_integrals import gauss_rule
+from simulator.passbands import gauss_rule
 
 BOX_POINTS, GAUSS_POINTS = 24, 24  # of the discrete measure behind a rule: exact for its first moments
 

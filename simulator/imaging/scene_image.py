@@ -9,17 +9,340 @@ The error is 1e-14 of the peak of the *brightest* source of the scene, 3e-12 whe
 (1e-6 with fields in single precision). A source 1e8 times fainter than its neighbour is thus right to better than 1e-3
 of its own peak wherever it stands; beside a star 1e10 times brighter on the same window it should have an image of its
 own, to be added.
+
+A scene is synthesised from harmonics of a period longer than the displacements (pixel minus source) that occur in it.
+The wings of a hard-edged pupil fall off as the inverse square only, 1e-5 of the peak at 10 arcsec, and would fold in
+from the next period. So the point-spread function is first multiplied by a window that is one on all displacements
+that occur and falls to zero before the period ends. No light folds; what remains is the leakage of the window,
+1e-9 of the *local* level of the wings, because the window is a box smoothed by a Kaiser-Bessel bell (Kaiser & Schafer
+1980), the shortest practical bell for a given leakage. No kernel is cut off, and nothing rings.
+
+The paper's shortcut for off-axis sources (``scene_model="paper"``) is here so that its error can be measured: CPISM
+puts each source into the nearest cell of a grid of 4 x 4 cells a pixel, convolves the grid with one unmasked off-axis
+PSF and bins it. The same sum is taken here source by source: one kernel for each of the 16 cells of a pixel, binned
+once and laid down on the pixels. The focal-plane mask is honoured for the star alone. At 520 nm a source between cells
+is misplaced by up to 2 mas per axis (up to 5 % of its peak), and a source behind the mask keeps all its light.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
 from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, NDArray
+from simulator.config import ARCSEC_PER_RAD
+from simulator.imaging.imager import Imager, Optics
+from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded
 from simulator.imaging.sampling import PixelAxis, pixel_axis
-from simulator.imaging.transfer import FrequencyAxis, Transfer
+
+BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
+# (half width of the bell) x (frequency from which its transform stays below the leakage)
+BELL_PRODUCT = BELL / (2.0 * math.pi)
+LONGEST_AXIS = 5000  # harmonics an axis; the arrays stay below 1 GB
+SHORTEST_CYCLES = 20.0  # of the cutoff frequency: beyond the core, where the window leaks less
+JITTER_REACH = 7.0  # standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyAxis:
+    """Harmonics ``k / period``, ``|k| <= count // 2``, of one axis.
+
+    Attributes
+    ----------
+    low_arcsec, high_arcsec : float
+        Displacements pixel minus source on which the synthesis holds.
+    period_arcsec : float
+        Period of the synthesis.
+    count : int
+        Number of harmonics, odd; also the number of samples a period.
+    centre_arcsec : float
+        Displacement that the phases of the transfer function refer to.
+    """
+
+    low_arcsec: float
+    high_arcsec: float
+    period_arcsec: float
+    count: int
+    centre_arcsec: float
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Harmonics 0 to ``count // 2`` in cycles per arcsec."""
+        return np.arange(self.count // 2 + 1) / self.period_arcsec
+
+    @property
+    def samples_arcsec(self) -> FloatArray:
+        """One period of displacements relative to the centre, in the order of an FFT: from zero up, then below zero."""
+        return np.asarray(np.fft.fftfreq(self.count) * self.period_arcsec, dtype=np.float64)
+
+    @property
+    def window(self) -> FloatArray:
+        """Weights of the samples: one between low and high, smoothly to zero at the ends of the period."""
+        flat = (self.high_arcsec - self.low_arcsec) / 2.0
+        bell = (self.period_arcsec / 2.0 - flat) / 2.0
+        return _bell_integral((flat + bell - np.abs(self.samples_arcsec)) / bell)
+
+
+@dataclass(frozen=True, eq=False)
+class BandTransfer:
+    """Transfer function of the optics of a band, pointing jitter included, pixel not.
+
+    Attributes
+    ----------
+    imager : Imager
+        Optical model: wavelengths, apodizer, static wavefront, mirror and jitter are all honoured.
+    """
+
+    imager: Imager
+
+    @property
+    def native_pixel_arcsec(self) -> None:
+        """Any pixel can be integrated over."""
+        return
+
+    @property
+    def reach_arcsec(self) -> float:
+        """Diffraction has no end."""
+        return math.inf
+
+    @property
+    def cutoff_per_arcsec(self) -> float:
+        """Highest frequency that the pupil passes, per axis: its diameter over the shortest wavelength."""
+        return self.imager.diameter_m / float(self.imager.wavelengths_m.min()) / ARCSEC_PER_RAD
+
+    def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
+        """Return the harmonics that serve the displacements from low to high, as few as the window's flanks allow.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
+
+        Raises
+        ------
+        InputError
+            If the displacements span more than the memory can hold (about 100 arcsec at 520 nm).
+        """
+        margin = JITTER_REACH * self.imager.jitter_arcsec
+        low, high = low_arcsec - margin, high_arcsec + margin
+        length = max(high - low, SHORTEST_CYCLES / self.cutoff_per_arcsec)
+        # The fewest of (length + 4 bell) * 2 (cutoff + BELL_PRODUCT / bell) samples.
+        bell = 0.5 * math.sqrt(length * BELL_PRODUCT / self.cutoff_per_arcsec)
+        period = length + 4.0 * bell
+        count = _odd_fast_length(period * 2.0 * (self.cutoff_per_arcsec + BELL_PRODUCT / bell))
+        if count > LONGEST_AXIS:
+            unit = "arcsec from end to end, window and sources together"
+            hint = "image its parts one by one and add them"
+            allowed = f"up to about {LONGEST_AXIS / 2.5 / self.cutoff_per_arcsec:.0f} arcsec"
+            raise InputError("scene", round(length, 1), unit=unit, allowed=allowed, hint=hint)
+        centre = 0.5 * (low + high)
+        return FrequencyAxis(centre - length / 2.0, centre + length / 2.0, period, count, centre)
+
+    def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
+        """Return the transfer function on the harmonics, of the light within the window.
+
+        Parameters
+        ----------
+        y, x : FrequencyAxis
+            Axes from `axis`.
+
+        Returns
+        -------
+        ndarray of complex128, shape (y.count, x.count // 2 + 1)
+            Rows in the order of an FFT, columns from zero up; phases relative to the centres of the axes. Its scale:
+            1 would pass the energy on the clear pupil disc.
+        """
+        kernel = _intensity(self.imager, y, x)
+        cell_sr = y.period_arcsec / y.count * x.period_arcsec / x.count / ARCSEC_PER_RAD**2
+        kernel *= (y.window * cell_sr)[:, None]
+        kernel *= x.window
+        spectrum: ComplexArray = np.fft.rfft2(kernel)
+        if self.imager.jitter_arcsec > 0:
+            spectrum *= _gaussian(y.frequencies, self.imager.jitter_arcsec)[_mirrored(y.count), None]
+            spectrum *= _gaussian(x.frequencies, self.imager.jitter_arcsec)
+        return spectrum
+
+
+@dataclass(frozen=True, eq=False)
+class KernelTransfer:
+    """Transfer function of a pixel-integrated point-spread function, for example one from a file.
+
+    Sources between pixels see the band-limited interpolation of the kernel, which is exact for a kernel sampled
+    finer than lambda/2D that has faded at its edge. At an edge that has not faded it rings by a fraction of the edge's
+    own level; what falls below zero is set to zero in images.
+
+    Attributes
+    ----------
+    kernel : ndarray, shape (n, n), n odd
+        Light in every pixel for a source of unit flux on the central pixel, not negative.
+    pixel_scale_arcsec : float
+        Pixel of the kernel, which must be that of the detector.
+
+    Raises
+    ------
+    InputError
+        If the kernel is not a finite, non-negative square map of odd side, or the pixel scale is not positive.
+    """
+
+    kernel: FloatArray
+    pixel_scale_arcsec: float
+
+    def __post_init__(self) -> None:
+        """Check the kernel."""
+        kernel = np.asarray(self.kernel, dtype=np.float64)
+        if kernel.ndim != 2 or kernel.shape[0] != kernel.shape[1] or kernel.shape[0] % 2 == 0:
+            raise InputError("kernel", f"shape {kernel.shape}", unit="px", allowed="a square of odd side")
+        if not np.isfinite(kernel).all() or (kernel < 0).any():
+            bad = int(np.count_nonzero(~(np.isfinite(kernel) & (kernel >= 0))))
+            raise InputError("kernel", f"{bad} bad pixels", allowed="finite values >= 0")
+        if not (math.isfinite(self.pixel_scale_arcsec) and self.pixel_scale_arcsec > 0):
+            raise InputError("pixel_scale_arcsec", self.pixel_scale_arcsec, unit="arcsec", allowed="> 0")
+        object.__setattr__(self, "kernel", kernel)
+
+    @property
+    def native_pixel_arcsec(self) -> float:
+        """The pixel that the kernel was integrated over."""
+        return self.pixel_scale_arcsec
+
+    @property
+    def reach_arcsec(self) -> float:
+        """Half the kernel and a pixel."""
+        return float((self.kernel.shape[0] // 2 + 1) * self.pixel_scale_arcsec)
+
+    @property
+    def cutoff_per_arcsec(self) -> float:
+        """Highest frequency that the pixels carry, per axis."""
+        return 0.5 / self.pixel_scale_arcsec
+
+    def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
+        """Return the harmonics whose samples are the pixels of the kernel, padded until nothing folds.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
+
+        Raises
+        ------
+        InputError
+            If that takes more pixels than the memory can hold.
+        """
+        farthest = max(abs(low_arcsec), abs(high_arcsec))
+        count = _odd_fast_length((farthest + self.reach_arcsec) / self.pixel_scale_arcsec + self.kernel.shape[0] // 2)
+        if count > LONGEST_AXIS:
+            unit = "arcsec from end to end"
+            allowed = f"up to {LONGEST_AXIS} pixels"
+            hint = "image its parts one by one"
+            raise InputError("scene", round(high_arcsec - low_arcsec, 1), unit=unit, allowed=allowed, hint=hint)
+        return FrequencyAxis(low_arcsec, high_arcsec, count * self.pixel_scale_arcsec, count, 0.0)
+
+    def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
+        """Return the transfer function on the harmonics, the pixel's own divided out (it is 0.64 or more on each axis).
+
+        Parameters
+        ----------
+        y, x : FrequencyAxis
+            Axes from `axis`.
+
+        Returns
+        -------
+        ndarray of complex128, shape (y.count, x.count // 2 + 1)
+        """
+        offsets = np.arange(self.kernel.shape[0]) - self.kernel.shape[0] // 2
+        padded = np.zeros((y.count, x.count))
+        padded[np.ix_(offsets, offsets)] = self.kernel  # negative offsets at the end, as an FFT wants them
+        spectrum: ComplexArray = np.fft.rfft2(padded)
+        spectrum /= np.sinc(y.frequencies * self.pixel_scale_arcsec)[_mirrored(y.count), None]
+        spectrum /= np.sinc(x.frequencies * self.pixel_scale_arcsec)
+        return spectrum
+
+
+Transfer: TypeAlias = BandTransfer | KernelTransfer
+"""Anything that can image a scene: ``axis`` serves displacements, ``values`` has the transfer function on them."""
+
+
+def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray:
+    """Return the band-averaged intensity per steradian on the samples of two axes, each in the order of an FFT.
+
+    The samples lie symmetrically about the centre of their axis. With the phases of the centre in the pupil, parity
+    (`simulator.imaging.pupil_symmetry`) takes a quarter of the multiplications; the envelope of a pupil sample, which
+    is not symmetric about the centre, comes last.
+    """
+    samples, step = len(imager.transmission), imager.diameter_m / len(imager.transmission)
+    dtype = np.empty(0, imager.knobs.field_dtype).real.dtype
+    position = np.arange(samples) - (samples - 1) / 2
+    sizes = y.count // 2 + 1, x.count // 2 + 1
+    total = np.zeros((2, 2, *sizes))
+    for index, (wavelength, weight) in enumerate(zip(imager.wavelengths_m, imager.weights, strict=True)):
+        per_arcsec = step / float(wavelength) / ARCSEC_PER_RAD  # cycles a pupil sample
+        # Light on the clear disc is one, and a pixel of the field is a steradian.
+        scale = math.sqrt(weight) * step**2 / (float(wavelength) * math.sqrt(math.pi / 4.0) * imager.diameter_m)
+        waves: list[HalfWaves] = []
+        phases, envelopes = [], []
+        for axis in (y, x):
+            cycles = axis.period_arcsec / axis.count * per_arcsec
+            upper: FloatArray = np.arange(axis.count // 2 + 1, dtype=np.float64) * cycles
+            known = waves and (axis.period_arcsec, axis.count) == (y.period_arcsec, y.count)
+            waves.append(waves[0] if known else mirrored_waves(upper, samples, dtype))
+            centre = axis.centre_arcsec * per_arcsec
+            phases.append(np.exp(-2j * np.pi * centre * position))
+            envelopes.append(scale * np.sinc(np.stack([centre + upper, centre - upper])) ** 2)
+        pupil = imager.pupil(index) * phases[0][:, None] * phases[1]
+        parts = parts_of(quadrants_of(pupil.real), quadrants_of(pupil.imag), dtype)
+        add_intensity(total, parts, waves[0], waves[1], (envelopes[0], envelopes[1]))
+    return unfolded(total, (y.count, x.count), (_sides(y.count), _sides(x.count)))
+
+
+def _sides(count: int) -> list[tuple[slice, slice]]:
+    """Return where the samples of either side of an axis go in the order of an FFT, and which of them."""
+    return [(slice(0, count // 2 + 1), slice(None)), (slice(count - 1, count // 2, -1), slice(1, None))]
+
+
+def _gaussian(frequencies: FloatArray, sigma_arcsec: float) -> FloatArray:
+    return np.asarray(np.exp(-2.0 * (np.pi * sigma_arcsec * frequencies) ** 2), dtype=np.float64)
+
+
+def _mirrored(count: int) -> NDArray[np.intp]:
+    """Return the index of the absolute frequency of every row of an FFT of odd length."""
+    steps = np.arange(count)
+    return np.minimum(steps, count - steps)
+
+
+def _bell_integral(u: FloatArray) -> FloatArray:
+    """Return the integral of the Kaiser-Bessel bell on [-1, 1] up to u, scaled to run from 0 to 1."""
+    from scipy.special import i0e
+
+    nodes, weights = np.polynomial.legendre.leggauss(48)
+    integral = np.where(u >= 1.0, 1.0, 0.0)
+    flank = np.abs(u) < 1.0
+    span = u[flank] + 1.0
+    points = 0.5 * span[:, None] * (nodes + 1.0) - 1.0
+    root = np.sqrt(np.maximum(1.0 - points**2, 0.0))
+    part = 0.5 * span * ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
+    root = np.sqrt(1.0 - nodes**2)
+    integral[flank] = part / ((i0e(BELL * root) * np.exp(BELL * (root - 1.0))) @ weights)
+    return integral
+
+
+def _odd_fast_length(least: float) -> int:
+    """Return the smallest odd integer >= least that is a product of 3, 5, 7 and 11."""
+    count = math.ceil(least) | 1
+    while True:
+        rest = count
+        for prime in (3, 5, 7, 11):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return count
+        count += 2
+
 
 CHUNK = 512  # sources whose phases are held at a time
 SMALLEST_TILE_ARCSEC = 4.0
@@ -113,7 +436,7 @@ def scene_image(
     Parameters
     ----------
     transfer : Transfer
-        Of a band (`simulator.imaging.transfer.BandTransfer`) or of a kernel.
+        Of a band (`simulator.imaging.scene_image.BandTransfer`) or of a kernel.
     y_centres_arcsec, x_centres_arcsec : array_like, shapes (n,) and (m,)
         Ascending centres of the rows and columns of the window, relative to the star.
     pixel_arcsec : float
@@ -337,4 +660,105 @@ def checked_centres(name: str, values: ArrayLike) -> FloatArray:
     centres = _vector(name, values)
     if centres.size == 0 or (np.diff(centres) <= 0).any():
         raise InputError(name, f"{centres.size} values", unit="arcsec", allowed="at least one, ascending")
+    return centres
+
+
+CELLS = 4  # per pixel and axis (paper, section on imaging)
+CELL_NODES = 2  # Gauss nodes per cell: the kernel is exact to 1e-6, the grid is the only error
+ROWS_AT_A_TIME = 64  # on either side of the axis
+N_KEPT = 2  # optics whose kernels are kept, 8 MB each
+
+
+def paper_scene_image(
+    imager: Imager, y_arcsec: ArrayLike, x_arcsec: ArrayLike, sources: PointSources, *, kernel_half_pixels: int = 128
+) -> FloatArray:
+    """Return the image of point sources by the nearest cell of a 4 x 4 grid and one convolution, without the mask.
+
+    Parameters
+    ----------
+    imager : Imager
+        Optical model; the pixels are its own.
+    y_arcsec, x_arcsec : array_like, shapes (n,) and (m,)
+        Centres of the rows and columns, one pixel apart.
+    sources : PointSources
+        Those farther outside the window than the kernel reaches are left out.
+    kernel_half_pixels : int
+        Half side of the kernel; light beyond it is lost.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        Light per pixel in the unit of the fluxes.
+
+    Raises
+    ------
+    InputError
+        If the centres are not one pixel apart, or the kernel has no size.
+    """
+    if kernel_half_pixels < 1:
+        raise InputError("kernel_half_pixels", kernel_half_pixels, unit="px", allowed=">= 1")
+    pixel, reach = imager.pixel_scale_arcsec, kernel_half_pixels
+    rows = _lattice("y_centres_arcsec", y_arcsec, pixel)
+    columns = _lattice("x_centres_arcsec", x_arcsec, pixel)
+    image = np.zeros((rows.size, columns.size))
+    places = [_cell(part, axis[0], pixel) for part, axis in zip(sources.arrays[1::-1], (rows, columns), strict=True)]
+    inside = np.ones(places[0].shape, dtype=np.bool_)
+    for cell, n_pixels in zip(places, image.shape, strict=True):
+        inside &= (cell >= -CELLS * reach) & (cell < CELLS * (n_pixels + reach))
+    if not inside.any():
+        return image
+    kernels = _binned_kernels(Optics.of(imager), reach)
+    cells = np.stack([cell[inside] for cell in places], axis=1).astype(np.intp)
+    for (row, column), flux in zip(cells, sources.arrays[2][inside], strict=True):
+        spans = [_overlap(int(cell) // CELLS, reach, n) for cell, n in zip((row, column), image.shape, strict=True)]
+        kernel = kernels[row % CELLS, column % CELLS]
+        image[spans[0][0], spans[1][0]] += flux * kernel[spans[0][1], spans[1][1]]
+    return image
+
+
+def _overlap(pixel: int, reach: int, n_pixels: int) -> tuple[slice, slice]:
+    """Return the pixels of a window that a kernel around a pixel reaches, and the kernel's part that falls on them."""
+    low, high = max(pixel - reach, 0), min(pixel + reach + 1, n_pixels)
+    return slice(low, high), slice(low - pixel + reach, high - pixel + reach)
+
+
+@functools.lru_cache(maxsize=N_KEPT)
+def _binned_kernels(optics: Optics, reach: int) -> FloatArray:
+    """Return the light in every pixel for a source on each cell of the middle one, without the mask.
+
+    Returns
+    -------
+    ndarray, shape (4, 4, 2 reach + 1, 2 reach + 1)
+        By row and column of the cell.
+    """
+    imager, half, side = optics.imager, CELLS * reach, 2 * reach + 1
+    cell = imager.pixel_scale_arcsec / CELLS
+    place = np.arange(-half, half + 1)
+    centres: FloatArray = place.astype(np.float64) * cell
+    columns = pixel_axis(centres, cell, CELL_NODES, 0.0, imager.jitter_arcsec)
+    starts = np.arange(0, CELLS * side, CELLS)
+    kernels = np.zeros((CELLS, CELLS, side, side))
+    for start in range(0, half + 1, ROWS_AT_A_TIME):
+        # Rows above and below the axis together: where nodes are symmetric, half of the work is enough.
+        part = np.flatnonzero((np.abs(place) >= start) & (np.abs(place) < start + ROWS_AT_A_TIME))
+        light = imager.image(pixel_axis(centres[part], cell, CELL_NODES, 0.0, imager.jitter_arcsec), columns)
+        for right in range(CELLS):
+            shifted = np.pad(light, ((0, 0), (right, CELLS - 1 - right)))
+            binned = np.add.reduceat(shifted, starts, axis=1)
+            for up in range(CELLS):
+                np.add.at(kernels[up, right], (part + up) // CELLS, binned)
+    kernels /= CELLS**2  # the imager gives light per detector pixel
+    kernels.flags.writeable = False
+    return kernels
+
+
+def _cell(positions: FloatArray, first_centre: float, pixel: float) -> FloatArray:
+    """Return the index of the cell that holds each position, cell 0 being the first of the first pixel."""
+    return np.floor((positions - (first_centre - pixel / 2.0)) * (CELLS / pixel))
+
+
+def _lattice(name: str, values: ArrayLike, pixel: float) -> FloatArray:
+    centres = checked_centres(name, values)
+    if np.abs(np.diff(centres) - pixel).max(initial=0.0) > 1e-6 * pixel:
+        raise InputError(name, "centres", allowed=f"one pixel of {pixel} arcsec apart")
     return centres

@@ -1,4 +1,4 @@
-from simulator.ledger.case import NOT_IN_SUMS as NOT_IN_SUMS, CameraCase as CameraCase
+from simulator.ledger.case import NOT_IN_SUMS as NOT_IN_SUMS, CameraCase as CameraCase, PlanetPlace as PlanetPlace
 from simulator.ledger.choice import (
     SUM_EPOCHS as SUM_EPOCHS,
     Choice as Choice,
@@ -16,6 +16,4 @@ from simulator.ledger.inventory import (
     not_modelled as not_modelled,
     sky_ledger as sky_ledger,
 )
-from simulator.ledger.light import PlanetPlace as PlanetPlace
-from simulator.ledger.prediction import Forecast as Forecast, forecast as forecast
-from simulator.ledger.visit import MAX_EPOCHS as MAX_EPOCHS
+from simulator.ledger.visit import MAX_EPOCHS as MAX_EPOCHS, Forecast as Forecast, forecast as forecast

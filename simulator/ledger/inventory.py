@@ -129,7 +129,7 @@ def sky_ledger(
     sky : SkyLevel, optional
         Rates in the band, for the sizes.
     stray : mapping of str to ndarray, optional
-        Rates of `simulator.effects.stray_light.stray_light_parts`, for the sizes.
+        Rates of `simulator.effects.sky.stray_light_parts`, for the sizes.
     """
     config, parts = instrument.sky, {} if sky is None else sky.parts
 

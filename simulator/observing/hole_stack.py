@@ -23,8 +23,15 @@ from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
 from simulator.ledger import SUM_EPOCHS
-from simulator.observing.observation import Observation
-from simulator.observing.scene_light import MAX_VISIT, Visit, brightest_stamp, table_stamps, visit_stamps, visit_waves
+from simulator.observing.observation import (
+    MAX_VISIT,
+    Observation,
+    Visit,
+    brightest_stamp,
+    table_stamps,
+    visit_stamps,
+    visit_waves,
+)
 from simulator.observing.sequence import MAX_REALISATION
 
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.

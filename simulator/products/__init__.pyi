@@ -1,4 +1,4 @@
-from simulator.products.check import PROGRAMME_FILE as PROGRAMME_FILE, check_level0 as check_level0
+from simulator.products.check import PROGRAMME_FILE as PROGRAMME_FILE, Finding as Finding, check_level0 as check_level0
 from simulator.products.ephemeris import (
     CircularOrbit as CircularOrbit,
     SequenceTimes as SequenceTimes,
@@ -9,19 +9,14 @@ from simulator.products.ephemeris import (
     sequence_times as sequence_times,
     times_after as times_after,
 )
-from simulator.products.naming import (
-    OBSID_DIGITS as OBSID_DIGITS,
-    ProductName as ProductName,
-    checked_obsid as checked_obsid,
-    product_name as product_name,
-)
-from simulator.products.reading import Finding as Finding
 from simulator.products.sequence import (
-    FrameSequence as FrameSequence,
+    OBSID_DIGITS as OBSID_DIGITS,
     PartOfVisit as PartOfVisit,
-    Truth as Truth,
+    ProductName as ProductName,
     VisitPart as VisitPart,
+    checked_obsid as checked_obsid,
     orbit_s as orbit_s,
+    product_name as product_name,
     visit_parts as visit_parts,
 )
 from simulator.products.write import (

@@ -1,31 +1,711 @@
-"""Check Level-0 products: one file with its truth and its parameters, or a whole tree of them."""
+"""Check Level-0 products: one file with its truth and its parameters, or a whole tree of them.
 
+Header values are checked against the table of keywords, against each other and against the name. Every complaint is a
+finding, and no byte is taken on trust.
+"""
+
+import contextlib
 import csv
 import math
 import os
+import re
+import warnings
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias, TypeGuard
 
-from cpic_core import InputError, as_path, parse_json, parse_yaml, read_file, read_text
-from simulator.config import checked_utc
-from simulator.products.check_file import FileFacts, check_file
-from simulator.products.check_headers import TIME_TOLERANCE_S
-from simulator.products.ephemeris import mjd_of
-from simulator.products.keywords import KEYWORD_FILE, load_keywords
-from simulator.products.reading import (
-    PACKED_ENDINGS,
-    Finding,
-    Header,
-    Report,
-    check_sums,
-    is_real,
-    open_units,
-    plain_header,
-)
-from simulator.products.sequence import SCIENCE_KINDS
+import numpy as np
+
+from cpic_core import InputError, as_path, bounded_fits, open_file, parse_json, parse_yaml, read_file, read_text
+from simulator.config import SKY_KINDS, checked_utc
+from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
+from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Profile, load_keywords, ones_sum
+from simulator.products.sequence import ProductName
 from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
+
+Header: TypeAlias = Mapping[str, Any]
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder.
+    hdu : int or None
+        Number of the unit, 0 for the primary one; None for the file as a whole.
+    keyword : str
+        The keyword, empty if the finding is about none.
+    message : str
+        What is wrong, in one sentence.
+    severity : {"error", "warning"}
+        Error: against the specification. Warning: unusual, or missing where the specification leaves it open.
+    """
+
+    path: Path
+    hdu: int | None
+    keyword: str
+    message: str
+    severity: Severity = "error"
+
+    def __str__(self) -> str:
+        unit = "" if self.hdu is None else f"[{self.hdu}]"
+        keyword = f" {self.keyword}:" if self.keyword else ""
+        return f"{self.severity}: {self.path}{unit}:{keyword} {self.message}"
+
+
+@dataclass
+class Report:
+    """Collects findings about one file."""
+
+    path: Path
+    findings: list[Finding] = field(default_factory=list)
+
+    def error(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
+        """Note a breach of the specification.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword at fault; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
+        self._note(Finding(self.path, hdu, keyword, message))
+
+    def warning(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
+        """Note something unusual.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword that it is about; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
+        self._note(Finding(self.path, hdu, keyword, message, "warning"))
+
+    @property
+    def full(self) -> bool:
+        """Whether so much is wrong that the rest is not listed."""
+        return len(self.findings) > _MOST_FINDINGS
+
+    def _note(self, finding: Finding) -> None:
+        if len(self.findings) == _MOST_FINDINGS:
+            finding = Finding(self.path, None, "", f"has more than {_MOST_FINDINGS} faults: the rest is not listed")
+        if not self.full:
+            self.findings.append(finding)
+
+
+_PACKED = {b"\x1f\x8b": "gunzip", b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"\x1f\x9d": "uncompress"}
+_PACKED |= {b"PK\x03\x04": "unzip", b"\x28\xb5\x2f\xfd": "unzstd"}
+"""Programs that unpack files, by the first bytes of these."""
+PACKED_ENDINGS = (".gz", ".bz2", ".xz", ".Z", ".zip", ".zst", ".fz")
+_PIECE_BYTES = 1 << 22
+# More than any product has: a file, a header, a unit, units of a file; and findings that say enough about one.
+_MOST_BYTES, _MOST_OF_UNIT = 200_000_000_000, 200_000_000
+_MOST_UNITS, _MOST_FINDINGS = 50_000, 1000
+# What astropy raises over files that lie about themselves.
+_DAMAGE = (OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, AssertionError)
+
+
+@contextlib.contextmanager
+def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
+    """Open the file of a report as an ``HDUList`` with every unit read; None if it is not FITS.
+
+    What astropy warns of, while opening and while in use, becomes a finding. ``raw`` shows compressed images as the
+    tables that hold them.
+
+    Parameters
+    ----------
+    report : Report
+    raw : bool, optional
+        Whether compressed images show as tables.
+    """
+    from astropy.io import fits
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        stack = contextlib.ExitStack()
+        units = None
+        try:
+            file = stack.enter_context(_file_of(report))
+            units = _opened(report, file, raw=raw)
+        except InputError as error:
+            report.error(f"is not readable as FITS: {error.hint or f'only {error.allowed} is read'}")
+        try:
+            yield units
+        except (*_DAMAGE, fits.VerifyError) as error:
+            report.error(f"cannot be read further: {_first_line(error)}")
+        finally:
+            if units is not None:
+                units.close()
+            stack.close()
+            for text in dict.fromkeys(str(item.message).splitlines()[0] for item in said):
+                if "truncated" not in text.lower():  # said already, with numbers
+                    report.error(f"astropy warns: {text}")
+
+
+def _file_of(report: Report) -> contextlib.AbstractContextManager[BufferedReader]:
+    return open_file(report.path, key="file", allowed="a readable file", max_bytes=_MOST_BYTES)
+
+
+def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
+    """Read every header of a file; None if that is not possible."""
+    from astropy.io import fits
+
+    head, units = file.peek(8), None
+    if program := next((name for magic, name in _PACKED.items() if head.startswith(magic)), ""):
+        report.error(f"is compressed: unpack it with {program}")
+        return None
+    try:
+        size = report.path.stat().st_size
+        units = fits.open(bounded_fits(file), memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
+        last = _last(units)
+    except (*_DAMAGE, fits.VerifyError) as error:
+        report.error(f"is not readable as FITS: {_first_line(error)}")
+        if units is not None:
+            units.close()
+        return None
+    if not raw and any(isinstance(unit, fits.CompImageHDU) for unit in units):
+        report.error("is compressed: unpack it with funpack")
+        units.close()
+        return None
+    end = last["datLoc"] + last["datSpan"]
+    if size < end:
+        report.error(f"is truncated: {size} bytes, {end} are described")
+    elif size > end:
+        report.error(f"is longer than described by {size - end} bytes: {size} bytes, {end} are described")
+    return units
+
+
+def _last(units: Any) -> dict[str, Any]:
+    """Return where the last unit lies.
+
+    Raises
+    ------
+    ValueError
+        If there are more than any product has, or one is larger than any of a product.
+    """
+    for number in range(_MOST_UNITS):
+        place: dict[str, Any] = units[number].fileinfo()
+        if place["datSpan"] > _MOST_OF_UNIT:
+            raise ValueError(f"unit {number} has {place['datSpan']} bytes, no unit of a product has {_MOST_OF_UNIT}")
+        try:
+            units[number + 1]
+        except IndexError:
+            return place
+    raise ValueError(f"it has more than {_MOST_UNITS} units")
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
+    """Return the header of one unit as keywords and values; bad cards, and those that stand twice, are findings.
+
+    Parameters
+    ----------
+    report : Report
+    units : object
+        Units of the open file.
+    number : int
+        Number of the unit; the primary one is 0.
+    """
+    from astropy.io import fits
+
+    values: dict[str, Any] = {}
+    for card in units[number].header.cards:
+        try:
+            keyword, value = card.keyword, card.value
+        except (*_DAMAGE, fits.VerifyError):
+            report.error("has a card that cannot be read", str(card.rawkeyword)[:8].strip(), number)
+            continue
+        if keyword in values and keyword not in ("COMMENT", "HISTORY", ""):
+            report.error("stands twice", keyword, number)
+        values.setdefault(keyword, value)
+    return values
+
+
+def check_sums(report: Report, units: Any, number: int, header: Header) -> None:
+    """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file.
+
+    Parameters
+    ----------
+    report : Report
+    units : object
+        Units of the open file.
+    number : int
+        Number of the unit; the primary one is 0.
+    header : mapping
+        Keywords and values of one unit.
+    """
+    place = units[number].fileinfo()
+    missing = [key for key in ("CHECKSUM", "DATASUM") if key not in header]
+    for key in missing:
+        report.error("is missing", key, number)
+    if missing:
+        return
+    with _file_of(report) as file:
+        file.seek(place["hdrLoc"])
+        head = file.read(place["datLoc"] - place["hdrLoc"])
+        data_sum, left = 0, place["datSpan"]
+        while left:
+            piece = file.read(min(left, _PIECE_BYTES))
+            if len(piece) != min(left, _PIECE_BYTES):
+                return  # truncated, which is a finding already
+            data_sum, left = ones_sum(piece, data_sum), left - len(piece)
+    stated = whole_number(header["DATASUM"])
+    if stated != data_sum:
+        report.error(f"is {header['DATASUM']}, the data sum to {data_sum}", "DATASUM", number)
+    if ones_sum(head, data_sum) not in (0, ALL_ONES):
+        report.error("does not agree with the content of the unit", "CHECKSUM", number)
+
+
+def whole_number(value: Any) -> int | None:
+    """Return an integer in digits as a number, None for anything else."""
+    text = str(value).strip()
+    return int(text) if text.isascii() and text.isdigit() else None
+
+
+def is_real(value: Any) -> TypeGuard[float]:
+    """Return whether a header value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+TIME_TOLERANCE_S = 0.002
+SCALE_TOLERANCE = 1e-3
+PLACE_TOLERANCE_DEG = 1.0 / 3600.0
+ANGLE_TOLERANCE_DEG = 0.01
+# Least values, and whether they are themselves allowed.
+_LEAST = {"GAIN": (0.0, False), "FULLWELL": (0.0, False), "PIXSCALE": (0.0, False)}
+_LEAST |= {"EMGAIN": (1.0, True), "RDNOISE": (0.0, True), "EXPTIME": (0.0, True)}
+# What does not change during a sequence.
+_SETTINGS = ("GAIN", "EMGAIN", "RDNOISE", "ADCBITS", "FULLWELL", "FILTER", "DETNAM")
+# What is each image's own, what may be measured for each, and what is compared with the primary header elsewhere.
+_OF_ITS_OWN = ("FRAMEID", "EXPBEG", "EXPEND", "NSAT", "NREGSAT", "NCLIP", "NCR", "NNEGRATE")
+_MEASURED = ("CCDTEMP", "BIASLEV", "EMVOLT", *(f"CRPIX{axis}" for axis in (1, 2)), *(f"CRVAL{axis}" for axis in (1, 2)))
+_MEASURED += ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
+_ELSEWHERE = ("EXPTIME", "NFRAME", "CAMERA")
+
+
+def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coordinates: bool) -> None:
+    """Check that a header has the keywords of its unit, under any spelling, in their types.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the observation.
+    coordinates : bool
+        Whether the target has coordinates.
+    """
+    table = load_keywords()
+    needed = {"always": True, "sky": kind in SKY_KINDS, "coordinates": coordinates and kind in SKY_KINDS}
+    home = "image" if hdu else "primary"
+    for keyword in table:
+        found = [spelling for spelling in (keyword.name, *keyword.aliases) if spelling in header]
+        if keyword.hdu not in (home, "both"):
+            continue
+        if not found:
+            if needed.get(keyword.required, False):
+                others = f" (or {', '.join(keyword.aliases)})" if keyword.aliases else ""
+                report.error(f"is missing{others}", keyword.name, hdu)
+            continue
+        for spelling in found:
+            value = header[spelling]
+            if not keyword.fits(value):
+                report.error(f"is {value!r}, which is not of type {keyword.kind}", spelling, hdu)
+        if any(header[spelling] != header[found[0]] for spelling in found):
+            report.error(f"differs from its other spelling {found[0]}", found[-1], hdu)
+
+
+def profile_of(header: Header) -> Profile:
+    """Return the profile whose spellings a primary header follows best; the first of the table where several do."""
+    table = load_keywords()
+    return min(table.profiles.values(), key=lambda profile: len(_misspelled(header, 0, profile)))
+
+
+def check_spellings(report: Report, header: Header, hdu: int, profile: Profile) -> None:
+    """Warn where a keyword stands under another spelling only than those of the profile.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    profile : Profile
+    """
+    for missing, found in _misspelled(header, hdu, profile):
+        report.warning(f"is missing, {found} stands for it", missing, hdu)
+
+
+def _misspelled(header: Header, hdu: int, profile: Profile) -> list[tuple[str, str]]:
+    """Return the spellings of the profile that a header lacks, and those that it has instead."""
+    table, home = load_keywords(), "image" if hdu else "primary"
+    found = []
+    for keyword in table:
+        present = table.find(header, keyword.name) if keyword.hdu in (home, "both") else None
+        if present is not None:
+            found += [(spelling, present[0]) for spelling in profile.spellings(keyword.name) if spelling not in header]
+    return found
+
+
+def check_settings(report: Report, header: Header, first: Header, hdu: int) -> None:
+    """Check that the numbers of a camera in one image are possible, and those of the first image.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    first : mapping
+        Keywords and values of the first image.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
+    table = load_keywords()
+    for key, (least, included) in _LEAST.items():
+        value = table.value(header, key)
+        if is_real(value) and (value < least or (value == least and not included)):
+            report.error(f"is {value}, not {'at least' if included else 'above'} {least:g}", key, hdu)
+    unit = table.value(header, "BUNIT")
+    if isinstance(unit, str) and unit.strip().lower() != "adu":
+        report.error(f"is {unit!r}, not 'adu'", "BUNIT", hdu)
+    for key in _SETTINGS:
+        value, other = table.value(header, key), table.value(first, key)
+        if None not in (value, other) and value != other:
+            report.error(f"is {value!r}, image 1 has {other!r}", key, hdu)
+
+
+def check_shared(report: Report, header: Header, first: Header, primary: Header, hdu: int) -> None:
+    """Check that an image says of the sequence what the first image and the primary header say of it.
+
+    Every keyword of the table that an image has is compared, but for those that are its own, and those that
+    `check_settings` compares.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    first, primary : mapping
+        Those of the first image and of the primary unit.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
+    table = load_keywords()
+    for keyword in table:
+        if keyword.hdu == "primary" or keyword.name in _OF_ITS_OWN:
+            continue
+        found, other = table.find(header, keyword.name), table.find(first, keyword.name)
+        if keyword.name not in _SETTINGS and (found, other) != (None, None):
+            if found is None or other is None:
+                where = ("image 1 has it", "image 1 lacks it")[found is not None]
+                report.warning(f"is {'missing' if found is None else 'there'}, {where}", keyword.name, hdu)
+            elif found[1] != other[1]:
+                say = report.warning if keyword.name in _MEASURED else report.error
+                say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
+        said = table.value(primary, keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
+        if hdu == 1 and None not in (found, said) and found[1] != said:  # type: ignore[index]
+            report.error(f"is {found[1]!r}, the primary header says {said!r}", found[0], hdu)  # type: ignore[index]
+
+
+def check_primary(report: Report, header: Header, name: ProductName | None, n_images: int) -> None:
+    """Check what the primary header says of the file: name, number, kind, number of images.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    name : ProductName or None
+    n_images : int
+        Images in the file.
+    """
+    table = load_keywords()
+    for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
+        value = table.value(header, key)
+        if value is not None and value != expected:
+            report.error(f"is {value!r}, not {expected!r}", key, 0)
+    for key in ("NEXTEND", "NFRAME"):
+        value = table.value(header, key)
+        if value is not None and value != n_images:
+            report.error(f"is {value!r}, the file has {n_images} images", key, 0)
+    obsid = table.value(header, "OBSID")
+    if isinstance(obsid, str) and re.fullmatch(r"\d{11}", obsid, re.ASCII) is None:
+        report.error(f"is {obsid!r}, not 11 digits", "OBSID", 0)
+    if name is None:
+        return
+    written = table.value(header, "FILENAME")
+    if isinstance(written, str) and written.removesuffix(".fits") != name.stem:
+        report.error(f"is {written!r}, not the name of this file", "FILENAME", 0)
+    for key, expected in (("OBSID", name.obsid), ("OBSTYPE", name.kind), ("CAMERA", name.camera)):
+        value = table.value(header, key)
+        if isinstance(value, str) and value != expected:
+            report.error(f"is {value!r}, the file name says {expected!r}", key, 0)
+
+
+def check_times(report: Report, header: Header, name: ProductName | None) -> None:
+    """Check that times in the primary header, exposure, readout and the stamps of the name agree.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    name : ProductName or None
+    """
+    table = load_keywords()
+    keys = ("DATE-OBS", "DATE-END", "EXPSTART", "EXPEND", "EXPTIME", "READTIME", "NFRAME")
+    get = {key: table.value(header, key) for key in keys}
+    utc: dict[str, str] = {}
+    for key in ("DATE-OBS", "DATE-END"):
+        if isinstance(get[key], str):
+            try:
+                utc[key] = checked_utc(key, get[key])
+            except InputError:
+                report.error(f"is {get[key]!r}, no time as 2028-01-01T00:00:00", key, 0)
+    if name is not None:
+        for key, digits, word in (("DATE-OBS", name.start, "start"), ("DATE-END", name.end, "end")):
+            if key in utc and stamp(utc[key]) != digits:
+                report.error(f"is {utc[key]}, the {word} stamp of the name is {digits}", key, 0)
+    for key, other in (("DATE-OBS", "EXPSTART"), ("DATE-END", "EXPEND")):
+        if key in utc and is_real(get[other]) and abs(mjd_of(utc[key]) - get[other]) * 86400.0 > TIME_TOLERANCE_S:
+            report.error(f"is {get[other]!r}, {key} is MJD {mjd_of(utc[key]):.8f}", other, 0)
+    if not all(is_real(get[key]) for key in ("EXPSTART", "EXPEND", "EXPTIME", "NFRAME")):
+        return
+    took, shortest = elapsed_s(get["EXPSTART"], get["EXPEND"]), get["NFRAME"] * get["EXPTIME"]
+    if is_real(get["READTIME"]):
+        expected = shortest + (get["NFRAME"] - 1) * get["READTIME"]
+        if abs(took - expected) > TIME_TOLERANCE_S:
+            report.error(f"comes {took:.3f} s after EXPSTART, the frames take {expected:.3f} s", "EXPEND", 0)
+    elif took < shortest - TIME_TOLERANCE_S:
+        report.error(f"comes {took:.3f} s after EXPSTART, the exposures alone take {shortest:.3f} s", "EXPEND", 0)
+
+
+def check_world(report: Report, header: Header, primary: Header, hdu: int) -> None:
+    """Check that the world coordinates are a sky of square pixels of the stated scale, place and position angle.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    primary : mapping
+        Keywords and values of the primary header.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
+    table = load_keywords()
+    cd = [table.value(header, key) for key in ("CD1_1", "CD1_2", "CD2_1", "CD2_2")]
+    if not all(is_real(value) for value in cd):
+        return
+    a, b, c, d = cd
+    determinant = a * d - b * c
+    if determinant == 0.0:
+        report.error("is singular", "CD1_1", hdu)
+        return
+    step = math.sqrt(abs(determinant))
+    if max(abs(a * a + c * c - step**2), abs(b * b + d * d - step**2), abs(a * b + c * d)) > SCALE_TOLERANCE * step**2:
+        report.error("does not describe square pixels", "CD1_1", hdu)
+    scale = table.value(header, "PIXSCALE")
+    if is_real(scale) and abs(step * 3600.0 - scale) > SCALE_TOLERANCE * abs(scale):
+        report.error(f"describes pixels of {step * 3600.0:.6f} arcsec, PIXSCALE is {scale}", "CD1_1", hdu)
+    angle = table.value(primary, "POS_ANG1")
+    if is_real(angle):
+        turn = math.degrees(math.atan2(b, d))
+        if abs((turn - angle + 180.0) % 360.0 - 180.0) > ANGLE_TOLERANCE_DEG:
+            report.error(f"puts +y at {turn % 360.0:.3f} deg, POS_ANG1 is {angle}", "CD1_2", hdu)
+    types = header.get("CTYPE1"), header.get("CTYPE2")
+    if types == ("RA---TAN", "DEC--TAN"):
+        for key, other in (("CRVAL1", "RA_OBJ"), ("CRVAL2", "DEC_OBJ")):
+            value, target = header.get(key), table.value(primary, other)
+            if is_real(value) and is_real(target):
+                gap = abs((value - target + 180.0) % 360.0 - 180.0)
+                if gap > PLACE_TOLERANCE_DEG:
+                    report.error(f"is {value}, {other} is {target}", key, hdu)
+        if is_real(header.get("CRVAL2")) and abs(header["CRVAL2"]) > 90.0:
+            report.error(f"is {header['CRVAL2']}, no declination", "CRVAL2", hdu)
+    elif types != ("EAST", "NORTH") and None not in types:
+        known = "RA---TAN and DEC--TAN are known, EAST and NORTH without coordinates"
+        report.error(f"is {types[0]!r} with CTYPE2 {types[1]!r}; {known}", "CTYPE1", hdu)
+
+
+_SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
+
+
+@dataclass
+class FileFacts:
+    """The facts of a Level-0 file that other checks need: parameters, truth and tree.
+
+    ``primary`` and ``image`` are the headers of the primary unit and of the first image; ``begins`` and ``end`` are the
+    begin of each exposure and the end of the last, MJD, None where a header does not say.
+    """
+
+    path: Path
+    name: ProductName | None
+    primary: Mapping[str, Any] = field(default_factory=dict)
+    image: Mapping[str, Any] = field(default_factory=dict)
+    begins: list[float | None] = field(default_factory=list)
+    end: float | None = None
+    shape: tuple[int, ...] | None = None
+    datasums: list[str] = field(default_factory=list)
+    readable: bool = False
+
+
+def check_file(path: Path) -> tuple[FileFacts, list[Finding]]:
+    """Check one Level-0 file on its own: name, structure, keywords, times, world coordinates, pixels, checksums."""
+    report = Report(path)
+    packed = path.suffix in PACKED_ENDINGS
+    facts = FileFacts(path, ProductName.parse(path.stem if packed else path.name))
+    if facts.name is None:
+        report.error("has no Level-0 name: CSST_CPIC_{VIS|NIR}_{TYPE}_{start}_{end}_{OBSID}_X_L0_V{nn}.fits")
+    elif facts.name.end < facts.name.start:
+        report.error("ends before it starts, by its name")
+    with open_units(report) as units:
+        if units is not None:
+            facts.readable = True
+            _check_file_units(report, units, facts)
+    return facts, report.findings
+
+
+def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
+    table = load_keywords()
+    primary = plain_header(report, units, 0)
+    facts.primary = primary
+    if units[0].data is not None:
+        report.error("has data in its primary unit", hdu=0)
+    kind = facts.name.kind if facts.name is not None else str(table.value(primary, "OBSTYPE"))
+    if len(units) == 1:
+        report.error("has no image")
+    headers = [primary, *(plain_header(report, units, number) for number in range(1, len(units)))]
+    known = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
+    coordinates = known or table.find(primary, "RA_OBJ") is not None
+    check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
+    check_primary(report, primary, facts.name, len(units) - 1)
+    check_times(report, primary, facts.name)
+    check_sums(report, units, 0, primary)
+    profile = profile_of(primary)
+    check_spellings(report, primary, 0, profile)
+    earlier: float | None = None
+    for number in range(1, len(units)):
+        if report.full:
+            break
+        header = headers[number]
+        check_keywords(report, header, number, kind=kind, coordinates=coordinates)
+        check_spellings(report, header, number, profile)
+        check_settings(report, header, headers[1], number)
+        check_shared(report, header, headers[1], primary, number)
+        _check_image(report, units, header, number, facts)
+        earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
+        if kind in SKY_KINDS or "CTYPE1" in header:
+            check_world(report, header, primary, number)
+        check_sums(report, units, number, header)
+        facts.datasums.append(str(header.get("DATASUM", "")))
+        facts.image = headers[1]
+        begin, facts.end = (value if is_real(value := header.get(key)) else None for key in ("EXPBEG", "EXPEND"))
+        facts.begins.append(begin)
+
+
+def _check_image(report: Report, units: Any, header: Header, number: int, facts: FileFacts) -> None:
+    """Check structure and pixels of one image."""
+    unit = units[number]
+    if header.get("XTENSION") != "IMAGE":
+        report.error(f"is a {header.get('XTENSION')} extension, not an IMAGE", "XTENSION", number)
+        return
+    if header.get("EXTNAME") != "IMAGE":
+        report.error(f"is {header.get('EXTNAME')!r}, not 'IMAGE'", "EXTNAME", number)
+    for key in ("EXTVER", "FRAMEID"):
+        if header.get(key, number) != number:
+            report.error(f"is {header[key]!r}, this is image {number}", key, number)
+    if header.get("EXTVER") is None:
+        report.error("is missing", "EXTVER", number)
+    n_images = len(units) - 1
+    if header.get("NFRAME", n_images) != n_images:
+        report.error(f"is {header['NFRAME']!r}, the file has {n_images} images", "NFRAME", number)
+    camera = facts.name.camera if facts.name is not None else header.get("CAMERA")
+    if header.get("CAMERA", camera) != camera:
+        report.error(f"is {header['CAMERA']!r}, the file name says {camera!r}", "CAMERA", number)
+    bitpix = header.get("BITPIX")
+    if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
+        found = f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}"
+        key = "BZERO" if bitpix == 16 else "BITPIX"
+        report.error(f"{found}: unsigned 16-bit pixels have 16, 32768 and 1", key, number)
+    shape = unit.shape
+    if len(shape) != 2:
+        report.error(f"has {len(shape)} axes, an image has 2", "NAXIS", number)
+        return
+    if facts.shape is None:
+        facts.shape = shape
+    elif shape != facts.shape:
+        there, first = (f"{size[1]} x {size[0]}" for size in (shape, facts.shape))
+        report.error(f"has {there} pixels, image 1 has {first}", "NAXIS1", number)
+    _check_sections(report, header, shape, number)
+    bits = header.get("ADCBITS")
+    if bitpix == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
+        try:
+            stored = unit.data
+        except (OSError, ValueError, TypeError):
+            report.error("has pixels that cannot be read", hdu=number)
+            return
+        highest = int(np.max(stored)) + 32768 if stored is not None and stored.size else 0
+        if highest >= 2**bits:
+            report.error(f"has a pixel of {highest} ADU; {bits} bits end at {2**bits - 1}", "ADCBITS", number)
+
+
+def _check_sections(report: Report, header: Header, shape: tuple[int, ...], number: int) -> None:
+    """Check that named parts of the frame lie in it and, in the first image, make it up."""
+    total, sound = 0, True
+    for keyword in load_keywords():
+        if not keyword.section or not isinstance(header.get(keyword.name), str):
+            continue
+        found = _SECTION.fullmatch(header[keyword.name])
+        numbers = [] if found is None else [int(part) for part in found.groups()]
+        inside = numbers and 1 <= numbers[0] <= numbers[1] <= shape[1] and 1 <= numbers[2] <= numbers[3] <= shape[0]
+        if not inside:
+            sound = False
+            report.error(f"is {header[keyword.name]!r}, no part of the frame", keyword.name, number)
+        elif keyword.section != "image":  # which others are part of
+            total += (numbers[1] - numbers[0] + 1) * (numbers[3] - numbers[2] + 1)
+    if number == 1 and sound and total not in (0, shape[0] * shape[1]):
+        there = f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}"
+        report.warning(f"{there}; the parts that its header names have {total}", "NAXIS1", number)
+
+
+def _check_frame_times(
+    report: Report, header: Header, primary: Header, number: int, n_images: int, earlier: float | None
+) -> float | None:
+    """Check the times of one image against the primary header and the image before; return its end."""
+    begin, end, exposure = (header.get(key) for key in ("EXPBEG", "EXPEND", "EXPTIME"))
+    if not (is_real(begin) and is_real(end) and is_real(exposure)):
+        return earlier
+    took = elapsed_s(begin, end)
+    if abs(took - exposure) > TIME_TOLERANCE_S:
+        report.error(f"comes {took:.3f} s after EXPBEG, EXPTIME is {exposure} s", "EXPEND", number)
+    if header.get("EXPTIME") != primary.get("EXPTIME", header.get("EXPTIME")):
+        report.error(f"is {exposure}, the primary header says {primary['EXPTIME']}", "EXPTIME", number)
+    if earlier is not None and (begin - earlier) * 86400.0 < -TIME_TOLERANCE_S:
+        report.error("comes before the end of the image before", "EXPBEG", number)
+    first, last = primary.get("EXPSTART"), primary.get("EXPEND")
+    if number == 1 and is_real(first) and abs(begin - first) * 86400.0 > TIME_TOLERANCE_S:
+        report.error(f"is {begin}, EXPSTART is {first}", "EXPBEG", number)
+    if number == n_images and is_real(last) and abs(end - last) * 86400.0 > TIME_TOLERANCE_S:
+        report.error(f"is {end}, that of the primary header is {last}", "EXPEND", number)
+    return float(end)
+
 
 MAX_BYTES = 50_000_000
 """Size of the largest configuration, list of visits or log that is read."""
@@ -252,11 +932,11 @@ def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
     report = Report(path)
     with open_units(report, raw=True) as units:
         if units is not None:
-            _check_units(report, units, facts)
+            _check_truth_units(report, units, facts)
     return report.findings
 
 
-def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
+def _check_truth_units(report: Report, units: Any, facts: FileFacts) -> None:
     table = load_keywords()
     headers = [plain_header(report, units, number) for number in range(len(units))]
     header = headers[0]
@@ -431,7 +1111,7 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
     found: list[Finding] = []
     whole = file.resolve()
     folder, branch, root = whole.parent.name, whole.parent.parent.name, whole.parents[2]
-    expected = "SCI" if facts.name.kind in SCIENCE_KINDS else "CAL"
+    expected = "SCI" if facts.name.kind in SKY_KINDS else "CAL"
     if branch != expected:
         found.append(Finding(file, None, "", f"stands in {branch}, {facts.name.kind} belongs in {expected}"))
     begin = load_keywords().value(facts.primary, "EXPSTART")

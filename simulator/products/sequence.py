@@ -1,136 +1,41 @@
-"""The protocol of a sequence of frames that can be written, and the visits of a programme in windows of the orbit.
+"""A sequence of frames as it is written: its name and places, and visits in windows of the orbit.
 
-Places on the sky of what stands at an offset on the detector.
+Names and places of Level-0 products are those of Zhu et al. 2025, section Level 0 Data Products.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
+import shutil
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, TypeAlias, get_args
 
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, check_number, check_word
-from simulator.camera import Frame
-from simulator.config import AnyDetector, Instrument, Scene, SequenceConfig, Timing, checked_utc
-from simulator.products.ephemeris import CircularOrbit
-from simulator.target import Source, detector_to_sky
+from simulator.config import (
+    MAX_FRAMES,
+    SKY_KINDS,
+    AnyDetector,
+    CameraName,
+    SequenceConfig,
+    SequenceKind,
+    Timing,
+    checked_utc,
+    content_hash,
+)
+from simulator.products.ephemeris import CircularOrbit, SequenceTimes, stamp
+from simulator.target import detector_to_sky
 
 if TYPE_CHECKING:
-    from simulator.ledger import EffectRow
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-Camera: TypeAlias = Literal["VIS", "NIR"]
-Kind: TypeAlias = Literal["BIAS", "DARK", "FLAT", "BKG", "LASER", "SCI", "DSF", "CALS"]
-SCIENCE_KINDS: tuple[Kind, ...] = ("SCI", "DSF", "CALS")
-"""Kinds of the folder ``SCI``; the others lie in ``CAL``."""
-MAX_FRAMES = 1_000_000
-
-
-@dataclass(frozen=True)
-class Truth:
-    """The point sources that are really there, with their places in the frame counted from 0.
-
-    Attributes
-    ----------
-    sources : tuple of Source
-        The central star first.
-    x_pixel, y_pixel : tuple of float
-        Column and row of each source.
-    """
-
-    sources: tuple[Source, ...]
-    x_pixel: tuple[float, ...]
-    y_pixel: tuple[float, ...]
-
-
-class FrameSequence(Protocol):
-    """Frames of one exposure sequence of one camera, made one at a time.
-
-    Frame ``i`` begins ``i * (exposure_s + readout_s)`` after ``start_utc`` (ISO 8601). A sequence that has point
-    sources says where they are in a further attribute, ``truth`` (`Truth`).
-    """
-
-    @property
-    def camera(self) -> Camera:
-        """Which camera took it."""
-
-    @property
-    def kind(self) -> Kind:
-        """What was observed."""
-
-    @property
-    def band(self) -> str:
-        """Name of the band, empty where no light falls on the detector."""
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-
-    @property
-    def exposure_s(self) -> float:
-        """Exposure of a frame."""
-
-    @property
-    def em_gain(self) -> float:
-        """Actual gain of the multiplication register, 1 without one."""
-
-    @property
-    def readout_s(self) -> float:
-        """Dead time after each frame."""
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random number."""
-
-    @property
-    def start_utc(self) -> str:
-        """Begin of the first exposure."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Position angle of the +y axis."""
-
-    @property
-    def instrument(self) -> Instrument:
-        """The whole configuration."""
-
-    @property
-    def scene(self) -> Scene | None:
-        """What the telescope points at, None for internal calibrations."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of a frame."""
-
-    @property
-    def header(self) -> Mapping[str, Any]:
-        """Keywords that the sequence supplies."""
-
-    @property
-    def sections(self) -> Mapping[str, tuple[slice, slice]]:
-        """Rows and columns of the parts of the frame, by name."""
-
-    @property
-    def calibration_files(self) -> Sequence[str]:
-        """Names of the external calibration maps that were used."""
-
-    @property
-    def ledger(self) -> Sequence[EffectRow]:
-        """What is modelled and what is left out."""
-
-    @property
-    def expected(self) -> FloatArray:
-        """Mean ADU of a frame without noise, averaged over the sequence."""
-
-    @property
-    def expected_e(self) -> FloatArray:
-        """Mean electrons of a frame before the camera."""
-
-    def iter_full_frames(self) -> Iterator[Frame]:
-        """Yield the frames one at a time."""
+    from simulator.camera import Frame
+    from simulator.observing import FrameSequence
 
 
 def settings_of(sequence: FrameSequence) -> dict[str, Any]:
@@ -165,7 +70,7 @@ def check_sequence(sequence: FrameSequence) -> None:
     """
     if not hasattr(sequence, "iter_full_frames"):
         raise InputError("observation", sequence, allowed="what observe or calibrate returns")
-    for name, allowed in (("camera", get_args(Camera)), ("kind", get_args(Kind))):
+    for name, allowed in (("camera", get_args(CameraName)), ("kind", get_args(SequenceKind))):
         check_word(name, getattr(sequence, name), allowed)
     count = check_number("n_frames", sequence.n_frames)
     if not count.is_integer() or not 1 <= count <= MAX_FRAMES:
@@ -375,3 +280,179 @@ class PartOfVisit:
         """Yield the frames of the window."""
         for index in range(self.part.first_frame, self.part.first_frame + self.part.n_frames):
             yield self.visit.frame(index)
+
+
+@contextlib.contextmanager
+def temporary_folders(folders: Iterable[Path], *, whole: Path, done: Path) -> Iterator[None]:
+    """Remove on failure what was not there before: the folders where they are empty, and ``whole`` with its files.
+
+    Where there is a file ``done``, somebody else was faster, and ``whole`` is theirs.
+
+    Parameters
+    ----------
+    folders : iterable of Path
+        Folders that may be made.
+    whole : Path
+        Folder that is written as a whole.
+    done : Path
+        File that is there when it is done.
+    """
+    made = {place for folder in folders for place in (folder, *folder.parents) if not place.exists()}
+    new = not whole.exists()
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):
+            if new and not done.exists():
+                shutil.rmtree(whole)
+        for place in sorted(made, key=lambda path: len(path.parts), reverse=True):
+            with contextlib.suppress(OSError):
+                place.rmdir()  # which refuses one that somebody else has put a file in
+        raise
+
+
+def claim(file: IO[bytes]) -> None:
+    """Mark a temporary file as one that a living process writes; the mark dies with the process."""
+    import fcntl
+
+    with contextlib.suppress(OSError):  # a file system without locks
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def clear_stale_parts(path: Path) -> None:
+    """Remove temporary files of ``path`` that no living process has claimed: what killed runs of it left."""
+    import fcntl
+
+    for part in path.parent.glob(f".{path.name}.*.part"):
+        with contextlib.suppress(OSError), part.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.unlink()
+
+
+OBSID_DIGITS = 11
+_NAME = re.compile(
+    r"CSST_CPIC_(?P<camera>VIS|NIR)_(?P<kind>BIAS|DARK|FLAT|BKG|LASER|SCI|DSF|CALS)"
+    r"_(?P<start>\d{14})_(?P<end>\d{14})_(?P<obsid>\d{11})_X_L0_V(?P<version>\d\d)\.fits",
+    re.ASCII,
+)
+
+
+@dataclass(frozen=True)
+class ProductName:
+    """Parts of the name of one Level-0 file, and the places of what belongs to it.
+
+    Attributes
+    ----------
+    camera, kind : str
+    start, end : str
+        Fourteen digits, UTC.
+    obsid : str
+        Eleven digits.
+    version : int
+    day : int
+        Modified Julian Date of the begin, whole days.
+    """
+
+    camera: str
+    kind: str
+    start: str
+    end: str
+    obsid: str
+    version: int
+    day: int
+
+    @property
+    def stem(self) -> str:
+        """File name without its ending."""
+        return f"CSST_CPIC_{self.camera}_{self.kind}_{self.start}_{self.end}_{self.obsid}_X_L0_V{self.version:02d}"
+
+    @property
+    def times(self) -> tuple[str, ...]:
+        """What files of one observation share, whatever their version."""
+        return self.camera, self.kind, self.start, self.end
+
+    @property
+    def branch(self) -> str:
+        """``SCI`` or ``CAL``."""
+        return "SCI" if self.kind in SKY_KINDS else "CAL"
+
+    @property
+    def file(self) -> Path:
+        """Level-0 file below the root of the tree."""
+        return Path(self.branch, str(self.day), f"{self.stem}.fits")
+
+    @property
+    def truth(self) -> Path:
+        """Truth of the file, in a branch of its own: what reads a folder of Level 0 must not find it."""
+        return Path("Truth", str(self.day), f"{self.stem}_TRUTH.fits")
+
+    @property
+    def params(self) -> Path:
+        """Folder of configuration, keyword table and logs of the observation."""
+        return Path("Params", self.obsid, f"V{self.version:02d}")
+
+    @classmethod
+    def parse(cls, name: str, day: int = 0) -> ProductName | None:
+        """Take a file name apart; None if it is not that of a Level-0 file.
+
+        Parameters
+        ----------
+        name : str
+            Name of a file.
+        day : int, optional
+            Day of the folder, MJD.
+        """
+        found = _NAME.fullmatch(name)
+        if found is None:
+            return None
+        camera, kind, start, end, obsid, version = found.groups()
+        return cls(camera, kind, start, end, obsid, int(version), day)
+
+
+def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int | None) -> ProductName:
+    """Return the name of a sequence's file.
+
+    Parameters
+    ----------
+    sequence : FrameSequence
+    times : SequenceTimes
+        The stamps are begin of the first and end of the last exposure.
+    obsid : str, int or None
+        Number of the observation; `obsid_of` the sequence if None.
+    """
+    mission = sequence.instrument.mission
+    number = obsid_of(sequence) if obsid is None else checked_obsid(obsid, mission.obsid_prefix)
+    start, stop, version = stamp(times.start_utc), stamp(times.stop_utc), mission.product_version
+    return ProductName(sequence.camera, sequence.kind, start, stop, number, version, times.day)
+
+
+def checked_obsid(obsid: Any, prefix: str) -> str:
+    """Return the number of an observation as eleven digits.
+
+    Parameters
+    ----------
+    obsid : object
+        What was given.
+    prefix : str
+        Digits that it begins with.
+
+    Raises
+    ------
+    InputError
+        If it is not eleven digits that begin with ``prefix``.
+    """
+    text = str(obsid) if isinstance(obsid, str | int) and not isinstance(obsid, bool) else ""
+    if re.fullmatch(r"\d{11}", text, re.ASCII) is None or not text.startswith(prefix):
+        raise InputError("obsid", obsid, allowed=f"{OBSID_DIGITS} digits that begin with {prefix}")
+    return text
+
+
+def obsid_of(sequence: FrameSequence) -> str:
+    """Return a number made from the content of a sequence: the same sequence has the same one in every run."""
+    prefix, scene = sequence.instrument.mission.obsid_prefix, sequence.scene
+    identity = settings_of(sequence)
+    del identity["readout_s"]  # which is of the instrument
+    identity |= {"instrument": sequence.instrument.content_hash, "scene": None if scene is None else scene.content_hash}
+    identity["header"] = {key: str(value) for key, value in sequence.header.items()}
+    digits = OBSID_DIGITS - len(prefix)
+    return f"{prefix}{int(content_hash(identity), 16) % 10**digits:0{digits}d}"

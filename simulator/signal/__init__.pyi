@@ -1,10 +1,8 @@
-from simulator.signal.companions import (
-    CompanionTables as CompanionTables,
-    companion_tables as companion_tables,
-)
 from simulator.signal.light import (
+    CompanionTables as CompanionTables,
     annulus_apertures as annulus_apertures,
     aperture_exozodi as aperture_exozodi,
+    companion_tables as companion_tables,
     drift_halo as drift_halo,
     exozodi_disc as exozodi_disc,
     lit_rows as lit_rows,
@@ -23,16 +21,17 @@ from simulator.signal.saturation import (
 )
 from simulator.signal.speckle_modes import (
     MOST_REFERENCES as MOST_REFERENCES,
+    REGION_LAMBDA_D as REGION_LAMBDA_D,
     BandModes as BandModes,
     ModeFactors as ModeFactors,
-    SpeckleModes as SpeckleModes,
-)
-from simulator.signal.speckle_visits import (
-    REGION_LAMBDA_D as REGION_LAMBDA_D,
     OpticalBand as OpticalBand,
+    SpeckleModes as SpeckleModes,
+    Whitening as Whitening,
     hole_changes as hole_changes,
     placed as placed,
+    speckle_covariance as speckle_covariance,
     visit_changes as visit_changes,
+    with_noise as with_noise,
 )
 from simulator.signal.speckles import (
     INTERLEAVED as INTERLEAVED,
@@ -45,9 +44,4 @@ from simulator.signal.speckles import (
     programme_parts as programme_parts,
     speckle_law as speckle_law,
     unit_parts as unit_parts,
-)
-from simulator.signal.whitening import (
-    Whitening as Whitening,
-    speckle_covariance as speckle_covariance,
-    with_noise as with_noise,
 )

@@ -1,22 +1,215 @@
-"""Closed forms of what remains of speckles, noise and planet when modes of many reference visits are subtracted.
+"""Speckles of many visits of the optical model: their covariance, and what modes or weights leave of them.
 
-The visits of the optical model tell the covariance of the speckle field. R of them are taken as references with their
-modes, and the covariance of the others says what is left. The mean of a Gaussian sample and the modes of its scatter
-are independent: the residual of V science and R reference visits is (1/V + 1/R) times one number of R and K.
+The visits tell the covariance of the speckle field. R of them are taken as references with their modes, and the
+covariance of the others says what is left. The mean of a Gaussian sample and the modes of its scatter are independent:
+the residual of V science and R reference visits is (1/V + 1/R) times one number of R and K.
+
+A sum that is weighed with the inverse of the covariance looks for a planet where it can be told from speckles: the
+least noise that is possible if the covariance is right. It takes for granted that the model is that of this very
+instrument: most of the covariance is the static field in the dark hole, crossed with the errors of the wavefront.
 """
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import scipy
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_finite, check_whole, compute_once, stream
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    IntArray,
+    announce,
+    check_finite,
+    check_whole,
+    compute_once,
+    stream,
+)
 from simulator.config import Instrument, content_hash
-from simulator.imaging import psf_metrics, single_band_psf
-from simulator.signal.speckle_visits import N_VISITS, SEED, OpticalBand, stamps_around, visit_changes
+from simulator.imaging import Psf, centred_axis, metrics_key, overlap_weights, psf_metrics, single_band_psf, visit_light
+
+REGION_LAMBDA_D = 2.4
+"""Half width of the annulus around a place whose speckles count: those of the whole hole are its inner corner's."""
+N_VISITS, SEED = 1500, 101
+_NEAR_LAMBDA_D, _N_APERTURES, _N_PLANETS = 1.5, 300, 48
+
+
+@dataclass(frozen=True)
+class OpticalBand:
+    """A band that counts as equal to any other of its key."""
+
+    instrument: Instrument = field(compare=False)
+    band: str = field(compare=False)
+    key: str
+
+    @classmethod
+    def of(cls, instrument: Instrument, band: str) -> Self:
+        """Return the band with everything that decides its visits."""
+        slope = instrument.drift.psd_slope
+        parts = {
+            "optics": metrics_key(instrument, band),
+            "slope": slope,
+            "visits": N_VISITS,
+            "seed": SEED,
+            "schema": 2,
+        }
+        return cls(instrument, band, content_hash(parts))
+
+
+def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
+    """Return how the star's image in the dark hole changes with visits whose wavefronts are off by 1 nm.
+
+    Returns
+    -------
+    linear, square : ndarray, shape (n, p)
+        ``2 Re(E0* dE)`` and ``|dE|^2`` of n visits in the p pixels of the hole, in the order of the stamp, single
+        precision, as part of the star's light on the clear disc: an offset of ``o`` nm changes the image by
+        ``o linear + o^2 square``. Drawn once (`simulator.imaging.visit_light`) and kept in the cache.
+
+    Raises
+    ------
+    InputError
+        If the band has no optical model.
+    """
+    return _visits(wanted)
+
+
+def hole_changes(psf: Psf, psd_slope: float, count: int, rng: np.random.Generator) -> tuple[FloatArray, Any, Any]:
+    """Return the star in the pixels of the dark hole, and what wavefront errors of 1 nm rms change of it.
+
+    Parameters
+    ----------
+    psf : Psf
+    psd_slope : float
+        Exponent of the power spectrum of the errors.
+    count : int
+        Number of errors.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    static : ndarray, shape (p,)
+        In the order of the stamp, as part of the star's light on the clear disc.
+    linear, square : ndarray, shape (count, p)
+        As of `visit_changes`, in single precision.
+    """
+    hole, imager = psf.geometry.hole, psf.imager
+    rows, columns = (np.flatnonzero(hole.any(axis=axis)) for axis in (1, 0))
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    y, x = (imager.axis(offset[part], masked=True) for part in (rows, columns))
+    light, inside = visit_light(imager, y, x, psd_slope), hole[np.ix_(rows, columns)]
+    linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(count)]))
+    return light.static[inside], linear[:, inside], square[:, inside]
+
+
+@functools.lru_cache(maxsize=4)
+def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
+    """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
+
+    def measured() -> dict[str, Any]:
+        announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
+        psf = single_band_psf(wanted.band, instrument=wanted.instrument)
+        slope = wanted.instrument.drift.psd_slope
+        _, linear, square = hole_changes(psf, slope, N_VISITS, stream(SEED, "visits"))
+        return {"linear": linear, "square": square}
+
+    return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
+
+
+class Stamps(NamedTuple):
+    """Sums and planets around a separation, as rows of the p pixels of its annulus.
+
+    Attributes
+    ----------
+    inside : ndarray of bool
+        Which pixels of the hole are those of the annulus.
+    apertures : ndarray, shape (a, p)
+        Weights of apertures within 1.5 lambda/D of the separation, the mean of them all taken off.
+    own, planets : ndarray, shape (m, p)
+        Weights of the apertures nearest to it, and the images of planets in their middles.
+    mean : ndarray, shape (p,)
+        What was taken off.
+    """
+
+    inside: BoolArray
+    apertures: FloatArray
+    own: FloatArray
+    planets: FloatArray
+    mean: FloatArray
+
+
+def stamps_around(psf: Psf, separation_arcsec: float) -> Stamps:
+    """Return sums and planets around a separation.
+
+    Raises
+    ------
+    InputError
+        If fewer than two whole apertures fit there.
+    """
+    geometry = psf.geometry
+    region = geometry.annulus(separation_arcsec, REGION_LAMBDA_D)
+    weights, planet = overlap_weights(geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec), psf.off_axis
+    rows, columns = _whole(region, weights)
+    if rows.size < 2:
+        inner, outer = geometry.zone.inner_arcsec, geometry.zone.outer_arcsec
+        allowed = f"with whole apertures inside the dark quadrants, {inner:.3g} to {outer:.3g} arcsec along an axis"
+        raise InputError("separation_arcsec", separation_arcsec, unit="arcsec", allowed=allowed)
+    offsets = centred_axis(len(region), geometry.pixel_scale_arcsec)
+    distance = np.abs(np.hypot(offsets[rows], offsets[columns]) - separation_arcsec)
+    near = np.flatnonzero(distance <= _NEAR_LAMBDA_D * geometry.lambda_d_arcsec)
+    near = near if near.size > 1 else np.argsort(distance, kind="stable")[:2]
+    nearest = np.argsort(distance, kind="stable")[:_N_PLANETS]
+
+    def stamped(index: IntArray, stamp: FloatArray) -> FloatArray:
+        return np.array([placed(region.shape, stamp, rows[i], columns[i])[region] for i in index])
+
+    every = stamped(near, weights)
+    chosen, mean = np.unique(np.linspace(0, len(every) - 1, _N_APERTURES).astype(int)), every.mean(axis=0)
+    return Stamps(
+        inside=region[geometry.hole],
+        apertures=every[chosen] - mean,
+        own=stamped(nearest, weights),
+        planets=stamped(nearest, planet),
+        mean=mean,
+    )
+
+
+def _whole(region: BoolArray, weights: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows and columns of pixels whose aperture lies wholly in a region."""
+    half = len(weights) // 2
+    fits = np.ones(region.shape, bool)
+    padded = np.pad(region, half)
+    for dy, dx in np.argwhere(weights > 0):
+        fits &= padded[dy : dy + len(region), dx : dx + len(region)]
+    rows, columns = np.nonzero(fits)
+    return rows, columns
+
+
+def placed(shape: tuple[int, int], stamp: FloatArray, row: int, column: int) -> FloatArray:
+    """Return an image with the middle pixel of a stamp at a place, 0 where it does not reach.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape (y, x) of the image.
+    stamp : ndarray
+        Odd sides.
+    row, column : int
+        Place of its middle pixel, in the image.
+    """
+    image, half = np.zeros(shape), len(stamp) // 2
+    low = [max(place - half, 0) for place in (row, column)]
+    high = [min(place - half + size, side) for place, size, side in zip((row, column), stamp.shape, shape, strict=True)]
+    to = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    image[to] = stamp[
+        tuple(slice(s.start - p + half, s.stop - p + half) for s, p in zip(to, (row, column), strict=True))
+    ]
+    return image
+
 
 _SCHEMA = 1
 _MOST_SHARE = 2 / 3  # of the visits that may be references: the others tell what is left
@@ -340,3 +533,139 @@ class _Stored(SpeckleModes):
 @functools.lru_cache(maxsize=64)
 def _stored(wanted: OpticalBand, separation_arcsec: float, offset: float) -> SpeckleModes:
     return _Stored(wanted, separation_arcsec, offset)
+
+
+LEAST_NOISE = 0.01
+"""White noise of a pixel over the rms of its speckles, at least: below, chance in the visits would pass for order."""
+
+
+class Whitening:
+    """Pixels in units in which their noise is white and of variance 1.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (p, p)
+        Of the noise, positive definite.
+    beside : ndarray, shape (k, p)
+        Images of unknown strength that are fitted too: nothing of them is left.
+
+    Raises
+    ------
+    InputError
+        If the covariance is not positive definite.
+
+    Notes
+    -----
+    A source of image t in an image x: the whitened images ``t' = L^-1 t``, ``x' = L^-1 x`` with ``L L^T`` the
+    covariance, without their parts along the whitened ``beside``, tell its strength ``t' x' / t' t'`` with the error
+    ``(t' t')^-1/2``. It is the estimate of generalised least squares, of which no linear one is better (Aitken 1936).
+    """
+
+    def __init__(self, covariance: FloatArray, beside: FloatArray) -> None:
+        from scipy.linalg import cholesky
+
+        try:
+            self._root = cholesky(covariance, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            raise InputError("covariance", "singular", allowed="positive definite") from None
+        self._beside = _orthonormal(self._solved(np.asarray(beside, float)))
+
+    def of(self, images: FloatArray) -> FloatArray:
+        """Return images whitened, without what is beside; shape (..., p).
+
+        Parameters
+        ----------
+        images : ndarray, shape (..., p)
+        """
+        rows = self._solved(np.atleast_2d(images))
+        rows -= (rows @ self._beside.T) @ self._beside
+        return rows.reshape(np.shape(images))
+
+    def weights(self, images: FloatArray) -> FloatArray:
+        """Return the weights of the sums that tell the strength of sources of these images, one each; shape (..., p).
+
+        Parameters
+        ----------
+        images : ndarray, shape (..., p)
+        """
+        from scipy.linalg import solve_triangular
+
+        seen = self.of(images)
+        back = solve_triangular(self._root, seen.T, lower=True, trans="T", check_finite=False).T
+        return np.asarray(back / (seen**2).sum(axis=-1, keepdims=True))
+
+    def _solved(self, rows: FloatArray) -> FloatArray:
+        from scipy.linalg import solve_triangular
+
+        return np.ascontiguousarray(solve_triangular(self._root, rows.T, lower=True, check_finite=False).T)
+
+
+def _orthonormal(rows: FloatArray) -> FloatArray:
+    """Return the orthonormal rows that span what these do."""
+    if not len(rows):
+        return rows
+    _, singular, basis = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(basis[singular > 1e-9 * singular[0]])
+
+
+def speckle_covariance(
+    instrument: Instrument, band: str, separation_arcsec: float, linear_nm2: float, square_nm4: float
+) -> FloatArray:
+    """Return the covariance of speckles around a separation, in units of (star light on the clear disc)^2.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        Whose static field, mirror and spectrum of drift are taken for granted.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : float
+    linear_nm2, square_nm4 : float
+        Factors of the covariance of ``2 Re(E0* dE)`` and of ``|dE|^2``, each at 1 nm: offset squared and to the fourth
+        for one visit, and those of `unit_parts` for a programme.
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+        Of the pixels of the hole within 2.4 lambda/D of the separation, in the order of the stamp; read-only.
+
+    Notes
+    -----
+    The two parts do not go together for errors with a normal distribution: their product is odd in the errors. They
+    are measured apart on the visits of `visit_changes`, the mean over the visits taken off.
+    """
+    band_of = OpticalBand.of(instrument, band)
+    return _covariance(band_of, float(separation_arcsec), float(linear_nm2), float(square_nm4))
+
+
+@functools.lru_cache(maxsize=4)
+def _covariance(wanted: OpticalBand, separation_arcsec: float, linear_nm2: float, square_nm4: float) -> FloatArray:
+    geometry = single_band_psf(wanted.band, instrument=wanted.instrument).geometry
+    inside = geometry.annulus(separation_arcsec, REGION_LAMBDA_D)[geometry.hole]
+    found = np.zeros((np.count_nonzero(inside),) * 2)
+    if linear_nm2 > 0.0 or square_nm4 > 0.0:
+        changes = visit_changes(wanted)
+        for factor, part in zip((linear_nm2, square_nm4), changes, strict=True):
+            images = part[:, inside].astype(float)
+            images -= images.mean(axis=0)
+            found += (factor / len(images)) * (images.T @ images)
+    found.flags.writeable = False
+    return found
+
+
+def with_noise(covariance: FloatArray, white_variance: ArrayLike) -> FloatArray:
+    """Return the covariance of speckles and white noise.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (p, p)
+        Of the speckles.
+    white_variance : array_like
+        Of every pixel, broadcasts to (p,); at least 0. No less is taken than 1e-4 of the mean variance of the speckles,
+        and where there is neither, 1.
+    """
+    whole = np.array(covariance)
+    least = LEAST_NOISE**2 * float(np.trace(whole)) / len(whole)
+    white = np.maximum(np.broadcast_to(white_variance, len(whole)), least)
+    whole[np.diag_indices_from(whole)] += white if white.any() else 1.0
+    return whole

@@ -3,7 +3,9 @@ from simulator.target.albedo import (
     albedo_flags as albedo_flags,
     albedo_notes as albedo_notes,
     albedo_source as albedo_source,
+    load_parametric_grid as load_parametric_grid,
     needs_insolation as needs_insolation,
+    parametric_family as parametric_family,
     phase_value as phase_value,
     planet_albedo as planet_albedo,
 )
@@ -14,10 +16,6 @@ from simulator.target.contrast import (
     sin_phase as sin_phase,
 )
 from simulator.target.lights import LitPlanet as LitPlanet, LitStar as LitStar
-from simulator.target.parametric import (
-    load_parametric_grid as load_parametric_grid,
-    parametric_family as parametric_family,
-)
 from simulator.target.sources import (
     ExtendedRate as ExtendedRate,
     Source as Source,
@@ -28,10 +26,10 @@ from simulator.target.sources import (
     spectrum_generator as spectrum_generator,
     wcs_keywords as wcs_keywords,
 )
-from simulator.target.spectrum_table import read_spectrum as read_spectrum
 from simulator.target.star_spectrum import (
     STAR_FLAGS as STAR_FLAGS,
     StarSpectrum as StarSpectrum,
+    read_spectrum as read_spectrum,
     star_photlam as star_photlam,
     stellar_spectrum as stellar_spectrum,
 )

@@ -11,12 +11,18 @@ import numpy as np
 
 from catalogs import Albedo, Band, Spectrum, load_stellar_grid, luminosity_from_v, stellar_parameters
 from cpic_core import InputError
-from simulator.band_integrals import band_integral, band_projection, product_samples
 from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, inside, true_distance_au
+from simulator.passbands import band_integral, band_projection, product_samples
 from simulator.target.albedo import albedo_notes, albedo_table, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
-from simulator.target.spectrum_table import photon_flux, read_spectrum
-from simulator.target.star_spectrum import StarModel, StarSpectrum, stellar_spectrum, thermal_photlam
+from simulator.target.star_spectrum import (
+    StarModel,
+    StarSpectrum,
+    photon_flux,
+    read_spectrum,
+    stellar_spectrum,
+    thermal_photlam,
+)
 
 
 @dataclass(frozen=True, eq=False)

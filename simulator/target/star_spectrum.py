@@ -19,11 +19,101 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from catalogs import SpectralLibrary, Spectrum, load_pickles, load_stellar_grid, parse_spectral_type, stellar_parameters
-from cpic_core import InputError, bounded_fits, check_number, is_file, numeric_context, open_file
-from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
+from catalogs import (
+    HC_ERG_ANGSTROM,
+    SpectralLibrary,
+    Spectrum,
+    load_pickles,
+    load_stellar_grid,
+    parse_spectral_type,
+    read_curve,
+    stellar_parameters,
+)
+from cpic_core import InputError, bounded_fits, check_number, is_file, numeric_context, open_file, read_file
+from simulator.passbands import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
-from simulator.target.spectrum_table import photon_flux
+
+_MAX_TABLE_BYTES = 200_000_000
+_SPEED_OF_LIGHT_NM_S = 2.99792458e17
+
+
+def read_spectrum(path: str | Path) -> Spectrum:
+    """Read a spectrum from a file of wavelength and flux density, see `catalogs.curves.read_curve`.
+
+    Units stand with the columns of ECSV, VOTable and FITS tables; text names them in its headings or remarks:
+    ``wavelength_nm,photlam``, ``# Angstrom flam``, ``Wave (um)  Flux (W/m2/um)``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Spectrum
+        Wavelengths in nm, ph/s/cm2/A, linear between the samples.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a unit is not stated, wavelengths do not increase or fluxes are not finite or
+        negative.
+    """
+    place = Path(path)
+    data = read_file(place, key="spectrum file", allowed="a readable file", max_bytes=_MAX_TABLE_BYTES)
+    return photon_flux(place.name, *read_curve(place.name, data, "flux"))
+
+
+def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> Spectrum:
+    """Return a spectrum whose flux density is given in any of the usual units.
+
+    Parameters
+    ----------
+    name : str
+        What it is, for messages.
+    wavelength_nm, flux : ndarray, shape (n,)
+        Wavelengths and flux density.
+    unit : str
+        ``photlam`` (ph/s/cm2/A), ``flam`` (erg/s/cm2/A), ``fnu`` (erg/s/cm2/Hz), ``Jy``, or a unit that
+        astropy reads.
+
+    Raises
+    ------
+    InputError
+        If the unit is not one of a flux density, wavelengths do not increase or fluxes are not finite or negative.
+    """
+    wavelength, values = check_table(name, wavelength_nm, flux)
+    if wavelength[0] <= 0.0:
+        raise InputError(f"{name} wavelength", float(wavelength[0]), unit="nm", allowed="above 0")
+    kind = unit.strip().lower()
+    if kind in ("fnu", "jy"):
+        # Per frequency to per wavelength; a Jy is 1e-23 of the other.
+        values = values * ((1e-23 if kind == "jy" else 1.0) * _SPEED_OF_LIGHT_NM_S / (10.0 * wavelength**2))
+        kind = "flam"
+    if kind == "flam":
+        values = values * (10.0 * wavelength / HC_ERG_ANGSTROM)
+    elif kind != "photlam":
+        values = _by_astropy(name, wavelength, values, unit)
+    return Spectrum(wavelength, values)
+
+
+def _by_astropy(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> np.ndarray:
+    hint = "the unit is not understood"
+    if unit.strip():
+        from astropy import units
+
+        photlam = units.photon / (units.s * units.cm**2 * units.AA)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # several slashes are read from the left, as people mean them
+                quantity = flux * units.Unit(unit)
+            return np.asarray(quantity.to_value(photlam, units.spectral_density(wavelength_nm * units.nm)))
+        except (ValueError, TypeError):
+            pass
+    else:
+        unit, hint = "not stated", "name it in the heading, such as 'wavelength_nm photlam'"
+    raise InputError(f"{name} flux unit", unit, allowed="photlam, flam, fnu, Jy, or a flux density", hint=hint)
+
 
 if TYPE_CHECKING:
     from synphot import SourceSpectrum
@@ -420,7 +510,7 @@ def stellar_spectrum(
         - ``"blackbody"``: Planck's law, 100 K to 1e6 K.
         - ``"pickles"``: measured spectra by spectral type (Pickles 1998), A0-M6.
         - the path of a CK04, Kurucz or PHOENIX tree, see `simulator.target.star_spectrum.find_tree`.
-        - the path of a file, see `simulator.target.spectrum_table.read_spectrum`, or a `Spectrum`; it must cover
+        - the path of a file, see `simulator.target.star_spectrum.read_spectrum`, or a `Spectrum`; it must cover
           470-700 nm.
 
     Returns
@@ -445,8 +535,6 @@ def stellar_spectrum(
     if name == "pickles":
         return _from_library(magnitude, spectral_type, given)
     if name not in STAR_MODELS and is_file(name) and Path(name).name != "catalog.fits":
-        from simulator.target.spectrum_table import read_spectrum
-
         return _from_table(magnitude, read_spectrum(name), given, name)
     star = _complete(spectral_type, given)
     if name == "grid":
@@ -535,7 +623,6 @@ def _blackbody(magnitude: float, star: _Parameters, given: _Parameters) -> StarS
 
 
 def _from_library(magnitude: float, spectral_type: str | None, given: _Parameters) -> StarSpectrum:
-    from simulator.target.star_spectrum import library_photlam
 
     if spectral_type is None:
         allowed = "an MK type of the library, A0 to M6"
@@ -548,7 +635,6 @@ def _from_library(magnitude: float, spectral_type: str | None, given: _Parameter
 
 
 def _from_tree(magnitude: float, star: _Parameters, path: str) -> StarSpectrum:
-    from simulator.target.star_spectrum import find_tree, tree_photlam
 
     if not path:
         raise InputError("model", "empty", allowed=_ALLOWED_MODELS)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cpic_planner as api
-from cpic_planner.etc import FixedFrames, band_cases, best_in_visit, build_model, contrast_limit, least_time, planets_of
+from cpic_planner.etc import best_in_visit, build_model, cases_of, contrast_limit, least_time, planets_of
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import find_target, rank_sample
@@ -64,7 +64,7 @@ def wide():
 
 def problems(model):
     planets = planets_of(0.65)
-    return [band_cases(model, EVERY, band, planets, FixedFrames()).problem("snr") for band in model.bands]
+    return [cases_of(model, EVERY, [band], planets).problem("snr") for band in model.bands]
 
 
 def test_least_times_of_the_catalogue(timed, wide):

@@ -6,11 +6,9 @@ import pytest
 from simulator.config import load_instrument
 from simulator.imaging import build_imager, centred_axis, single_band_psf
 from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dig
-from simulator.imaging.conjugation import Conjugation
-from simulator.imaging.dark_hole import DarkHole, default_settings
+from simulator.imaging.dark_hole import Conjugation, DarkHole, default_settings
 from simulator.imaging.psf import forget_stamps, wide_on_axis
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.knobs import FIDELITIES
 
 INSTRUMENT = load_instrument()

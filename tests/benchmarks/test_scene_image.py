@@ -5,9 +5,7 @@ import pytest
 
 from simulator.config import load_instrument
 from simulator.imaging import build_imager, centred_axis
-from simulator.imaging.paper_scene import paper_scene_image
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.scene_image import BandTransfer, PointSources, paper_scene_image, scene_image
 
 IMAGER = build_imager(load_instrument(), "F520")
 PIXEL = IMAGER.pixel_scale_arcsec

@@ -9,7 +9,7 @@ from cpic_core import stream
 def test_same_path_same_numbers_in_another_process():
     here = stream(7, "HIP 71681", "science", 3, "photons").integers(2**62, size=4).tolist()
     draw = "stream(7,'HIP 71681','science',3,'photons').integers(2**62,size=4).tolist()"
-    code = f"from cpic_core.random_streams import stream; print({draw})"
+    code = f"from cpic_core.runtime import stream; print({draw})"
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert there.strip() == str(here)
 

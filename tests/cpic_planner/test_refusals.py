@@ -2,8 +2,8 @@
 
 from catalogs import orbit_places
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.planets.laws import read_law
-from cpic_planner.planets.mass_radius import least_mass, radius_from_mass
+from cpic_planner.planets.masses import least_mass, radius_from_mass
+from cpic_planner.planets.population import read_law
 from cpic_planner.queries import read_exclusions
 from cpic_planner.targets import load_targets
 

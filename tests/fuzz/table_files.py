@@ -109,10 +109,10 @@ def _written(kind: str, rows: list[list[Any]], ending: str) -> bytes:
 def _read(kind: str, path: Path) -> Any:
     from catalogs import load_known_planets
     from cpic_planner import load_targets, signal_to_noise
-    from cpic_planner.ranking.compare import load_ranking
+    from cpic_planner.ranking.sensitivity import load_ranking
     from cpic_planner.survey.observed import read_log, read_schedule
     from simulator.target.albedo_grid import read_albedo
-    from simulator.target.spectrum_table import read_spectrum
+    from simulator.target.star_spectrum import read_spectrum
 
     if kind == "stars":
         found = load_targets(path)

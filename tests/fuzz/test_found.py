@@ -17,7 +17,7 @@ from cpic_planner.cli.main import main
 from cpic_planner.confirm import etc_images
 from simulator.knobs import dial_of
 from simulator.products import check_level0
-from simulator.products.reading import Report, check_sums, open_units
+from simulator.products.check import Report, check_sums, open_units
 from tests.fuzz import product_files, watched
 from tests.fuzz.python_calls import HELD, NOWHERE, held, prepare
 from tests.fuzz.values import STARS

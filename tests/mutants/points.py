@@ -34,15 +34,14 @@ MODULES: dict[str, tuple[str, ...]] = {
     "simulator/detectors/variance.py": (),
     "simulator/ledger/visit.py": ("tests/simulator/ledger/test_sizes.py", "tests/simulator/ledger/test_light.py"),
     "cpic_planner/validation/photometry.py": (),
-    "cpic_planner/validation/detection.py": (),
+    "cpic_planner/validation/search.py": (),
     "cpic_planner/survey/detection.py": ("tests/cpic_planner/survey/test_alarms.py",),
     "simulator/detectors/gain.py": (),
     "cpic_planner/survey/visibility.py": (
         "tests/cpic_planner/survey/test_visibility_rolls.py",
         "tests/cpic_planner/survey/test_visibility_limb.py",
     ),
-    "cpic_planner/ranking/known_completeness.py": (),
-    "cpic_planner/ranking/in_zone.py": (),
+    "cpic_planner/ranking/completeness.py": (),
 }
 
 PARTNER = {

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given, strategies as st
 
-from simulator.band_integrals import product_samples
+from simulator.passbands import product_samples
 
 columns = st.integers(2, 12).flatmap(
     lambda n: st.tuples(

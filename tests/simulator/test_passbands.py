@@ -11,9 +11,8 @@ import pytest
 from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_pickles, load_reference_spectrum, load_stars
 from catalogs.spectra import PLANETS, Curve
 from simulator import load_instrument
-from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.imaging.store import metrics_key
-from simulator.passbands import Passbands
+from simulator.passbands import Passbands, gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.target import star_photlam, stellar_spectrum
 
 AREA_CM2 = 31416.0

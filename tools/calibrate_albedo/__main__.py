@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cpic_core import read_npz, write_npz
-from simulator.target.parametric import data_file
+from simulator.target.albedo import data_file
 from tools.calibrate_albedo.grid_fit import fit_parameters, fit_phase, read_table
 from tools.calibrate_albedo.methane import invert_methane
 

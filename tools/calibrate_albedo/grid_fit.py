@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cpic_core import InputError
-from simulator.target.parametric import PARAMETERS, node_albedo, phase_curve
+from simulator.target.albedo import PARAMETERS, node_albedo, phase_curve
 
 BANDS_NM = {
     "albedo_506nm": (480.0, 532.0),
@@ -106,7 +106,7 @@ def band_albedo(
     Parameters
     ----------
     parameters : ndarray, shape (n, 7)
-        Parameters of `simulator.target.parametric.node_albedo`.
+        Parameters of `simulator.target.albedo.node_albedo`.
     log10_mh : ndarray, shape (n,)
         Metallicity of each.
     wavelength_nm, methane_per_km_am : ndarray

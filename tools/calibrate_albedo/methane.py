@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from catalogs import load_albedo
 from catalogs.spectra import PLANETS
-from simulator.target.parametric import BACKSCATTER, layer_albedo, rayleigh_slope
+from simulator.target.albedo import BACKSCATTER, layer_albedo, rayleigh_slope
 
 ANCHORS_PER_KM_AM = {619.2: 0.7366, 702.0: 0.3450, 727.2: 4.5742, 780.0: 0.5618}
 """Published coefficients of Karkoschka 1998 at four wavelengths (nm), 1/(km amagat)."""

@@ -19,7 +19,7 @@ PRESETS = ("cpic_default", "cpic_2q", "as_published", "cpic_single_jacobian", "p
 def files() -> Iterator[tuple[str, str, type[BaseModel], Mapping[str, Provenance], Any]]:
     """Yield each kind of file: title, anchor, model, sources of the defaults by key, and the defaults themselves."""
     from cpic_planner.planets import load_population
-    from cpic_planner.planets.population_config import PopulationConfig
+    from cpic_planner.planets.population import PopulationConfig
     from cpic_planner.queries import Ensemble
     from cpic_planner.survey.strategy import StrategiesConfig, SurveyStrategy, load_strategies
     from cpic_planner.survey.visibility import VisibilityConfig, load_visibility

@@ -99,9 +99,9 @@ def peer() -> dict[str, Any]:
 def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return completeness of both."""
     from cpic_planner.planets import draw_population, load_population
-    from cpic_planner.ranking.in_zone import inside_zone
+    from cpic_planner.ranking.completeness import inside_zone
     from simulator import lambert_phase, load_instrument, planet_contrast
-    from simulator.imaging.geometry import zone_of
+    from simulator.imaging.zones import zone_of
     from simulator.target import sky_to_detector
 
     instrument = load_instrument()

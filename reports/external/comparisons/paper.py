@@ -258,7 +258,7 @@ def _files(recorded: dict[str, Any]) -> list[Row]:
     from typing import get_args
 
     from simulator.config.simulation import SequenceKind
-    from simulator.products.naming import ProductName
+    from simulator.products.sequence import ProductName
 
     level0, day = recorded["level0"], "<MJD>"
     theirs = level0["name"].replace("_VER", "_V01")

@@ -99,7 +99,7 @@ def peer() -> dict[str, Any]:
 def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return the curve of both and its parts."""
     from cpic_planner.validation import detection_threshold, rdi_subtract
-    from cpic_planner.validation.apertures import aperture_sum, aperture_weights, sample_scatter
+    from cpic_planner.validation.photometry import aperture_sum, aperture_weights, sample_scatter
 
     science, references = stack()
     reduced = rdi_subtract(science, references, MODES, centering="none")

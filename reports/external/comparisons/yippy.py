@@ -77,7 +77,7 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return the curves of both at offsets and between them."""
     import tempfile
 
-    from simulator.config.coronagraph_table import coronagraph_table
+    from simulator.config.coronagraph import coronagraph_table
 
     with tempfile.TemporaryDirectory() as folder:
         package(folder)

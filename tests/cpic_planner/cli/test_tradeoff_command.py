@@ -4,7 +4,7 @@ import pytest
 
 from cpic_planner.results import TradeoffResult
 from cpic_planner.tradeoff import run
-from cpic_planner.tradeoff.setup import SCENES
+from cpic_planner.tradeoff.scenes import SCENES
 from cpic_planner.version import __version__
 
 COMMAND = "tradeoff"

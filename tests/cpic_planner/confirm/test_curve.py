@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom, norm
 
 from cpic_planner import contrast_curve, contrast_limit, signal_to_noise
-from cpic_planner.confirm.searched import Searched
+from cpic_planner.confirm.curve import Searched
 from simulator import load_instrument
 from simulator.imaging import HoleZone
 
@@ -157,7 +157,7 @@ def test_places_outside_the_hole_say_so():
 @pytest.mark.long
 def test_one_worker_and_two_write_the_same_bytes(tmp_path, monkeypatch):
     """Two pieces of work, of ten images and of two."""
-    monkeypatch.setattr("cpic_planner.confirm.searched.IMAGES_A_TASK", 10)
+    monkeypatch.setattr("cpic_planner.confirm.curve.IMAGES_A_TASK", 10)
     for workers in (1, 2):
         contrast_curve(**SMALL, images=12, injections=4, out=tmp_path / str(workers), workers=workers)
     story = {"run.json", "run.lock", "cpic-run.jsonl"}

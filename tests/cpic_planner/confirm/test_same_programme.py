@@ -5,10 +5,12 @@ import math
 import pytest
 
 import cpic_planner
-from cpic_planner.confirm.curve import _programme as programme_of_curve
-from cpic_planner.confirm.roc import _programme as programme_of_roc
+from cpic_planner.confirm.curve import (
+    AskedStar,
+    _curve_programme as programme_of_curve,
+    _roc_programme as programme_of_roc,
+)
 from cpic_planner.confirm.scene import _work, scene_target
-from cpic_planner.confirm.searched import AskedStar
 from cpic_planner.etc import build_model, diagonal_pa_deg, reference_distance_au, signal_to_noise
 from cpic_planner.queries import (
     MAX_FRAMES,

@@ -8,11 +8,10 @@ import pytest
 
 from cpic_core import Reason, Status
 from cpic_planner.etc import (
-    FixedFrames,
     FrameChoice,
     SearchLaw,
-    band_cases,
     build_model,
+    cases_of,
     contrast_limit,
     limit_of,
     planets_of,
@@ -82,11 +81,9 @@ CHANGES = {
 
 def setting(model, answer):
     """SNR of the frames of an answer in another model."""
-    cases = band_cases(
-        model, TAU_CET, answer.band, planets_of(answer.separation_arcsec, None, answer.contrast), FixedFrames()
-    )
+    cases = cases_of(model, TAU_CET, [answer.band], planets_of(answer.separation_arcsec, None, answer.contrast))
     n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
-    return float(stack_noise(cases.rates, t, n, g, model.camera(answer.band), model.strategy).snr[0, 0])
+    return float(stack_noise(cases.rates, t, n, g, model.camera(answer.band), model.strategy).snr[0, 0, 0])
 
 
 @pytest.mark.parametrize("strategy", [{}, {"reference_ratio": 3.0}, {"mode": "photon_counting"}], ids=str)
@@ -105,21 +102,21 @@ def test_remedies_are_what_another_instrument_would_reach(name, strategy):
 def test_twice_the_time_and_more_references():
     model = build_model(INSTRUMENT, None, ONE)
     for answer in signal_to_noise(model, TAU_CET, time_s=3000.0, separation_arcsec=0.6, contrast=1e-8):
-        cases = band_cases(model, TAU_CET, answer.band, planets_of(0.6, None, 1e-8), FixedFrames())
+        cases = cases_of(model, TAU_CET, [answer.band], planets_of(0.6, None, 1e-8))
         n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
         camera = model.camera(answer.band)
-        twice = stack_noise(cases.rates, t, 2 * n, g, camera).snr[0, 0]
+        twice = stack_noise(cases.rates, t, 2 * n, g, camera).snr[0, 0, 0]
         assert answer.remedies["twice_the_time"] == pytest.approx(twice / answer.snr, rel=1e-12)
-        more = stack_noise(cases.rates, t, n, g, camera, Strategy(reference_ratio=4.0)).snr[0, 0]
+        more = stack_noise(cases.rates, t, n, g, camera, Strategy(reference_ratio=4.0)).snr[0, 0, 0]
         assert answer.remedies["four_times_the_reference"] == pytest.approx(more / answer.snr, rel=1e-12)
         assert answer.remedies["half_the_star_light"] > 1.0
 
 
 def test_without_frames_nothing_helps():
     model = build_model(INSTRUMENT, None, ONE)
-    cases = band_cases(model, TAU_CET, "F520", planets_of(0.6, None, 1e-8), FixedFrames())
-    none = FrameChoice(*(np.full((1, 1), value) for value in (1.0, 0.0, 1.0, 0.0, np.inf)))
-    assert all(float(factor[0, 0]) == 1.0 for factor in remedies(cases, none, cases.noise(none)).values())
+    cases = cases_of(model, TAU_CET, ["F520"], planets_of(0.6, None, 1e-8))
+    none = FrameChoice(*(np.full((1, 1, 1), value) for value in (1.0, 0.0, 1.0, 0.0, np.inf)))
+    assert all(float(factor[0, 0, 0]) == 1.0 for factor in remedies(cases, none, cases.noise(none)).values())
 
 
 def test_what_binds_is_named():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc import Programme, aperture_rates, build_model, contrast_limit, with_modes
-from cpic_planner.etc.modes import balance_of
-from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.noise import balance_of, stack_noise
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target

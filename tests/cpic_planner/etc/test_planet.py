@@ -26,14 +26,14 @@ from cpic_planner.etc import (
     reflected_contrast,
     usable_range_arcsec,
 )
-from cpic_planner.etc.planet import QUADRANTS, dark_quadrants, reflected_share
+from cpic_planner.etc.rates import QUADRANTS, dark_quadrants, reflected_share
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import Targets, find_target, rank_sample, targets_from_table
 from cpic_planner.validation import target_scene
 from simulator import load_instrument, planet_contrast, spectrum_generator
-from simulator.band_integrals import band_integral
 from simulator.config import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
 from simulator.imaging import aperture_sums, overlap_weights, single_band_psf
+from simulator.passbands import band_integral
 from simulator.target import albedo_source, scene_sources, sky_to_detector
 
 SEPARATION = 0.7

@@ -8,21 +8,19 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.etc import (
-    FixedFrames,
     Programme,
     Span,
     build_model,
+    cases_of as cases_in,
     light_share,
     lit_share,
     questions,
     speckled_share,
     stack_noise,
 )
-from cpic_planner.etc.cases import band_cases
+from cpic_planner.etc.cases import Goal
 from cpic_planner.etc.frames import best_in_visit, least_time
-from cpic_planner.etc.planet import planets_of
-from cpic_planner.etc.questions import groups_of
-from cpic_planner.etc.together import CameraCases, Wanted
+from cpic_planner.etc.rates import planets_of
 from cpic_planner.planets import star_masses_msun
 from cpic_planner.queries import MAX_VISITS, Strategy
 from cpic_planner.targets import find_target
@@ -39,12 +37,12 @@ def model_of(drift=None, overhead_s=600.0, **strategy):
 
 
 def cases_of(model, star="tau Cet", band="F520", contrast=3e-9, place=0.55):
-    return band_cases(model, STARS[star], band, planets_of(place, None, contrast), FixedFrames())
+    return cases_in(model, STARS[star], [band], planets_of(place, None, contrast))
 
 
 def seen(model, cases, visits, frames=(60.0, 20.0, 300.0)):
     programme = Programme.of(model.strategy, visits)
-    return stack_noise(cases.rates, *frames, model.camera(cases.band), model.strategy, programme)
+    return stack_noise(cases.rates, *frames, model.camera(cases.bands[0]), model.strategy, programme)
 
 
 CALM = {"common_fraction": 0.0, "orbital_nm": 0.0}
@@ -109,7 +107,7 @@ def test_correlated_visits_average_less():
 ASKED = {"time_s": 36000.0, "separation_arcsec": 0.55, "bands": ["F520"], "contrast": 3e-9}
 
 
-EVERY = np.unique(np.concatenate([np.arange(1, 30), np.geomspace(30, MAX_VISITS, 30).round()])).reshape(-1, 1, 1)
+EVERY = np.unique(np.concatenate([np.arange(1, 30), np.geomspace(30, MAX_VISITS, 30).round()])).reshape(-1, 1, 1, 1)
 
 
 def brute_in_time(model, cases, time_s, objective, level=lambda *_: lambda *_: 1.0):
@@ -139,7 +137,7 @@ def test_no_programme_reaches_more_in_the_time(star, overhead_s):
 def test_no_programme_has_a_fainter_limit(search):
     model = model_of(search=search)
     cases = cases_of(model)
-    wanted = Wanted.of(CameraCases.of([cases]))
+    wanted = Goal.of(cases)
     asked = {name: value for name, value in ASKED.items() if name != "contrast"}
     answer = questions.contrast_limit(model, STARS["tau Cet"], **asked)[0]
     missed = brute_in_time(model, cases, 36000.0, "significance", wanted)
@@ -156,7 +154,7 @@ def test_no_programme_is_quicker(star, level):
     objective = "snr" if "snr" in level else "significance"
     cases, wanted = (
         cases_of(model, star),
-        Wanted.of(CameraCases.of([cases_of(model, star)]), level.get("snr", level.get("sigma"))),
+        Goal.of(cases_of(model, star), level.get("snr", level.get("sigma"))),
     )
     programme = Programme.of(model.strategy, EVERY)
     problem = cases.problem(objective, programme=programme)
@@ -174,18 +172,18 @@ def test_the_closed_optimum_of_a_visit():
     """Without a walk the best visit takes ``sqrt(c o / 2 z)`` on the star: the valley is flat, its time within 2 %."""
     model = model_of({"walk_nm_per_sqrt_hour": 0.0} | CALM)
     cases, level = cases_of(model, contrast=1e-9), 6.0
-    (group,) = groups_of(model, STARS["tau Cet"], ["F520"], cases.planets, cases.fixed, "significance", level)
+    asked = cases_in(model, STARS["tau Cet"], ["F520"], cases.planets, objective="significance", value=level)
     one = cases.problem("significance", programme=Programme())
     visit_s = np.full((1, 1), 600.0)
-    cost = float((best_in_visit(one, visit_s).inverse_snr2 - one.z0)[0, 0]) * 600.0
-    residual = float(one.z0[0, 0])
+    cost = float((best_in_visit(one, visit_s).inverse_snr2 - one.z0)[0, 0, 0]) * 600.0
+    residual = float(one.z0[0, 0, 0])
     least_s = level**2 * (math.sqrt(2.0 * cost) + math.sqrt(residual * 600.0)) ** 2
     answer = questions.exposure_time(
         model, STARS["tau Cet"], sigma=level, separation_arcsec=0.55, bands=["F520"], contrast=1e-9
     )
     assert answer[0].value == pytest.approx(least_s, rel=0.02)
     assert answer[0].visits == pytest.approx(level**2 * (residual + cost / math.sqrt(cost * 300.0 / residual)), rel=0.3)
-    assert float(group.programmes.quickest()[0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
+    assert float(asked.programmes.quickest()[0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
 
 
 def test_where_drift_rules_noise_falls_with_the_root_of_visits():
@@ -236,7 +234,7 @@ def test_limit_and_time_are_inverses(visits, search, band):
 def test_shares_are_those_of_the_law_of_detection():
     model = model_of()
     cases = cases_of(model)
-    wanted, programme = Wanted.of(CameraCases.of([cases])), Programme.of(model.strategy, 4.0)
+    wanted, programme = Goal.of(cases), Programme.of(model.strategy, 4.0)
     noise = seen(model, cases, 4.0)
     visit = np.full((1, 1), 20.0 * (60.0 + model.camera("F520").readout_s))
     problem = cases.problem("significance", programme=programme)

@@ -13,10 +13,10 @@ from cpic_planner.etc.noise import residual_law
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator import load_instrument, star_photlam
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import Drift
 from simulator.imaging import single_band_psf, visit_frames
 from simulator.imaging.psf import wide_on_axis
+from simulator.passbands import v_photon_rate, vega_v_photon_rate
 
 INSTRUMENT = load_instrument()
 DETECTOR = INSTRUMENT.detector

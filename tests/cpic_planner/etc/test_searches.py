@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from cpic_planner.etc.camera import best_gain, gain_table
+from cpic_planner.etc.model import best_gain, gain_table
 from cpic_planner.etc.searches import bracketed, first_root, lowest
 from simulator.detectors import excess_noise_factor2
 

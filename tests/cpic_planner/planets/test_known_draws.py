@@ -11,8 +11,8 @@ from scipy.stats import beta, kstest, truncnorm, uniform
 from catalogs import load_known_planets
 from catalogs.known_planets import KnownPlanetTable as table_of_columns
 from cpic_planner.planets import draw_known, ephemeris, known_uniforms, places_at, planets_of
-from cpic_planner.planets.known_rows import QUANTITIES
-from cpic_planner.planets.mass_radius import STAR_MJUP
+from cpic_planner.planets.masses import STAR_MJUP
+from cpic_planner.planets.published_orbits import QUANTITIES
 from simulator.config import albedo_spec
 
 EPOCH_JD = 2_460_000.5

@@ -7,7 +7,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 from cpic_planner.planets import chosen_entry
-from cpic_planner.planets.laws import LAWS, read_law
+from cpic_planner.planets.population import LAWS, read_law
 
 SHARE = np.array([0.0, 1e-9, 0.01, 0.2, 0.5, 0.77, 0.999, 1.0 - 1e-12])
 MIXED = {

@@ -13,8 +13,7 @@ from cpic_planner.planets import (
     span_days,
     star_masses_msun,
 )
-from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D
-from cpic_planner.planets.orbit_search import _SMEARS
+from cpic_planner.planets.motion import _SMEARS, MOST_SHIFT_LAMBDA_D
 from cpic_planner.planets.published_orbits import draw_known, known_uniforms, places_at
 from simulator.imaging import single_band_psf
 from tests.programme_motion import motion_of, programme_motion

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from cpic_core import load_yaml
 from cpic_planner.planets import Planets, PopulationConfig, draw_population, load_population
-from cpic_planner.planets.population_config import PACKAGE, QUANTITIES
+from cpic_planner.planets.population import PACKAGE, QUANTITIES
 from simulator.config import preset_names, preset_path
 
 ARRAYS = (*QUANTITIES, "kind", "east_au", "north_au", "distance_au", "phase_deg")

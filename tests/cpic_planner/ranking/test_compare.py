@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import kendalltau
 
 import cpic_planner as cp
-from cpic_planner.ranking.compare import Ranking, compare_rankings, load_ranking
+from cpic_planner.ranking.sensitivity import Ranking, compare_rankings, load_ranking
 from cpic_planner.report import ranking_csv, ranking_ecsv
 from cpic_planner.results import RankComparison, RankResult
 from simulator import load_instrument

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-import cpic_planner.ranking.known_completeness as module
+import cpic_planner.ranking.completeness as module
 from catalogs import load_stars
 from cpic_core import InputError
 from cpic_planner.etc import (
@@ -32,7 +32,7 @@ from cpic_planner.planets import (
 )
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import in_zone, inside_zone
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
 from simulator.imaging import HoleZone

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import cpic_planner.ranking.ensemble as module
+import cpic_planner.ranking.sensitivity as module
 from cpic_planner.etc import build_model
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, EnsembleChoice, changed, load_ensemble
 from cpic_planner.ranking import rank_targets, rank_under
-from cpic_planner.ranking.ensemble import instrument_of, states_of
+from cpic_planner.ranking.sensitivity import instrument_of, states_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 from simulator.imaging import mean_contrast
@@ -75,7 +75,7 @@ def test_bars_are_rankings_with_one_number_changed(found):
 
 def test_stars_that_do_not_matter_take_ranks_from_few_instruments(found, monkeypatch):
     """With a small pool the stars that matter are found again, and have the same numbers as without one."""
-    monkeypatch.setattr(module, "POOL", 6)
+    monkeypatch.setattr(module, "MOST_RANKED", 6)
     monkeypatch.setattr(module, "WHOLE", 3)
     small = rank_under(MODEL, STARS, CHOICE, **ASKED)
     assert small.ensemble.n_stars < len(STARS)

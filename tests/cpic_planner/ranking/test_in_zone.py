@@ -11,17 +11,22 @@ from cpic_planner.etc import (
     aperture_rates,
     band_law,
     build_model,
-    effective_of,
     stack_noise,
     threshold_array,
     visit_chances,
 )
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking import known_completeness as counting
-from cpic_planner.ranking.in_zone import N_RINGS, ZonePlanets, faintest_contrast, rectangles, ring_of
-from cpic_planner.ranking.known_completeness import completeness
-from cpic_planner.ranking.programmes import programme_of
+from cpic_planner.ranking import completeness as counting
+from cpic_planner.ranking.completeness import (
+    N_RINGS,
+    ZonePlanets,
+    completeness,
+    faintest_contrast,
+    rectangles,
+    ring_of,
+)
+from cpic_planner.ranking.optimiser import programme_of
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
 from simulator.imaging import at_contrast, measured_states
@@ -75,7 +80,7 @@ def margins(model, stars, band, x, y, contrast, frames):
     rates = aperture_rates(model, stars, band, x, y, contrast)
     noise = stack_noise(rates, exposure, number, gain, camera, model.strategy, programme=programme)
     threshold = threshold_array(metrics.resolution_elements(np.hypot(x, y)), model.strategy.sigma)
-    return noise.significance / threshold, noise, effective_of(programme, rates.speckle)
+    return noise.significance / threshold, noise, programme.effective(rates.speckle)
 
 
 @pytest.mark.parametrize(("strategy", "drift", "hole"), CASES)

@@ -8,7 +8,7 @@ import pytest
 from catalogs import load_known_planets, load_stars
 from cpic_planner.etc import build_model
 from cpic_planner.ranking import KnownChoice, rank_targets
-from cpic_planner.ranking.known_completeness import completeness, known_completeness, known_rows
+from cpic_planner.ranking.completeness import completeness, known_completeness, known_rows
 from cpic_planner.ranking.order import RankSetting
 from cpic_planner.results import KNOWN_PLANETS
 from cpic_planner.targets import targets_from_table

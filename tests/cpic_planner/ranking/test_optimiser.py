@@ -9,8 +9,7 @@ from cpic_planner.etc import build_model, contrast_limit, place_status, referenc
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
 from cpic_planner.ranking import optimise, separation_grid
-from cpic_planner.ranking.programmes import Outlook
-from cpic_planner.ranking.settings import best_of
+from cpic_planner.ranking.optimiser import Outlook, best_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from cpic_planner.ranking.compare import Ranking, compare_rankings
+from cpic_planner.ranking.sensitivity import Ranking, compare_rankings
 from cpic_planner.report import (
     best_row,
     print_check,

@@ -9,7 +9,7 @@ from rich.console import Console
 from catalogs import TableBytes, open_catalogue, parse_table
 from cpic_core import visible
 from cpic_planner.queries.rank import read_star_names
-from cpic_planner.ranking.compare import load_ranking
+from cpic_planner.ranking.sensitivity import load_ranking
 from cpic_planner.report import Sheet, form_text, print_rank, ranking_csv, ranking_ecsv
 from cpic_planner.report.confirm import measurements_csv
 from cpic_planner.report.whatif import targets_csv

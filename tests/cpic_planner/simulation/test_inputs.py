@@ -5,8 +5,15 @@ import json
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.simulation import simulate, simulation_estimate, simulation_from
-from cpic_planner.simulation.run import disk_bytes, modelled, plan_sequences, sequence_choice
+from cpic_planner.simulation import (
+    disk_bytes,
+    modelled,
+    plan_sequences,
+    sequence_choice,
+    simulate,
+    simulation_estimate,
+    simulation_from,
+)
 from simulator.config import SequenceConfig, load_scene, load_simulation, simulation_of
 from simulator.knobs import MAX_TOLERANCE
 

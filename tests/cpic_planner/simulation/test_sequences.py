@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.simulation.run import check_light, plan_sequences
+from cpic_planner.simulation import check_light, plan_sequences
 from simulator.config import load_simulation
 from simulator.products import product_name, sequence_times, write_level0
 

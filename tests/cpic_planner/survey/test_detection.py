@@ -23,9 +23,9 @@ from cpic_planner.etc import (
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.planets.population_config import QUANTITIES
+from cpic_planner.planets.population import QUANTITIES
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey import detection
 from cpic_planner.survey.detection import (
     ExpectedSignals,

@@ -4,17 +4,19 @@ Tables of a survey: every column declared, keys unique, universes numbered over 
 """
 
 import functools
+import json
 import math
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import assume, given, strategies as st
 from scipy.stats import norm, t as student
 
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.outcome import convergence, difference_interval, mean_interval, spread
-from cpic_planner.survey.simulate import rows_of, simulate_survey
-from cpic_planner.survey.tables import TABLES, ResultStore, read_table
+from cpic_planner.survey.simulate import simulate_survey
+from cpic_planner.survey.tables import TABLES, ResultStore
 
 
 @functools.cache
@@ -125,7 +127,7 @@ def test_without_skewness_it_is_students():
 def test_the_order_of_universes_does_not_matter():
     values = np.random.default_rng(3).poisson(0.4, 300)
     one, other = mean_interval(values), mean_interval(np.sort(values))
-    assert (one.mean, one.n) == (other.mean, other.n)
+    assert one.mean == other.mean
     assert (one.low, one.high, one.error) == pytest.approx((other.low, other.high, other.error), rel=1e-9)
 
 
@@ -158,17 +160,18 @@ def test_spread_is_that_of_single_surveys():
 def test_convergence_ends_with_everything():
     values = np.random.default_rng(0).poisson(0.3, 700)
     points = convergence(values)
-    assert [point.n for point in points] == sorted({point.n for point in points})
-    assert (points[0].n, points[-1].n) == (10, 700)
-    assert points[-1] == mean_interval(values)
-    assert [point.n for point in convergence([1, 2])] == [2]
-    assert [point.n for point in convergence([1, 2, 3, 4, 5])] == [5]
+    assert [point.x for point in points] == sorted({point.x for point in points})
+    assert (points[0].x, points[-1].x) == (10, 700)
+    whole = mean_interval(values)
+    assert (points[-1].mean, points[-1].high) == (whole.mean, whole.high)
+    assert [point.x for point in convergence([1, 2])] == [2]
+    assert [point.x for point in convergence([1, 2, 3, 4, 5])] == [5]
 
 
 def test_columns_are_those_declared(plain, tmp_path):
     survey = plain.surveys[0]
     parts = [
-        rows_of(simulate_survey(survey, block=block, n=60, seed=1), name, 100 * block)
+        simulate_survey(survey, block=block, n=60, seed=1).rows(name, 100 * block)
         for block in (0, 1)
         for name in ("one", "two")
     ]
@@ -185,9 +188,9 @@ def test_columns_are_those_declared(plain, tmp_path):
     assert len(universes["universe"]) == 240
     assert set(universes["universe"]) == set(range(60)) | set(range(100, 160))
     assert set(detections["universe"]) <= set(universes["universe"])
-    stored = read_table(paths["detections"])
-    assert stored.units["separation_arcsec"] == "arcsec"
-    assert stored.key == ("strategy", "universe", "star", "planet")
+    stored = pq.read_schema(paths["detections"])
+    assert stored.field("separation_arcsec").metadata[b"unit"] == b"arcsec"
+    assert json.loads(stored.metadata[b"cpic_planner"])["key"] == ["strategy", "universe", "star", "planet"]
     # What the detections count is what the universes say.
     for name in ("one", "two"):
         mine = detections["strategy"] == name
@@ -208,6 +211,6 @@ def test_an_empty_block_has_its_columns(plain):
 
     survey = plain.surveys[0]
     nothing = replace(survey, schedule=replace(survey.schedule, visits=()))
-    rows = rows_of(simulate_survey(nothing, block=0, n=5, seed=1), "none", 0)
+    rows = simulate_survey(nothing, block=0, n=5, seed=1).rows("none", 0)
     assert np.array_equal(rows["universes"]["universe"], np.arange(5))
     assert all(len(values) == 0 for values in rows["detections"].values())

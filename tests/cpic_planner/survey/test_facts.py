@@ -3,6 +3,7 @@
 import hashlib
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cpic_planner.results import WhatIfResult
@@ -17,7 +18,6 @@ from cpic_planner.survey.outcome import (
     mean_interval,
     taken_back,
 )
-from cpic_planner.survey.tables import read_table
 from cpic_planner.survey.whatif import whatif_cost
 
 ALL_FACTS = ("known_planets", "rv", "stability", "known_giants", "companions", ALL)
@@ -79,9 +79,9 @@ def run(config, tmp_path_factory):
 
 
 def universes_of(folder, strategy):
-    columns = read_table(folder / "universes.parquet").columns
+    columns = pd.read_parquet(folder / "universes.parquet")
     mine = columns["strategy"] == strategy
-    return counts_of([{name: columns[name][mine] for name in ("new_planets", "known_planets")}])
+    return counts_of({name: columns[name][mine] for name in ("new_planets", "known_planets")})
 
 
 @pytest.mark.parametrize("fact", ["known_planets", "rv", ALL])
@@ -149,7 +149,7 @@ def test_without_being_asked_there_is_no_comparison(small, tmp_path):
 
 
 def counts(new, known):
-    return counts_of([{"new_planets": np.array(new), "known_planets": np.array(known)}])
+    return counts_of({"new_planets": np.array(new), "known_planets": np.array(known)})
 
 
 def test_the_statement_names_the_fact_that_moves_most_planets_and_most_new_ones(run, config):

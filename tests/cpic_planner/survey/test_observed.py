@@ -348,19 +348,16 @@ def test_names_numbers_and_rows_of_bodies_stay(setup):
     assert key(found) == key(bodies)
 
 
-def test_what_is_left_of_a_survey(log_of, small, plain):
+def test_what_is_left_of_a_survey(log_of, small):
     row = ROW.replace("tau Cet", "HD 22049")  # eps Eri
     prepared = prepare(small(universe={"observed": str(log_of(row))}))
-    survey, before = prepared.surveys[0], plain.surveys[0]
+    survey = prepared.surveys[0]
     assert survey.strategy.time_budget_h == 295.0
     assert {visit.slot for visit in survey.schedule.visits} <= set(range(1, 13))
     mine = list(survey.targets.name).index("eps Eri")
     visits = [visit for visit in survey.schedule.visits if visit.star == mine]
     assert len(visits) == 3  # of four, one is made
     assert min(survey.calendar.day[mine, visit.slot] for visit in visits) >= 31.0 + 30.0
-    worth = dict(zip(survey.targets.name, prepared.worth[0], strict=True))
-    old = dict(zip(before.targets.name, plain.worth[0], strict=True))
-    assert worth["tau Cet"] <= old["tau Cet"] * (1 + 1e-9)
     # A star that has shown its planet is left alone, unless the strategy goes on.
     shown = str(log_of(row.replace(",10,0", ",10,1")))
     assert "eps Eri" not in prepare(small(universe={"observed": shown})).surveys[0].targets.name

@@ -252,4 +252,4 @@ def test_a_schedule_that_values_orbits_has_more_of_them(valued):
 
     assert worth(orbits) == pytest.approx(orbits.value)
     assert worth(orbits) > worth(plain)
-    assert max(odds.probability for odds in prepared[1].odds[0]) <= 1.0
+    assert max(visit.probability for visit in prepared[1].surveys[0].schedule.visits) <= 1.0

@@ -27,12 +27,12 @@ from cpic_planner.survey.outcome import (
     visit_files,
 )
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.simulate import rows_of, simulate_survey
+from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.visibility import load_visibility, visibility
 
 
 def tables_of(survey, n=150, seed=1):
-    return rows_of(simulate_survey(survey, block=0, n=n, seed=seed), survey.strategy.name, 0)
+    return simulate_survey(survey, block=0, n=n, seed=seed).rows(survey.strategy.name, 0)
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +206,7 @@ ABOUT = {"version": "1", "config_hash": "0123456789abcdef", "catalogue": "stars"
 
 @pytest.fixture(scope="module")
 def rows(plain):
-    return list(planned_rows(plain.surveys[0], plain.odds[0]))
+    return list(planned_rows(plain.surveys[0]))
 
 
 def test_a_planned_visit_is_where_and_when_the_calendar_has_it(plain, rows):
@@ -256,12 +256,12 @@ def test_two_quadrants_have_names(plain):
     (survey,) = plain.surveys
     metrics = {band: replace(item, hole_mode="2q", hole_side="top") for band, item in survey.model.metrics.items()}
     half = replace(survey, model=replace(survey.model, metrics=metrics))
-    assert next(planned_rows(half, plain.odds[0])).quadrants == "upper right; upper left"
+    assert next(planned_rows(half)).quadrants == "upper right; upper left"
 
 
 def test_the_three_files_are_one_table(plain, rows, tmp_path):
     """What each says reads back as it was, units and meanings with it, by others' readers and by ours."""
-    for name, text in visit_files(plain.surveys, plain.odds, ABOUT).items():
+    for name, text in visit_files(plain.surveys, ABOUT).items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     by_csv, by_ecsv, by_json = (tmp_path / name for name in VISIT_FILES)
     stored = VisitsResult.model_validate_json(by_json.read_text())
@@ -286,7 +286,7 @@ def test_the_three_files_are_one_table(plain, rows, tmp_path):
 
 def test_a_calendar_without_visits_is_a_table_without_rows(plain):
     empty = replace(plain.surveys[0], schedule=replace(plain.surveys[0].schedule, visits=()))
-    texts = visit_files([empty], [()], ABOUT)
+    texts = visit_files([empty], ABOUT)
     assert texts["visits.csv"].splitlines() == [",".join(PlannedVisitRow.model_fields)]
     assert json.loads(texts["visits.json"])["visits"] == []
     assert len(Table.read(texts["visits.ecsv"], format="ascii.ecsv")) == 0

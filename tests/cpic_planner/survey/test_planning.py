@@ -99,7 +99,7 @@ def test_chances_are_worked_out_once_for_visits_and_planets(sky, model, small, s
 
     def calls(strategy, host, looks):
         worked_out.clear()
-        shown = sky.view(strategy, model).shown(host, looks, EPOCH_MJD)
+        shown = sky.shown(strategy, model, host, looks, EPOCH_MJD)
         return shown, worked_out.count("pair_signals")
 
     one, number = calls(strategy, now, looks)
@@ -132,7 +132,7 @@ def test_what_is_kept_has_a_limit():
 
 def test_chances_are_those_of_single_visits(sky, model, small, star, looks):
     strategy, (host,) = small().strategies[0], hosts(star, "snapshot")
-    shown = sky.view(strategy, model).shown(host, looks, EPOCH_MJD)
+    shown = sky.shown(strategy, model, host, looks, EPOCH_MJD)
     planets, rule = shown.planets, strategy.detection
     whole = np.zeros((DAYS.size, len(planets)), np.float32)
     for slot in np.flatnonzero(looks.open[0]):

@@ -21,7 +21,7 @@ def test_surveys_share_their_calendar_and_stars(small):
         np.testing.assert_array_equal(own, getattr(two, field))
     for survey in prepared.surveys:
         assert len(survey.options) == len(survey.targets) == len(survey.known_rows) == len(survey.noise_alarms)
-    assert [len(worth) for worth in prepared.worth] == [3, 2]
+    assert [len(survey.targets) for survey in prepared.surveys] == [3, 2]
 
 
 def test_schedules_stay_within_their_strategy(plain):

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
-from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, greedy, in_order, visit_odds
+from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, greedy, in_order, with_odds
 from cpic_planner.survey.universe import NEW
 
 LIMITS = st.fixed_dictionaries(
@@ -252,7 +252,7 @@ def test_odds_of_visits_against_universes_that_are_drawn(problems, needed):
     problem = Problem(rules, (replace(star, weight=worth),), np.full(4, 100.0))
     reserve = [False, True, False, False]
     visits = [PlannedVisit(0, 0, slot, slot, 1.0, 0.0, reserve[slot]) for slot in range(4)]
-    odds = visit_odds(problem, visits)
+    odds = with_odds(problem, visits)
 
     bodies = [(j, universe) for j in range(3) for universe in np.repeat(np.arange(n), rng.poisson(star.weight[j], n))]
     for rows in ([3, 4], [5]):
@@ -273,7 +273,8 @@ def test_odds_of_visits_against_universes_that_are_drawn(problems, needed):
 
 def test_odds_add_up_to_the_value_of_the_calendar(sharp):
     """Without known planets a visit shows a Poisson number of new ones, and all of them together the value."""
-    (survey,), (odds,) = sharp.surveys, sharp.odds
+    (survey,) = sharp.surveys
+    odds = survey.schedule.visits
     expected = [-math.log1p(-item.probability) for item in odds]
     assert len(expected) == len(survey.schedule.visits) > 3
     assert sum(expected) == pytest.approx(survey.schedule.value, rel=1e-6)

@@ -8,7 +8,7 @@ import pytest
 
 import cpic_planner.survey.simulate as module
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.ranking.known_completeness import completeness
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.candidates import N_DRAWS
 from cpic_planner.survey.detection import expected_signals
 from cpic_planner.survey.prepare import prepare
@@ -430,6 +430,16 @@ def test_new_planets_go_with_the_occurrence_rate(plain, change):
 def test_nothing_planned_finds_nothing(plain):
     survey = plain.surveys[0]
     played = simulate_survey(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)
-    assert not any(values.any() for values in played.universes.values())
+    assert not any(values.any() for name, values in played.universes.items() if name != "universe")
     assert len(played.detections["universe"]) == len(played.stars["star"]) == 0
     assert played.detections["universe"].dtype == np.int64
+
+
+def test_without_events_columns_are_empty_and_typed(plain):
+    survey = plain.surveys[0]
+    nothing = replace(survey, schedule=replace(survey.schedule, visits=()))
+    columns = simulate_survey(nothing, block=0, n=3, seed=1).detections
+    assert all(len(values) == 0 for values in columns.values())
+    assert columns["universe"].dtype == columns["known_row"].dtype == np.int64
+    assert columns["snr"].dtype == float
+    assert columns["star"].dtype == columns["band"].dtype == object

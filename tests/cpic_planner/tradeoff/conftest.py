@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
-from cpic_planner.tradeoff.setup import SCENES
+from cpic_planner.tradeoff.scenes import SCENES
 
 SMALL = {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}
 

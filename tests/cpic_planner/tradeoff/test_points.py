@@ -6,22 +6,34 @@ import numpy as np
 import pytest
 
 from cpic_planner.tradeoff import chosen, n_rows
-from cpic_planner.tradeoff.chain import NotApplicable, Places, aperture_flux_e, closed_form, drawn_frames, worked
-from cpic_planner.tradeoff.points import (
-    TOLERANCES_MEASURED,
+from cpic_planner.tradeoff.measure import (
+    NotApplicable,
+    Places,
+    aperture_flux_e,
+    closed_form,
+    drawn_frames,
     expected_flux_e,
     flux_of_programme,
     light_without,
     own_noise_e2,
-    points_of,
     ratio_of_programmes,
     snr_of_programme,
     speckle_samples,
     walk_samples,
     white_of_frames,
     white_of_sums,
+    worked,
 )
-from cpic_planner.tradeoff.setup import SCENES, Setup, choice_of, chosen_by, reference_setup, visit
+from cpic_planner.tradeoff.scenes import (
+    SCENES,
+    TOLERANCES_MEASURED,
+    Setup,
+    choice_of,
+    chosen_by,
+    points_of,
+    reference_setup,
+    visit,
+)
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import overlap_weights
 from simulator.knobs import FIDELITIES, dial_of

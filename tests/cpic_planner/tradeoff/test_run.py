@@ -8,10 +8,9 @@ import pytest
 from cpic_core import InputError
 from cpic_planner.jobs import run
 from cpic_planner.tradeoff import run as module, tradeoff_job
-from cpic_planner.tradeoff.points import points_of
+from cpic_planner.tradeoff.measure import measured_rows
 from cpic_planner.tradeoff.run import compared, speed_ups
-from cpic_planner.tradeoff.setup import GLANCE
-from cpic_planner.tradeoff.worker import measure_point, measure_shared
+from cpic_planner.tradeoff.scenes import GLANCE, points_of
 from cpic_planner.version import __version__
 from simulator.knobs import FIDELITIES, Knobs
 
@@ -23,12 +22,10 @@ def points(case, *names):
 @pytest.mark.long
 def test_rows_of_every_group(small_case, monkeypatch):
     monkeypatch.setitem(FIDELITIES, "reference", Knobs(wavelength_nodes=3, pixel_nodes=3))  # for speed
-    found = {
-        point.name: measure_point(small_case, point, GLANCE, "here", 0.0)
-        for point in points(small_case, "reference", "etc", "tolerance_0.3")
-    }
-    shared = measure_shared(small_case, points(small_case, "wavelengths_1", "no_flat"), GLANCE, "here")
-    found |= {row.point: row for row in shared}
+    alone = points(small_case, "reference", "etc", "tolerance_0.3")
+    rows = [row for point in alone for row in measured_rows(small_case, [point], GLANCE, "here", 0.0)]
+    rows += measured_rows(small_case, points(small_case, "wavelengths_1", "no_flat"), GLANCE, "here", 0.0)
+    found = {row.point: row for row in rows}
     assert {row.status for row in found.values()} == {"ok"}
     for row in found.values():
         assert row.wall_s > 0
@@ -45,7 +42,7 @@ def test_rows_of_every_group(small_case, monkeypatch):
 
 def test_a_row_that_does_not_apply_has_a_reason(small_case):
     case = dataclasses.replace(small_case, em_gain=1000.0, exposure_s=1e5)
-    row = measure_point(case, points(case, "sums_quick")[0], GLANCE, "here", 0.0)
+    (row,) = measured_rows(case, points(case, "sums_quick"), GLANCE, "here", 0.0)
     assert (row.status, row.reason) == ("invalid", "not_applicable")
     assert row.message != ""
     assert row.wall_s is None
@@ -55,8 +52,8 @@ def test_ways_that_void_every_aperture_are_rows_of_their_own(small_case, monkeyp
     """Their frames can be drawn, and show nothing: no error that ends the rows of the other ways."""
     monkeypatch.setitem(FIDELITIES, "reference", Knobs(wavelength_nodes=1, pixel_nodes=1))  # for speed
     case = dataclasses.replace(small_case, em_gain=1000.0, exposure_s=1e4)
-    rows = [measure_point(case, points(case, "hole_quick")[0], GLANCE, "here", 0.0)]
-    rows += measure_shared(case, points(case, "epochs_1", "no_flat"), GLANCE, "here")
+    rows = measured_rows(case, points(case, "hole_quick"), GLANCE, "here", 0.0)
+    rows += measured_rows(case, points(case, "epochs_1", "no_flat"), GLANCE, "here", 0.0)
     assert [row.point for row in rows] == ["hole_quick", "epochs_1", "no_flat"]
     for row in rows:
         assert (row.status, row.reason) == ("invalid", "not_applicable")

@@ -1,6 +1,6 @@
 import pytest
 
-from cpic_planner.tradeoff.setup import PLANET, SCENES, fixed_scene
+from cpic_planner.tradeoff.scenes import PLANET, SCENES, fixed_scene
 from simulator.imaging import psf_metrics
 from simulator.target import scene_sources
 

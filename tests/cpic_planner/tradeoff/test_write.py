@@ -5,17 +5,15 @@ import pytest
 
 from cpic_core import dump_json
 from cpic_planner.tradeoff import FILES, read_result
-from cpic_planner.tradeoff.setup import SCENES
-from cpic_planner.tradeoff.write import (
+from cpic_planner.tradeoff.run import (
     COLUMNS,
     LOOKS,
     SMALLEST,
     pareto_figure,
     products_of,
-    programme_table,
     report_text,
-    tier_table,
 )
+from cpic_planner.tradeoff.scenes import SCENES
 
 
 @pytest.fixture
@@ -114,8 +112,13 @@ def test_the_report_says_what_was_found(result):
     assert "Few frames" in report_text(result.model_copy(update={"quick_look": True}))
 
 
+def table(result, first):
+    """The lines of the table of the report whose heading begins so."""
+    return report_text(result)[report_text(result).index(f"| {first} |") :].split("\n\n")[0].splitlines()
+
+
 def test_the_table_of_tiers(result):
-    lines = tier_table(result).splitlines()
+    lines = table(result, "tier")
     assert lines[2].startswith("| closed form | 2 ms to 2 ms | 100 | +0.4 % (faint) | -2 ± 0.3 % (faint) | 1 of 1 |")
     assert lines[4].startswith("| `reference` | 6 s to 12 s | 100 | 0 | 0 | 2 of 2 |")
     assert len(lines) == 5  # no scene has a quick answer
@@ -132,11 +135,11 @@ def test_the_table_of_programmes(result, make):
     ]
     update = {"scenes": [*result.scenes, scene.model_copy(update=about)], "rows": [*result.rows, *rows]}
     with_programme = result.model_copy(update=update)
-    line = programme_table(with_programme).splitlines()[2]
+    line = table(with_programme, "visits")[2]
     assert line == "| 4 | 16 | 3 | same star planet free | 11.00 | 0 | +2 ± 1 % | 2 ms | 500 ms |  |"
     assert "reference frames in 16 visits" in report_text(with_programme)
     assert "Programmes of visits" not in report_text(result)
-    assert tier_table(with_programme) == tier_table(result)
+    assert table(with_programme, "tier") == table(result, "tier")
     assert len([axes for axes in pareto_figure(with_programme).axes if axes.axison]) == len(result.scenes)
 
 

@@ -10,9 +10,9 @@ from scipy.ndimage import binary_erosion
 from cpic_planner.etc import build_model
 from cpic_planner.queries import ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.targets import find_target
-from cpic_planner.validation import audit, prepare_task, visit_pair
+from cpic_planner.validation import prepare_task, realise as audit, visit_pair
 from cpic_planner.validation.frames import calibrated_frames, transferred
-from cpic_planner.validation.modelling import modelling_of
+from cpic_planner.validation.task import modelling_of
 from simulator import load_instrument
 from simulator.camera import load_calibration_set
 

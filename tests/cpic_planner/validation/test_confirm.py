@@ -13,8 +13,8 @@ from cpic_planner.queries.shared import ReferenceStar
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target
 from cpic_planner.validation import ConfirmTask, confirm_task, decode_arrays, images_of, prepare_task, rdi_subtract
-from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.confirm import encode_arrays
+from cpic_planner.validation.photometry import sample_scatter
 from simulator import load_instrument, observe
 from simulator.observing import hole_stacks
 from simulator.signal import speckle_law

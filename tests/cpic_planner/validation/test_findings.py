@@ -5,7 +5,7 @@ import pytest
 
 from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import PREDICTION_ERROR, calibrate, mean_snr, snr_scatter
-from cpic_planner.validation.findings import MOST_ERROR, Calibration, calibration_of
+from cpic_planner.validation.verdict import MOST_ERROR, Calibration, calibration_of
 
 
 def band(predicted, recovered, error):

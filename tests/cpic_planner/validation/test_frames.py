@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.validation import aperture_weights, calibrated_frames, combine, reject_cosmic_rays
-from cpic_planner.validation.frames import transferred
-from cpic_planner.validation.reduced import dark_bar, frame_level
+from cpic_planner.validation.frames import dark_bar, frame_level, transferred
 from simulator import Observation, load_instrument, observe
 from simulator.camera import MaskBit
 

@@ -7,9 +7,8 @@ import pytest
 from scipy.stats import beta, norm
 
 from cpic_planner.validation import INTERVAL, RdiResult, ReducedStack, azimuth_share, fraction_interval
-from cpic_planner.validation.detection import search
 from cpic_planner.validation.injection import draw_place, inject, recovered
-from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
+from cpic_planner.validation.search import filter_kernel, search, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
 from simulator.detectors import excess_noise_factor2

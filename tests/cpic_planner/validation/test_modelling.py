@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.confirm import scene_target
-from cpic_planner.confirm.stars import images_cost
+from cpic_planner.confirm.scene import images_cost
 from cpic_planner.etc import build_model
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.results import ModellingRecord

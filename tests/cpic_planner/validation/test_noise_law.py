@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from cpic_planner.validation.noise_law import PixelLaw
+from cpic_planner.validation.frames import PixelLaw
 from simulator.detectors.gain import multiply
 
 STAGES, READ_NOISE_E = 604, 110.0

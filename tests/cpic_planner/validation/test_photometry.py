@@ -8,8 +8,13 @@ from photutils.aperture import CircularAperture
 
 from cpic_core import stream
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
-from cpic_planner.validation.apertures import outside_discs, sample_scatter
-from cpic_planner.validation.photometry import kernel_at, ratio as over_noise, sum_weights
+from cpic_planner.validation.photometry import (
+    kernel_at,
+    outside_discs,
+    ratio as over_noise,
+    sample_scatter,
+    sum_weights,
+)
 from simulator.detectors import excess_noise_factor2
 from simulator.detectors.gain import multiply
 

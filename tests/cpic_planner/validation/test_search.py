@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from cpic_planner.validation.search import NoiseTerms, fit_noise
-from cpic_planner.validation.search_field import smooth_white
+from cpic_planner.validation.search import NoiseTerms, fit_noise, smooth_white
 
 N = 4000
 RNG = np.random.default_rng(5)

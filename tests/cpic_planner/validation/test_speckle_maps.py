@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_core import stream
-from cpic_planner.validation.speckle_maps import filter_kernel, matched_sum, speckle_maps
+from cpic_planner.validation.search import filter_kernel, matched_sum, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
 from simulator.imaging import visit_frames

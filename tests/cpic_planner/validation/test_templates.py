@@ -11,8 +11,8 @@ from cpic_planner.etc import build_model, place_status, planet_offsets, usable_r
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation import aperture_weights
-from cpic_planner.validation.apertures import outside_discs, sample_places, sample_scatter
-from cpic_planner.validation.templates import obstacle, pixels_of, place_at, radius_pixel
+from cpic_planner.validation.measure import obstacle, pixels_of, place_at
+from cpic_planner.validation.photometry import outside_discs, radius_pixel, sample_places, sample_scatter
 from simulator import load_instrument
 from simulator.target import detector_to_sky, sky_to_detector
 

@@ -10,8 +10,13 @@ from cpic_core import InputError
 from cpic_planner.confirm.scene import _work
 from cpic_planner.queries import ConfirmQuestion, Strategy
 from cpic_planner.validation import StarFlux, aperture_weights, planet_templates, visit_pair
-from cpic_planner.validation.measure import forced_photometry, measure_planets, reduced_around
-from cpic_planner.validation.whitened import SpeckleModel, WhitenedFilter
+from cpic_planner.validation.measure import (
+    SpeckleModel,
+    WhitenedFilter,
+    forced_photometry,
+    measure_planets,
+    reduced_around,
+)
 from simulator import load_instrument, load_scene
 from simulator.signal import unit_parts
 
@@ -57,7 +62,7 @@ def smooth(monkeypatch):
         part = patches[:, geometry.annulus(separation, 2.4)[hole]]
         return linear * part.T @ part
 
-    monkeypatch.setattr("cpic_planner.validation.whitened.speckle_covariance", known)
+    monkeypatch.setattr("cpic_planner.validation.measure.speckle_covariance", known)
 
     def draw(n):
         image = np.zeros((n, *hole.shape))

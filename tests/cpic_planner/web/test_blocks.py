@@ -6,7 +6,7 @@ import pytest
 
 from cpic_planner import report
 from cpic_planner.report.cells import print_note, print_plain, print_table
-from cpic_planner.web.blocks import blocks_of
+from cpic_planner.web.pages import blocks_of
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import uvicorn
 
-from cpic_planner.web import application, guard, punctual
+from cpic_planner.web import application, guard
 from cpic_planner.web.job_queue import JobQueue
 from cpic_planner.web.serving import UVICORN
 
@@ -28,7 +28,7 @@ SLICE = 120
 @pytest.fixture
 def served(monkeypatch, tmp_path):
     """Port of a server with short limits."""
-    monkeypatch.setattr(punctual, "HEAD_S", 0.4)
+    monkeypatch.setattr(guard, "HEAD_S", 0.4)
     monkeypatch.setattr(guard, "BODY_S", 0.4)
     for name in ("secret", "secret.yaml"):
         (tmp_path / name).write_text(f"kind: instrument\nname: {hostile.SECRET}\n")
@@ -36,7 +36,7 @@ def served(monkeypatch, tmp_path):
     with JobQueue(tmp_path / "jobs") as queue, socket.socket() as wire:
         wire.bind(("127.0.0.1", 0))
         app = application(jobs=queue, folder=tmp_path)
-        server = uvicorn.Server(uvicorn.Config(app, http=punctual.Punctual, **UVICORN))
+        server = uvicorn.Server(uvicorn.Config(app, http=guard.Punctual, **UVICORN))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [wire]})
         thread.start()
         hostile.wait_for(wire.getsockname()[1])
@@ -47,7 +47,7 @@ def served(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("sent", [b"", b"GET /jobs HTTP/1.1\r\nHost: 127.0.0.1\r\n", b"GET"])
 def test_connections_without_a_request_keep_nobody_out(served, monkeypatch, sent):
-    monkeypatch.setattr(punctual, "HEAD_S", 60.0)
+    monkeypatch.setattr(guard, "HEAD_S", 60.0)
     with contextlib.ExitStack() as stack:
         lines = []
         for _ in range(300):

@@ -11,13 +11,12 @@ from pydantic import BaseModel
 
 from cpic_core import InputError, fingerprint
 from cpic_core.provenance import WORDS
-from cpic_planner.jobs import Job, Task, check_tree
+from cpic_planner.jobs import Job, Task, check_tree, worker
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.results import StarImagesResult
-from cpic_planner.web import job
+from cpic_planner.web import job_queue
 from cpic_planner.web.asking import IMAGES
-from cpic_planner.web.job import expected
-from cpic_planner.web.job_queue import JobQueue
+from cpic_planner.web.job_queue import JobQueue, expected
 
 ASKED = {"target": "tau Cet", "bands": "F520", "realisations": "1", "fidelity": "quick"}
 SERVER = """
@@ -119,10 +118,10 @@ def test_what_a_server_of_other_software_began_is_begun_anew_and_said(tmp_path, 
     with open_run_folder(tmp_path / "run", **where) as folder:
         folder.save_part("square 7", {"square": 1})
     (tmp_path / "asked.json").write_text('{"pairs": []}')
-    monkeypatch.setattr(job, "job_of", squares)
-    monkeypatch.setattr(job, "end_with", lambda pid: None)
-    monkeypatch.setattr(job.os, "nice", lambda by: 0)
-    job.main("1", str(tmp_path))
+    monkeypatch.setattr(job_queue, "job_of", squares)
+    monkeypatch.setattr(worker, "end_with", lambda pid: None)
+    monkeypatch.setattr(job_queue.os, "nice", lambda by: 0)
+    job_queue.main("1", str(tmp_path))
     assert json.loads((tmp_path / "run" / "squares.json").read_text())["total"] == total
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert (record["resumed_parts"], record["computed_parts"]) == ((0, 1) if total == 49 else (1, 0))

@@ -8,7 +8,7 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.cli.main import main
-from cpic_planner.web.sent import FILE_FIELDS, read_sent
+from cpic_planner.web.asking import FILE_FIELDS, read_sent
 from simulator.config import load_instrument
 
 STARS = b"name,v_mag,sp_type,distance_pc\nBob,4.5,G8V,7\nAnn,5.0,K1V,9\n"

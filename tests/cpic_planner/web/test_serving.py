@@ -20,7 +20,7 @@ def test_an_interrupted_server_waits_for_the_figure_that_it_draws_beforehand(mon
         assert begun.wait(30)
         interrupted.set()
 
-    monkeypatch.setattr(serving, "etc_figure", figure)
+    monkeypatch.setattr(serving, "drawn", figure)
     monkeypatch.setattr(uvicorn, "run", run)
     serving.serve("127.0.0.1", 8765, jobs=tmp_path / "jobs")
     assert daemons == [False]

@@ -6,7 +6,7 @@ import pytest
 from catalogs import velocity_limit
 from cpic_planner import explain_rank, star_visibility
 from cpic_planner.cli.main import main
-from cpic_planner.web.star import star_answer
+from cpic_planner.web.answers import star_answer
 
 
 def words(told):

@@ -6,7 +6,7 @@ import pytest
 
 from cpic_core import numeric_context
 from cpic_planner.web import application
-from cpic_planner.web.work import Busy, Kept, Workers
+from cpic_planner.web.guard import Busy, Kept, Workers
 
 
 def test_work_is_done_in_other_threads():

@@ -13,7 +13,7 @@ from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
 from simulator.detectors import clean_fraction
 from simulator.effects import cosmic_ray_rate, draw_cosmic_rays, generated_projection_um
-from simulator.effects.tracks import PaperModel, PhysicalModel, generated_templates
+from simulator.effects.cosmic_rays import PaperModel, PhysicalModel, generated_templates
 from simulator.imaging import overlap_weights
 
 EXPOSURES = 2500

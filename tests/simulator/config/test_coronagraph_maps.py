@@ -6,7 +6,7 @@ from astropy.io import fits
 
 from cpic_core import InputError
 from simulator.config import load_instrument
-from simulator.config.coronagraph_table import coronagraph_table
+from simulator.config.coronagraph import coronagraph_table
 from simulator.imaging import psf_metrics
 
 UNIT, STEP, SIDE = 0.04, 0.01, 81

@@ -8,7 +8,7 @@ import pytest
 
 from cpic_core import InputError
 from simulator.config import load_instrument, preset_names, shipped_tables
-from simulator.config.coronagraph_table import COLUMNS, coronagraph_table
+from simulator.config.coronagraph import COLUMNS, coronagraph_table
 
 UNIT = 0.04
 FLAT = "separation_arcsec,core_throughput,raw_contrast\n0.1,0.05,1e-9\n0.3,0.05,1e-9\n"

@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from simulator.config import canonical_json, checked_utc, content_hash, load_instrument
-from simulator.config.telescope import DarkHoleConfig, MirrorConfig, WavefrontConfig
+from simulator.config.instrument import DarkHoleConfig, MirrorConfig, WavefrontConfig
 
 
 def test_default_states_source_and_confidence_of_every_number():

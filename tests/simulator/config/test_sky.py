@@ -9,7 +9,7 @@ from astropy.io import fits
 
 from cpic_core import InputError
 from simulator.config import DiscSource, ImageSource, RingSource, Scene, load_scene
-from simulator.config.sky import extended_source
+from simulator.config.scene import extended_source
 
 STAR = {"v_mag": 3.0, "teff_k": 5230}
 DISC = {"contrast": 1e-6, "inner_arcsec": 0.3, "outer_arcsec": 0.6, "slope": -2, "inclination_deg": 60, "pa_deg": 40}

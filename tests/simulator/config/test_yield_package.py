@@ -8,8 +8,7 @@ from photutils.aperture import CircularAperture, aperture_photometry
 
 from cpic_core import InputError
 from simulator.config import load_instrument
-from simulator.config.coronagraph_table import coronagraph_table
-from simulator.config.yield_package import FILES
+from simulator.config.coronagraph import FILES, coronagraph_table
 from simulator.imaging import psf_metrics
 from tests.yield_packages import DIAMETERS, PIXEL, RADIUS, SIGMA, STEPS, passed, sky, source, star, write
 

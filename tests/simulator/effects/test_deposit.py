@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.special import erf
 
-from simulator.effects.tracks import Canvas, Points, Tracks
+from simulator.effects.cosmic_rays import Canvas, Points, Tracks
 
 
 def one_track(along, sigma, across=None, weight=None):

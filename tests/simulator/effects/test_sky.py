@@ -15,7 +15,6 @@ from astropy.time import Time
 
 from catalogs import HC_ERG_ANGSTROM, load_reference_spectrum, load_zodi_table
 from cpic_core import InputError
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_instrument
 from simulator.effects import ecliptic_deg, sky_rate_e_s_arcsec2, sky_rates_e_s_arcsec2
 from simulator.effects.sky import (
@@ -28,7 +27,7 @@ from simulator.effects.sky import (
     zodiacal_photlam_arcsec2,
     zodiacal_radiance,
 )
-from simulator.passbands import Passbands
+from simulator.passbands import Passbands, v_photon_rate, vega_v_photon_rate
 
 DATE = "2028-03-03T06:00:00"
 UNIFORM = load_instrument({"sky": {"model": "uniform"}})

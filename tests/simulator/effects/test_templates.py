@@ -5,7 +5,7 @@ import pytest
 from astropy.io import fits
 
 from simulator.effects import draw_cosmic_rays, read_templates
-from simulator.effects.tracks import TemplateModel, generated_templates
+from simulator.effects.cosmic_rays import TemplateModel, generated_templates
 
 BAR = np.zeros((5, 21))
 BAR[2] = 1.0  # a bar of 21 samples along the columns
@@ -106,7 +106,7 @@ def test_file_reaches_the_image(tmp_path, cosmic, rng):
 
 def test_one_event_keeps_moments_under_rotation(tmp_path, rng):
     from simulator.config import load_instrument
-    from simulator.effects.tracks import Canvas
+    from simulator.effects.cosmic_rays import Canvas
 
     found = read_templates(write_npz(tmp_path / "a.npz", BAR, pixel_um=13.0))
     model = TemplateModel(found, load_instrument().cosmic_rays.paper, 13.0)

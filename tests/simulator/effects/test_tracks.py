@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from simulator.effects.tracks import (
+from simulator.effects.cosmic_rays import (
     PaperModel,
     PhysicalModel,
     cut_landau,

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from cpic_planner.queries import Strategy
-from cpic_planner.validation.apertures import sample_places
-from cpic_planner.validation.photometry import kernel_at
+from cpic_planner.validation.measure import pixels_of, place_at, radius_pixel
+from cpic_planner.validation.photometry import kernel_at, sample_places
 from cpic_planner.validation.rdi import surviving_fraction
-from cpic_planner.validation.templates import pixels_of, place_at, radius_pixel
 from simulator.config import load_instrument
 from simulator.imaging import (
     aperture_sums,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.imaging.clear_pupil import airy, disc_light
+from simulator.imaging.table_metrics import airy, disc_light
 
 
 @pytest.mark.parametrize(

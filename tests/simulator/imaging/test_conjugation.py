@@ -6,7 +6,7 @@ import pytest
 from simulator.config import load_instrument
 from simulator.imaging import HoleZone
 from simulator.imaging.build import bare_imager
-from simulator.imaging.conjugation import Conjugation, ControlSettings, _NormalEquations, _step, conjugate, sensed
+from simulator.imaging.dark_hole import Conjugation, ControlSettings, _NormalEquations, _step, conjugate, sensed
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.pupil import draw_aberrations, flat_aberrations
 

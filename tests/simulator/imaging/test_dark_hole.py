@@ -6,8 +6,14 @@ import pytest
 from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging import HoleZone
 from simulator.imaging.build import bare_imager, dark_hole_of
-from simulator.imaging.conjugation import ControlSettings
-from simulator.imaging.dark_hole import DarkHole, UnreachedHole, default_settings, score_hole, solve_dark_hole
+from simulator.imaging.dark_hole import (
+    ControlSettings,
+    DarkHole,
+    UnreachedHole,
+    default_settings,
+    score_hole,
+    solve_dark_hole,
+)
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.pupil import draw_aberrations, flat_aberrations
 from simulator.knobs import Knobs

@@ -8,9 +8,9 @@ import pytest
 
 from cpic_core import stream
 from simulator.config import load_instrument
-from simulator.imaging import aperture_sums, build_imager, error_light, overlap_weights, visit_responses
+from simulator.imaging import aperture_sums, build_imager, measure, overlap_weights, visit_responses
 from simulator.imaging.drift import screen_model
-from simulator.imaging.error_light import ErrorLight, light_variance
+from simulator.imaging.measure import ErrorLight, light_variance
 from simulator.knobs import Knobs
 
 SLOPE = 2.5
@@ -54,9 +54,9 @@ def test_the_variance_is_that_of_the_form_of_all_waves(monkeypatch):
     model = screen_model(len(hole.imager.transmission), SLOPE)
     low = np.hypot(*np.indices(model.amplitude.shape) - np.array([[[0]], [[63]]])) < 3.5
     few = dataclasses.replace(model, amplitude=np.where(low, model.amplitude, 0.0))
-    monkeypatch.setattr(error_light, "screen_model", lambda samples, slope: few)
+    monkeypatch.setattr(measure, "screen_model", lambda samples, slope: few)
     for name in ("FAINT", "APART"):
-        monkeypatch.setattr(error_light, name, 0.0)
+        monkeypatch.setattr(measure, name, 0.0)
     grid, screens = hole.imager.focal_grid(*hole.axes), []
     for place in np.argwhere(few.amplitude > 0):
         for part in range(2):
@@ -64,7 +64,7 @@ def test_the_variance_is_that_of_the_form_of_all_waves(monkeypatch):
             unit[(part, *place)] = 1.0
             screens.append(few.draw(SimpleNamespace(standard_normal=lambda shape, unit=unit: unit), 1.0))
     waves = len(screens)
-    assert 20 < waves <= error_light.PROBES
+    assert 20 < waves <= measure.PROBES
     forms = np.zeros((waves, waves, 3))
     for index, (wavelength, weight) in enumerate(zip(hole.imager.wavelengths_m, hole.imager.weights, strict=True)):
         pupil = 2.0 * np.pi / (wavelength * 1e9) * hole.imager.pupil(index)

@@ -5,8 +5,8 @@ import pytest
 from astropy.io import fits
 
 from cpic_core import write_npz
-from simulator.config.sky import extended_source
-from simulator.imaging.extended import render_extended
+from simulator.config.scene import extended_source
+from simulator.imaging.frame import render_extended
 from simulator.target import sky_to_detector
 
 STEP = 0.008

@@ -16,8 +16,7 @@ from simulator.imaging import (
     window_of,
 )
 from simulator.imaging.external import load_psf, save_psf
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.knobs import Knobs
 from simulator.target import Source, extended_rates
 

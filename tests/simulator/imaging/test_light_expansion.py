@@ -16,8 +16,8 @@ from simulator.imaging import (
     visit_light,
 )
 from simulator.imaging.drift import low_order_map, screen_model, wavefronts
-from simulator.imaging.error_light import ErrorLight
 from simulator.imaging.light_expansion import waves_of
+from simulator.imaging.measure import ErrorLight
 
 BANDS = ("F520", "F662", "F720", "F850")
 

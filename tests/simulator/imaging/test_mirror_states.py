@@ -5,7 +5,7 @@ import pytest
 
 from simulator.config import load_instrument
 from simulator.imaging import at_contrast, mean_contrast, psf_metrics, store
-from simulator.imaging.mirror_states import LEVELS, SHARED, _states, measured_states, sensed_with
+from simulator.imaging.store import LEVELS, SHARED, _states, measured_states, sensed_with
 
 INSTRUMENT = load_instrument()
 

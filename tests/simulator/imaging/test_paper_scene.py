@@ -7,9 +7,7 @@ import pytest
 from simulator.config import load_instrument
 from simulator.imaging import centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
-from simulator.imaging.paper_scene import paper_scene_image
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import BandTransfer
+from simulator.imaging.scene_image import BandTransfer, PointSources, paper_scene_image, scene_image
 from simulator.knobs import Knobs
 
 IMAGER = dataclasses.replace(

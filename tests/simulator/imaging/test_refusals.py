@@ -4,11 +4,10 @@ import numpy as np
 
 from simulator.config.map_files import pixel_scale
 from simulator.imaging import HoleZone, read_maps
-from simulator.imaging.conjugation import ControlSettings
+from simulator.imaging.dark_hole import ControlSettings
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.scene_image import PointSources, scene_image
-from simulator.imaging.transfer import KernelTransfer
+from simulator.imaging.scene_image import KernelTransfer, PointSources, scene_image
 
 TRANSFER = KernelTransfer(np.eye(3), 0.02)
 ONE = PointSources([0.0], [0.0], [1.0])

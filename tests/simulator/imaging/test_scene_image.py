@@ -8,8 +8,7 @@ from simulator.config import load_instrument
 from simulator.imaging import build_imager, centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
-from simulator.imaging.transfer import BandTransfer, KernelTransfer
+from simulator.imaging.scene_image import BandTransfer, KernelTransfer, PointSources, SourceGrid, scene_image
 from simulator.knobs import Knobs
 
 NONE = PointSources([], [], [])

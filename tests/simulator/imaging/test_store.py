@@ -18,8 +18,7 @@ from simulator.imaging import (
     store,
 )
 from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
-from simulator.imaging.conjugation import Search
-from simulator.imaging.dark_hole import DarkHole, HoleScore, UnreachedHole
+from simulator.imaging.dark_hole import DarkHole, HoleScore, Search, UnreachedHole
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_file, to_arrays
 from simulator.knobs import Knobs

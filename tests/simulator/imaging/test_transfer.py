@@ -6,7 +6,14 @@ import pytest
 from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging.build import bare_imager
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.transfer import BELL, BandTransfer, KernelTransfer, _bell_integral, _intensity, _odd_fast_length
+from simulator.imaging.scene_image import (
+    BELL,
+    BandTransfer,
+    KernelTransfer,
+    _bell_integral,
+    _intensity,
+    _odd_fast_length,
+)
 from simulator.knobs import Knobs
 
 

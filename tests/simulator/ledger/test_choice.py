@@ -70,7 +70,7 @@ def test_tolerance_nought_leaves_nothing_out_that_exists(said):
 
 
 def test_a_larger_tolerance_never_costs_more(said):
-    from simulator.ledger.choice_rows import stamp_s
+    from simulator.ledger.choice import stamp_s
 
     costs = []
     for tolerance in (0.003, 0.01, 0.03, 0.1, 0.3):

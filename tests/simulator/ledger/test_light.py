@@ -7,7 +7,7 @@ import pytest
 
 from simulator import load_instrument, observe
 from simulator.imaging import psf_metrics
-from simulator.ledger.light import scene_light
+from simulator.ledger.case import scene_light
 from simulator.target import scene_sources
 
 

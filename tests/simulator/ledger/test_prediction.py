@@ -9,8 +9,7 @@ from simulator.config import load_instrument, load_scene
 from simulator.imaging import aperture_sums, overlap_weights, single_band_psf
 from simulator.ledger import forecast
 from simulator.ledger.inventory import LEFT_OUT
-from simulator.ledger.prediction import _left_out
-from simulator.ledger.visit import visit_of
+from simulator.ledger.visit import _left_out, visit_of
 
 
 def of_planet(separation, visits=1, pointing_mas=1.0, **star):

@@ -278,7 +278,7 @@ def test_a_psf_from_a_file_is_named_and_tells_observations_apart(tmp_path):
     from dataclasses import replace
 
     from simulator import load_psf, save_psf, single_band_psf
-    from simulator.products.naming import obsid_of
+    from simulator.products.sequence import obsid_of
 
     ours = single_band_psf("F662")
     settings = {"band": "F662", "exposure_s": 1.0, "window": "hole"}

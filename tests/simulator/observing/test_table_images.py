@@ -5,7 +5,7 @@ import pytest
 
 from cpic_core import InputError
 from simulator import Planet, Scene, SceneStar, load_instrument, observe
-from simulator.imaging.clear_pupil import airy
+from simulator.imaging.table_metrics import airy
 
 TABLE = """separation_arcsec,core_throughput,raw_contrast,contrast_stability
 0.15,0.02,1e-9,0

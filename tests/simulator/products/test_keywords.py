@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from simulator.products.keywords import checked_value, escaped, load_keywords
-from simulator.products.units import ALL_ONES, encode, ones_sum
+from simulator.products.keywords import ALL_ONES, checked_value, encode, escaped, load_keywords, ones_sum
 
 TABLE = load_keywords()
 

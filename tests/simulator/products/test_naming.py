@@ -8,8 +8,15 @@ from astropy.wcs import WCS
 
 from simulator import load_instrument, load_scene
 from simulator.products import ProductName, checked_obsid, product_name, sequence_times
-from simulator.products.naming import claim, clear_stale_parts, obsid_of, temporary_folders
-from simulator.products.sequence import pointing_deg, sky_places, star_deg
+from simulator.products.sequence import (
+    claim,
+    clear_stale_parts,
+    obsid_of,
+    pointing_deg,
+    sky_places,
+    star_deg,
+    temporary_folders,
+)
 
 
 class Stop(RuntimeError):
@@ -65,7 +72,7 @@ def test_parts_of_the_dead_go_and_those_of_the_living_stay(tmp_path):
     mine, dead, other = (tmp_path / name for name in (".a.fits.1.part", ".a.fits.2.part", ".b.fits.1.part"))
     other.write_text("x")
     script = (
-        "import sys\nfrom simulator.products.naming import claim\n"
+        "import sys\nfrom simulator.products.sequence import claim\n"
         f"file = open({str(dead)!r}, 'wb')\nclaim(file)\nprint('ready', flush=True)\nsys.stdin.read()"
     )
     with (

@@ -6,7 +6,7 @@ import tracemalloc
 import pytest
 from astropy.io import fits
 
-from simulator.products import check_level0, reading
+from simulator.products import check as reading, check_level0
 
 NAME = "CSST_CPIC_VIS_SCI_20280304050607_20280304050639_40000000012_X_L0_V01.fits"
 SIMPLE = "SIMPLE  =                    T"

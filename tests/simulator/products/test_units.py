@@ -5,7 +5,7 @@ import pytest
 from astropy.io import fits
 from astropy.table import Table
 
-from simulator.products import units
+from simulator.products import keywords as units
 from simulator.products.keywords import load_keywords
 
 RNG = np.random.default_rng(5)

@@ -13,7 +13,7 @@ from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.queries import Strategy
 from simulator import load_instrument, load_scene, single_band_psf
 from simulator.imaging import aperture_sums, off_axis_light, overlap_weights, quadrant_of, window_of
-from simulator.signal import companion_tables, companions
+from simulator.signal import companion_tables, light as companions
 from simulator.target import scene_sources, sky_to_detector
 
 INSTRUMENT = load_instrument()

@@ -10,7 +10,7 @@ import pytest
 from simulator.config import Drift, Timing, load_instrument
 from simulator.imaging import aperture_sums, overlap_weights, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map, screen_model
-from simulator.observing.scene_light import Visit, visit_stamps
+from simulator.observing.observation import Visit, visit_stamps
 from simulator.signal import programme_law
 from simulator.signal.speckles import LOW_ORDER_LINEAR, LOW_ORDER_SQUARE, programme_parts
 

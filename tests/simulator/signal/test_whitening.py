@@ -7,7 +7,7 @@ from cpic_core import InputError
 from simulator.config import load_instrument
 from simulator.imaging import centred_axis, single_band_psf, visit_responses
 from simulator.signal import OpticalBand, Whitening, speckle_covariance, visit_changes, with_noise
-from simulator.signal.speckle_visits import stamps_around
+from simulator.signal.speckle_modes import stamps_around
 
 P = 80
 
@@ -86,7 +86,7 @@ def test_covariance_is_that_of_the_visits_in_its_two_parts(monkeypatch):
     geometry = single_band_psf("F520", instrument=instrument).geometry
     rng, n = np.random.default_rng(1), 40
     changes = [rng.standard_normal((n, np.count_nonzero(geometry.hole))) for _ in range(2)]
-    monkeypatch.setattr("simulator.signal.whitening.visit_changes", lambda *_: changes)
+    monkeypatch.setattr("simulator.signal.speckle_modes.visit_changes", lambda *_: changes)
     found = speckle_covariance(instrument, "F520", 0.31, 2.0, 3.0)
     inside = geometry.annulus(0.31, 2.4)[geometry.hole]
     linear, square = (np.cov(part[:, inside], rowvar=False, bias=True) for part in changes)

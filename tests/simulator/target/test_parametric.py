@@ -13,7 +13,7 @@ from scipy.integrate import quad, solve_bvp
 from scipy.special import expn
 
 from simulator.target import lambert_phase, load_parametric_grid, parametric_family
-from simulator.target.parametric import grid_phase_curve, layer_albedo, node_albedo, phase_curve, rayleigh_slope
+from simulator.target.albedo import grid_phase_curve, layer_albedo, node_albedo, phase_curve, rayleigh_slope
 from tools.calibrate_albedo.grid_fit import BANDS_NM, band_albedo, read_table
 
 TABLE = Path(__file__).resolve().parents[4] / "shared" / "validation" / "batalha2018_band_albedos.csv.gz"

@@ -8,8 +8,8 @@ from cpic_core import InputError
 from simulator import lambert_phase, planet_albedo, planet_contrast, spectrum_generator, star_photlam
 from simulator.config import load_instrument, load_scene
 from simulator.target import contrast_at, parametric_family, read_spectrum, scene_sources, stellar_spectrum
+from simulator.target.albedo import layer_albedo
 from simulator.target.albedo_grid import read_albedo
-from simulator.target.parametric import layer_albedo
 
 
 def star(options):

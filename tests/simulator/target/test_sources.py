@@ -6,8 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from catalogs import HC_ERG_ANGSTROM, load_albedo
 from simulator import load_instrument, load_scene, planet_contrast, scenes_from_table, spectrum_generator
-from simulator.band_integrals import band_integral
-from simulator.passbands import Passbands
+from simulator.passbands import Passbands, band_integral
 from simulator.target import extended_rates, scene_sources
 
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
@@ -203,7 +202,7 @@ def test_stars_and_albedos_are_those_of_the_exposure_time_calculator():
 
 
 def test_user_spectra_are_scaled_or_taken_as_they_are():
-    from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
+    from simulator.passbands import v_photon_rate, vega_v_photon_rate
 
     flat = {"wavelength_nm": [300, 1800], "photlam": [1e-4, 1e-4]}
     own = {"name": "own", "separation": 1, "pa": 0}

@@ -10,7 +10,7 @@ from astropy.modeling.models import BlackBody
 from hypothesis import given, strategies as st
 
 from catalogs import Band, Spectrum, load_reference_spectrum, load_stellar_grid
-from simulator.band_integrals import band_integral, v_photon_rate, vega_v_photon_rate
+from simulator.passbands import band_integral, v_photon_rate, vega_v_photon_rate
 from simulator.target import STAR_FLAGS, star_photlam, stellar_spectrum
 from simulator.target.star_spectrum import thermal_photlam
 
@@ -186,7 +186,7 @@ def test_planck_law_of_astropy(teff):
 
 
 def test_a_sphere_like_the_sun_at_10_pc_has_the_suns_absolute_magnitude():
-    from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
+    from simulator.passbands import v_photon_rate, vega_v_photon_rate
 
     wavelength = np.arange(300.0, 1750.0, 0.5)
     photlam = thermal_photlam(wavelength, 5772.0, 695700.0 / 71492.0, 10.0)

@@ -14,7 +14,7 @@ from hypothesis import given, strategies as st
 
 from catalogs import Band, load_pickles, load_reference_spectrum
 from cpic_core import InputError
-from simulator.band_integrals import band_integral
+from simulator.passbands import band_integral
 from simulator.target import stellar_spectrum
 from simulator.target.star_spectrum import find_tree, library_photlam, tree_photlam
 

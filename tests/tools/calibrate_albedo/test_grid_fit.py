@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simulator.target import load_parametric_grid
-from simulator.target.parametric import node_albedo, phase_curve
+from simulator.target.albedo import node_albedo, phase_curve
 from tools.calibrate_albedo.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, fit_phase, read_table
 
 TABLE = Path(__file__).resolve().parents[5] / "shared" / "validation" / "batalha2018_band_albedos.csv.gz"
