@@ -25,7 +25,7 @@ from cpic_planner.report.cells import (
     row_cells,
     status_cell,
 )
-from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, styled
+from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
 from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.words import MISSING, significant
 from cpic_planner.results import EtcAnswer, EtcResult
@@ -255,7 +255,7 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
-    missed = [row for row in _rated(result) if row.verdict == "measured_not_detected"]
+    missed = [row for row in _with_verdict(result) if row.verdict == "measured_not_detected"]
     if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
         causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
@@ -264,7 +264,7 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
     return told
 
 
-def _rated(result: EtcResult) -> list[EtcAnswer]:
+def _with_verdict(result: EtcResult) -> list[EtcAnswer]:
     """Return the answers that have a verdict."""
     return [row for row in result.answers if row.status == "ok" and row.verdict is not None]
 
@@ -284,12 +284,12 @@ def _explanations(result: EtcResult) -> list[str]:
     odds = [
         f"{answer_name(row)} {words.share_text(row.detection_probability)} and "
         f"{words.share_text(row.detection_probability_known_place)} %"
-        for row in _rated(result)
+        for row in _with_verdict(result)
         if row.detection_probability is not None and row.detection_probability_known_place is not None
     ]
     if odds:
         said.append(f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    needs = {answer_name(row): _required_text(row) for row in _rated(result) if row.verdict != "detected"}
+    needs = {answer_name(row): _required_text(row) for row in _with_verdict(result) if row.verdict != "detected"}
     if wanted := [f"{name} {needed}" for name, needed in needs.items() if needed]:
         said.append(f"One of these alone would make it a detection: {'; '.join(wanted)}.")
     said += [f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()]
@@ -692,7 +692,7 @@ def check_figure_name(path: Path) -> str:
     return ending
 
 
-@styled
+@with_style
 def write_figure(figure: Figure, path: Path) -> Path:
     """Write a figure whole; no date goes into it.
 
@@ -741,7 +741,7 @@ _SIGNIFICANCE_LOOK: Look = {"lw": 1.3, "ls": (0, (4, 2))}
 _THRESHOLD_LOOK: Look = {"lw": 1.0, "ls": ":"}
 
 
-@styled
+@with_style
 def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
     """Draw SNR against time, contrast limit against separation, and the noise budget of each answer.
 

@@ -353,7 +353,7 @@ _PLACES = [
 
 def albedo_text(albedo: results.AlbedoRecord) -> str:
     """Return what contrasts say of metallicity and clouds."""
-    mh, fsed = (words.interval_text(*ends) for ends in (albedo.log10_mh_interval, albedo.log10_fsed_interval))
+    mh, fsed = (words.interval_text(low, high) for low, high in (albedo.log10_mh_interval, albedo.log10_fsed_interval))
     return (
         f"{albedo.planet}: log10 M/H {mh}, log10 f_sed {fsed} (68 %), correlation {decimals(albedo.correlation, 2)}, "
         f"from {', '.join(albedo.bands)}: {words.ALBEDO_STATUS[albedo.status]}"
@@ -464,7 +464,7 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
     if audited := [(band, band.audit) for band in bands if band.audit is not None]:
         yield doc.row_table(
             f"Frame by frame, {name}",
-            words.told("texts.audit"),
+            words.text("texts.audit"),
             results.AuditRecord,
             "band:row frames_run frames_in_all predicted_snr recovered_snr true_contrast contrast deviation_sigma "
             "detected false_detections hits rejected_fraction saturated_in_hole saturated_outside",
@@ -472,11 +472,11 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
             of=itemgetter(1),
             band=Cells("", lambda case: case[0].band, right=False, label="band"),
             true_contrast=Cells("", lambda case: contrast_text(case[0].true_contrast), label="true contrast"),
-            detected=lambda case: _found(case[1].detected, "found", "not found"),
+            detected=lambda case: _yes_or_no(case[1].detected, "found", "not found"),
         )
 
 
-def _found(found: bool, yes: str, no: str) -> doc.Mark:
+def _yes_or_no(found: bool, yes: str, no: str) -> doc.Mark:
     return doc.badge("ok", yes) if found else doc.badge("unreachable", no)
 
 
@@ -484,7 +484,7 @@ def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str
     """Yield image panels, those that there are of some keys, and before them how to read them."""
     shown = [shown_in_both_lights(images[key]) for key in keys if key in images]
     if shown:
-        yield doc.Paragraph(words.told("texts.panels"), "note")
+        yield doc.Paragraph(words.text("texts.panels"), "note")
     yield from (doc.Figure(picture, before=name) for picture in shown)
 
 
@@ -536,14 +536,14 @@ def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[do
         doc.Column("How, or why not", lambda item: item[0].effect.reason, look="left wide"),
     )
     rows = _effects(groups)
-    made_table = doc.table("Effects in the images", words.told("texts.modelled"), columns, rows)
+    made_table = doc.table("Effects in the images", words.text("texts.modelled"), columns, rows)
     yield doc.Fold(f"All effects ({len(rows)})", [made_table])
 
 
 def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
     """Yield what neither images drawn as sums nor predictions hold."""
     yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
-    yield doc.Paragraph(words.told("texts.not_modelled"), "note")
+    yield doc.Paragraph(words.text("texts.not_modelled"), "note")
 
 
 CONFIRM_FIGURES = {
@@ -599,7 +599,7 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
         report,
         title=f"CPI-C: {heading}, configuration {result.config_hash}",
         heading=heading,
-        about=words.told("texts.confirm_about", library=LIBRARIES[result.reference_library]),
+        about=words.text("texts.confirm_about", library=LIBRARIES[result.reference_library]),
         summary=summary,
     )
 
@@ -628,11 +628,11 @@ def _search(report: ConfirmReport) -> Iterator[doc.Block]:
 
     searches = report.result.searches
     if not searches:
-        yield doc.Paragraph(words.told("texts.no_search"))
+        yield doc.Paragraph(words.text("texts.no_search"))
         return
     elements = of_search(lambda search: count_text(round(search.resolution_elements)))
     elsewhere = of_search(lambda search: f"{search.false_detections} of {search.realisations}")
-    detected = of_candidate(lambda item: _found(item.detected, "detected", "below"))
+    detected = of_candidate(lambda item: _yes_or_no(item.detected, "detected", "below"))
     columns: tuple[doc.Column[_Candidate], ...] = (
         doc.Column("Band", lambda row: row[0].band, look="row left"),
         doc.Column("Frames × exposure", of_search(frames_text), "s"),
@@ -649,7 +649,7 @@ def _search(report: ConfirmReport) -> Iterator[doc.Block]:
     rows: list[_Candidate] = []
     for search in searches:
         rows += [(search, item) for item in search.candidates] or [(search, None)]
-    yield doc.table("Blind search", words.told("texts.search"), columns, rows)
+    yield doc.table("Blind search", words.text("texts.search"), columns, rows)
 
 
 _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
@@ -663,7 +663,7 @@ _POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
 
 
 def _interval(median: float, interval: Sequence[float]) -> str:
-    return f"{decimals(median, 2)}; {words.interval_text(*interval)}"
+    return f"{decimals(median, 2)}; {words.interval_text(interval[0], interval[1])}"
 
 
 _ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
@@ -684,7 +684,7 @@ def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
         caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."
         yield doc.table("Positions", caption, _POSITIONS, result.positions)
     if result.albedos:
-        yield doc.table("Albedo fits", words.told("texts.albedo_fits"), _ALBEDOS, result.albedos)
+        yield doc.table("Albedo fits", words.text("texts.albedo_fits"), _ALBEDOS, result.albedos)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "images", "Images")
@@ -709,7 +709,7 @@ def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
         [
             ("Instrument", instrument_fact(result)),
             ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {subtracted}"]),
-            ("Detection threshold", words.told("texts.confirm_threshold", sigma=result.sigma, found=library.found)),
+            ("Detection threshold", words.text("texts.confirm_threshold", sigma=result.sigma, found=library.found)),
         ]
     )
 
@@ -755,17 +755,17 @@ MEASUREMENT_COLUMNS: tuple[str, ...] = (
 def measurements_csv(result: results.PlanResult | results.StarImagesResult | results.ConfirmResult) -> str:
     """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
     if isinstance(result, results.ConfirmResult):
-        rows = [_measured(band) | {"target": result.scene} for band in result.bands]
+        rows = [_band_values(band) | {"target": result.scene} for band in result.bands]
     else:
         rows = [
-            _measured(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
+            _band_values(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
             for target in result.targets
             for band in target.bands
         ]
     return results.csv_text(MEASUREMENT_COLUMNS, rows)
 
 
-def _measured(band: BandConfirmation) -> dict[str, Any]:
+def _band_values(band: BandConfirmation) -> dict[str, Any]:
     cells = results.values_of(band)
     if (made := band.modelled) is not None:
         cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}

@@ -138,7 +138,7 @@ def new_figure(height_inches: float, *, layout: Literal["constrained"] | None = 
     return figure
 
 
-def styled(draw: Callable[P, D]) -> Callable[P, D]:
+def with_style(draw: Callable[P, D]) -> Callable[P, D]:
     """Let a function draw with this report's settings."""
 
     @functools.wraps(draw)
@@ -181,7 +181,7 @@ def name_rows(axes: Axes, names: Sequence[str], *, marks: bool = True, **look: A
 
 def picture(figure: Figure, name: str, image_format: Literal["svg", "png"] = "svg", /, **values: Any) -> Picture:
     """Return the figure as a picture with the words of its name in ``prose.yaml``, and values in their braces."""
-    alt, caption = (words.told(f"pictures.{name}.{part}", **values) for part in ("alt", "caption"))
+    alt, caption = (words.text(f"pictures.{name}.{part}", **values) for part in ("alt", "caption"))
     return save(figure, image_format, alt=alt, caption=caption)
 
 

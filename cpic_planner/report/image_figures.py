@@ -12,7 +12,7 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner import results
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, styled
+from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, with_style
 from cpic_planner.report.words import decimals, power_of_ten, significant
 from simulator.config import Instrument, Scene
 from simulator.imaging import Zone
@@ -437,7 +437,7 @@ _CONTRAST_SPAN = 5.0
 _POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
-@styled
+@with_style
 def snr_figure(result: results.PlanResult | results.ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
     from cpic_planner.validation import PREDICTION_ERROR
@@ -480,7 +480,7 @@ def snr_figure(result: results.PlanResult | results.ConfirmResult) -> Picture:
     return drawing.picture(figure, "snr", items=items, realisations=result.realisations, accuracy=accuracy)
 
 
-@styled
+@with_style
 def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[results.BandConfirmation]) -> Picture | None:
     """Draw what was measured of every planet on its contrast as a function of wavelength.
 
@@ -544,7 +544,7 @@ _BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxes
 _PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 
 
-@styled
+@with_style
 def albedo_figure(
     fit: AlbedoFit,
     model: AlbedoModel,
@@ -577,7 +577,7 @@ def albedo_figure(
     return figure
 
 
-@styled
+@with_style
 def albedo_picture(fit: AlbedoFit, model: AlbedoModel, **known: Any) -> Picture:
     """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
     about = {"bands": ", ".join(fit.bands), "mh": fit.interval("log10_mh"), "fsed": fit.interval("log10_fsed")}

@@ -12,7 +12,7 @@ from cpic_core import FloatArray, NDArray, listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
-from cpic_planner.report.drawing import BAND_STYLE, Look, literal, styled
+from cpic_planner.report.drawing import BAND_STYLE, Look, literal, with_style
 from cpic_planner.report.words import BLOCK_WORDS, MISSING, count_text, decimals, formatted, pretty_name
 from cpic_planner.results import KnownPlanetRow, KnownResult, VisibilityResult, VisibleTarget
 
@@ -100,7 +100,7 @@ def known_blocks(known: KnownResult) -> Iterator[doc.Block]:
     place = "separation at the date (arcsec)"
     yield doc.row_table(
         "Known planets and their next windows",
-        words.told("texts.known_windows", known=known, date=known.date_utc[:10]),
+        words.text("texts.known_windows", known=known, date=known.date_utc[:10]),
         KnownPlanetRow,
         "planet:row,text status semi_major_axis_au separation_arcsec contrast window:wide best",
         [row for row in rows if row.windows],
@@ -139,7 +139,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
     title = f"Known planets: {told}, {result.date_utc[:10]}, {hole.band}{more}"
     print_table(console, title, _cells(result), shown, legend=not full)
-    flags = {row.planet: [flag for flag in row.flags if full or _is_told(flag, row)] for row in shown}
+    flags = {row.planet: [flag for flag in row.flags if full or _decides(flag, row)] for row in shown}
     lines = lacking_lines(flags if of_star else {}, result.columns_not_used)
     since = f"within {result.years:g} years from {result.date_utc[:10]}" if of_star else ""
     if not full:
@@ -170,7 +170,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     )
 
 
-def _is_told(flag: str, row: KnownPlanetRow) -> bool:
+def _decides(flag: str, row: KnownPlanetRow) -> bool:
     """Return whether a flag says what decides where a planet stands, or what an unused column may tell."""
     return flag in _DECIDES or ("columns_not_used" in row.flags and flag.endswith("_unknown"))
 
@@ -368,7 +368,7 @@ def _days(mjd: Sequence[float]) -> np.ndarray:
     return np.asarray(mjd, float) - _UNIX_MJD
 
 
-@styled
+@with_style
 def known_figure(result: KnownResult) -> Figure:
     """Draw the tracks of the planets of one star.
 
@@ -436,7 +436,7 @@ _VISIBLE, _WINDOW, _SUN, _MOON = "#0072B2", "#111111", "#D55E00", "#666666"
 _BELOW: Look = {"loc": "upper center", "fontsize": 9}
 
 
-@styled
+@with_style
 def visibility_figure(result: VisibilityResult) -> Figure:
     """Draw minutes per orbit and angles of one star against the date, or minutes of several stars as a calendar."""
     middle = _days(result.mjd)

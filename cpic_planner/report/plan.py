@@ -180,7 +180,7 @@ def _decision_sentences(plan: PlanResult) -> list[str]:
         return [f"None is proposed: the images of {stars} show the reference planet in no band."]
     (first, best), *others = ready
     visits = "" if best.visits is None else f"{counted(best.visits, 'visit')}, in all "
-    found = [words.told("texts.plan_observe", first=first, best=best, visits=visits, time=_time_text([best]))]
+    found = [words.text("texts.plan_observe", first=first, best=best, visits=visits, time=_time_text([best]))]
     if when := _seasons_texts(plan, first.name):
         found.append(f"It can be seen {', '.join(when)}.")
     if not best.detected:
@@ -254,7 +254,7 @@ def _first_table(report: PlanReport) -> doc.Table:
         doc.Column("Can be seen", lambda pick: doc.lines(*_seasons_texts(plan, pick[1].name)) or MISSING, look="left"),
         doc.Column("In images", _badge, look="left"),
     ]
-    return doc.table("What to observe first", words.told("texts.plan_first"), columns, _picks(plan), look="firm")
+    return doc.table("What to observe first", words.text("texts.plan_first"), columns, _picks(plan), look="firm")
 
 
 def _reference_text(plan: PlanResult) -> str:
@@ -324,7 +324,7 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     if confirmed:
         target, band = confirmed[0]
         which = "Highest ranked" if plan.schedule is None else "First"
-        sentences.append(words.told("texts.plan_confirmed", which=which, target=target, band=band))
+        sentences.append(words.text("texts.plan_confirmed", which=which, target=target, band=band))
         counts = Counter(band.band for _, band in confirmed)
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
@@ -560,7 +560,7 @@ def plan_document(report: PlanReport) -> doc.Document:
         report,
         title=f"CPI-C target plan, configuration {report.plan.config_hash}",
         heading="CPI-C target plan",
-        about=words.told("texts.plan_about"),
+        about=words.text("texts.plan_about"),
         opening="What to observe first",
         summary=_decision_blocks(report),
     )
@@ -596,7 +596,7 @@ def _images(report: PlanReport) -> Iterator[doc.Block]:
     )
     yield doc.Items(summary_sentences(plan, report.rank))
     if plan.targets:
-        caption = words.told("texts.plan_images", plan=plan, found=LIBRARIES[plan.reference_library].found)
+        caption = words.text("texts.plan_images", plan=plan, found=LIBRARIES[plan.reference_library].found)
         yield doc.table("What the images show", caption, columns, _picks(plan))
     else:
         yield doc.Paragraph("No target was simulated as images.")
@@ -644,12 +644,12 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
     subtracted = f"); {plan.rdi_modes} modes are subtracted."
     yield doc.Facts(
         [
-            ("Reference planet", words.told("texts.plan_planet", planet=ranking.planet_text(plan))),
+            ("Reference planet", words.text("texts.plan_planet", planet=ranking.planet_text(plan))),
             ("Population", f"{ranking.population_text(rank.population)}."),
             ("Score", f"{SCORES[rank.score_name].meaning}."),
-            ("Wall time", words.told("texts.plan_time", plan=plan, scheduled=scheduled)),
+            ("Wall time", words.text("texts.plan_time", plan=plan, scheduled=scheduled)),
             ("Reference library", [f"{library.meaning} (", doc.code(library.name), subtracted]),
-            ("Detection threshold", words.told("texts.plan_threshold", **about)),
+            ("Detection threshold", words.text("texts.plan_threshold", **about)),
             ("Realisations", f"{plan.realisations} of each target and band{once}."),
             ("Sample", f"{plan.sample}."),
             ("Catalogue", f"{plan.catalogue}."),
@@ -688,7 +688,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         return doc.lines(badge, limit if row.reason else "")
 
     stars = words.chosen_text(len(rank.targets), rank.n_in_catalogue, "ranked star")
-    caption = words.told("texts.plan_ranking", n_rows=len(rows), stars=stars, score=score)
+    caption = words.text("texts.plan_ranking", n_rows=len(rows), stars=stars, score=score)
     yield doc.row_table(
         "Ranking",
         doc.marked(caption),
@@ -722,7 +722,7 @@ def _velocities(report: PlanReport) -> Iterator[doc.Block]:
     if rows := ranking.unprobed_stars(report.rank, len(report.rows)):
         yield doc.row_table(
             "Where velocities are missing",
-            words.told("texts.plan_velocities"),
+            words.text("texts.plan_velocities"),
             RankedTarget,
             "rank name:row,star completeness completeness_unconditional rv_amplitude_m_s ref_planet_distance_au",
             rows,

@@ -401,7 +401,7 @@ def priority_blocks(
     sure = "" if rank.ensemble is None else " p_reachable rank_median between p_rank_le_10"
     yield doc.row_table(
         "Priorities",
-        words.told("texts.priorities", tiers="; ".join(f"{tier}: {text}" for tier, text in TIERS.items())),
+        words.text("texts.priorities", tiers="; ".join(f"{tier}: {text}" for tier, text in TIERS.items())),
         RankedTarget,
         "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
         f"expected_planets_unconditional{sure}",
@@ -422,7 +422,7 @@ def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.B
     yield doc.Paragraph(sensitivity.statement)
     yield doc.row_table(
         "Sensitivity of the ranking",
-        words.told("texts.sensitivity", sensitivity=sensitivity, tau=tau),
+        words.text("texts.sensitivity", sensitivity=sensitivity, tau=tau),
         SensitivityRow,
         "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
         sensitivity.rows,

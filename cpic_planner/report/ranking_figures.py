@@ -12,7 +12,7 @@ from cpic_core import ArrayLike, NDArray
 from cpic_planner import results
 from cpic_planner.registry import SCORES, Score
 from cpic_planner.report import drawing, words
-from cpic_planner.report.drawing import VERDICT_STYLE, Look, Picture, literal, styled
+from cpic_planner.report.drawing import VERDICT_STYLE, Look, Picture, literal, with_style
 from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _MARGIN = "margin: significance / threshold\nat a known place"
 _LEGEND: Look = {"loc": "lower right", "fontsize": 8.5, "frameon": True, "edgecolor": "none", "framealpha": 0.9}
 
 
-@styled
+@with_style
 def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
     """Draw the score, and the margin of the reference planet, of the first stars.
 
@@ -92,7 +92,7 @@ def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
     axes.grid(visible=True)
 
 
-@styled
+@with_style
 def margin_figure(rank: RankResult) -> Picture:
     """Draw a histogram of detection margins by status, and how many stars end in each outcome."""
     from matplotlib.ticker import MaxNLocator
@@ -187,7 +187,7 @@ def sky_axes(figure: Figure) -> Axes:
     return axes
 
 
-def _labelled(
+def _label_stars(
     rows: Sequence[RankedTarget], confirmed: tuple[str, ...]
 ) -> tuple[list[RankedTarget], list[RankedTarget]]:
     """Return the simulated stars, and those that have a label: these, and the first others."""
@@ -195,7 +195,7 @@ def _labelled(
     return ringed, ringed + [row for row in rows[: drawing.MOST_LABELLED] if row.name not in confirmed]
 
 
-@styled
+@with_style
 def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
     """Draw all ranked stars in equatorial coordinates (Mollweide).
 
@@ -216,7 +216,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
             look = drawing.verdict_look(verdict, faint=0.5)
             axes.scatter(*_map_positions(group), s=float(marker_area(step / 2.0)), label=label, **look)
             label = "_nolegend_"
-    ringed, chosen = _labelled(rows, confirmed)
+    ringed, chosen = _label_stars(rows, confirmed)
     if ringed:
         areas = marker_area([row.v_mag for row in ringed]) + RING_AREA
         axes.scatter(*_map_positions(ringed), s=areas, label=f"simulated as images ({len(ringed)})", **drawing.RING)
@@ -231,7 +231,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
     near: Look = {"avoid": axes.get_xticklabels(), "reach_px": np.sqrt(areas / np.pi) * drawing.SCREEN_DPI / 72.0}
     drawing.place_labels(axes, longitude.tolist(), latitude.tolist(), names, fontsize=9, **near)
     best = ", ".join(words.pretty_name(row.name) for row in rows[:5]) or "none"
-    more = words.not_shown("Stars without a listed position", len(rank.targets) - len(rows))
+    more = words.hidden_sentence("Stars without a listed position", len(rank.targets) - len(rows))
     return drawing.picture(figure, "sky_map", rows=rows, best=best, more=more)
 
 
@@ -264,7 +264,7 @@ class HoleEdges:
     outer_arcsec: float
 
 
-@styled
+@with_style
 def contrast_diagram(
     rank: RankResult,
     *,
@@ -298,7 +298,7 @@ def contrast_diagram(
         size = 14 if verdict == "unreachable" else 26
         text = f"reference planet: {words.verdict_text(verdict)} ({len(group)})"
         handles[text] = axes.scatter(*places(group), s=size, **drawing.verdict_look(verdict, faint=0.45))
-    ringed, chosen = _labelled(rows, confirmed)
+    ringed, chosen = _label_stars(rows, confirmed)
     if ringed:
         handles["simulated as images"] = axes.scatter(*places(ringed), s=90, **drawing.RING)
     lines = []
@@ -351,7 +351,7 @@ N_BARS, N_ENSEMBLE_STARS = 12, 25
 _LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
 
 
-@styled
+@with_style
 def ensemble_figure(rank: RankResult, n_stars: int = N_ENSEMBLE_STARS) -> Figure:
     """Draw the ranks of the first stars over an ensemble, and what the number of planets hangs on.
 

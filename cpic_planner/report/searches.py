@@ -16,7 +16,7 @@ from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.answers import flag_lines
 from cpic_planner.report.cells import print_note, print_table, row_cells
-from cpic_planner.report.drawing import Look, Picture, literal, styled
+from cpic_planner.report.drawing import Look, Picture, literal, with_style
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, RecoveredRow, RocResult, RocRow
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def _curve_panels(result: CurveResult) -> dict[str, list[Panel]]:
     return {key: drawn for key, drawn in panels.items() if drawn}
 
 
-@styled
+@with_style
 def curve_figure(result: CurveResult) -> Figure:
     """Draw the contrast curves of all bands, their maps of completeness, and recovered planets."""
     (curves, *panels) = [panel for drawn in _curve_panels(result).values() for panel in drawn]
@@ -211,7 +211,7 @@ def curve_pictures(result: CurveResult) -> dict[str, Picture]:
     return {key: _picture(panels, heights[key], key, about) for key, panels in _curve_panels(result).items()}
 
 
-@styled
+@with_style
 def roc_figure(result: RocResult) -> Figure:
     """Draw the probability of a detection against false alarms, and false alarms counted in images."""
     counted = any(row.n_searches for row in result.levels)
@@ -233,7 +233,7 @@ def roc_pictures(result: RocResult) -> dict[str, Picture]:
     return found
 
 
-@styled
+@with_style
 def _picture(panels: Sequence[Panel], height: float, name: str, about: Mapping[str, Any]) -> Picture:
     columns = min(len(panels), 2)
     rows = math.ceil(len(panels) / columns)
@@ -438,7 +438,7 @@ def _page(
 ) -> str:
     result, star = page.result, words.full_name(page.result.target, page.result.hip)
     title = f"CPI-C {what} of {star}, configuration {result.config_hash}"
-    about = words.told(f"texts.{result.kind}_about")
+    about = words.text(f"texts.{result.kind}_about")
     summary = [doc.Paragraph(" ".join(sentences), "lead")]
     return doc.page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
 

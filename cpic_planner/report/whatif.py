@@ -239,7 +239,7 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
 
 def shared_facts(settings: Mapping[str, Any], used: results.AssumedInstrument | None = None) -> list[tuple[str, str]]:
     """Return the rules and assumptions of a strategy, with numbers of the instrument if given, as terms and texts."""
-    stops = _told(
+    stops = _setting_parts(
         settings["stop"],
         after_detection="a star is left once it has shown a planet",
         after_empty="or after {} empty visits",
@@ -264,7 +264,7 @@ def shared_facts(settings: Mapping[str, Any], used: results.AssumedInstrument | 
     ]
 
 
-def _told(settings: Mapping[str, Any], **texts: str) -> list[str]:
+def _setting_parts(settings: Mapping[str, Any], **texts: str) -> list[str]:
     """Return the texts of those settings that are set, in the order of the texts; of a list its length is told."""
     given = {key: settings[key] for key in texts}
     given = {key: len(value) if isinstance(value, list) else value for key, value in given.items()}
@@ -280,7 +280,7 @@ def _population(population: Mapping[str, Any] | None) -> str:
 
 
 def _targets(cuts: Mapping[str, Any]) -> str:
-    parts = _told(
+    parts = _setting_parts(
         {**cuts, "names": cuts["names"] or None, "exclude": cuts["exclude"] or None},
         max_targets="at most {}",
         v_mag_max="V up to {:g} mag",
@@ -297,7 +297,7 @@ def _visit(visit: Mapping[str, Any]) -> str:
     times = " or ".join(words.duration_text(value) for value in visit["time_s"])
     bands = visit["bands"]
     chosen = bands[0] if len(bands) == 1 else f"the best of {', '.join(bands)}"
-    fixed = _told(visit, exposure_s="frames of {:g} s", em_gain="EM gain {:g}")
+    fixed = _setting_parts(visit, exposure_s="frames of {:g} s", em_gain="EM gain {:g}")
     return "; ".join([f"{chosen}, {_GOALS[visit['goal']]} {times} of wall time", *fixed])
 
 
@@ -318,7 +318,7 @@ def _candidates(settings: Mapping[str, Any]) -> str:
         return f"planets and false alarms are told apart by the {needed} visits that a detection takes"
     if not (bool(settings["follow_up"]["bands"]) if rule["check"] is None else rule["check"]):
         return "taken for planets after one visit; false alarms cost no telescope time"
-    return words.told("texts.whatif_candidates", **rule)
+    return words.text("texts.whatif_candidates", **rule)
 
 
 def _detection(rule: Mapping[str, Any]) -> str:
@@ -330,7 +330,7 @@ def _detection(rule: Mapping[str, Any]) -> str:
     ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
     times = "" if rule["half_factor"] == 1.0 else f"{rule['half_factor']:g} times "
     half_error = percent_text(rule["half_error"])
-    return words.told("texts.whatif_detection", text=text, ratio=ratio, error=error, times=times, half_error=half_error)
+    return words.text("texts.whatif_detection", text=text, ratio=ratio, error=error, times=times, half_error=half_error)
 
 
 def _assumed(assumed: Mapping[str, Any], used: results.AssumedInstrument | None) -> str:
@@ -578,7 +578,7 @@ def _difference_table(pairs: Sequence[_Pair]) -> doc.Table:
         doc.Column("Correlation", of_planets(lambda by: decimals(by["planets"].correlation, 2)), "planets"),
         doc.Column("Verdict", of_planets(_verdict), look="left"),
     )
-    return doc.table("Differences", words.told("texts.whatif_differences"), columns, pairs)
+    return doc.table("Differences", words.text("texts.whatif_differences"), columns, pairs)
 
 
 def _fact_tables(report: WhatIfReport, facts: results.FactsRecord) -> Iterator[doc.Block]:
@@ -606,7 +606,7 @@ def _fact_tables(report: WhatIfReport, facts: results.FactsRecord) -> Iterator[d
             *(doc.Column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
         )
         yield doc.Heading(title)
-        caption = words.told("texts.whatif_facts", title=title)
+        caption = words.text("texts.whatif_facts", title=title)
         yield doc.table(f"{title} without each fact", caption, columns, report.result.strategies)
 
 
@@ -650,14 +650,14 @@ def _doubt_blocks(found: results.DoubtRecord) -> Iterator[doc.Block]:
     )
     chosen = {plan_label(item) for item in (found.decision.cautious, found.decision.expected)}
     about = {"key": found.key, "what": found.quantity.replace("_", " "), "weights": found.weights_from}
-    caption = words.told("texts.whatif_doubt", **about)
+    caption = words.text("texts.whatif_doubt", **about)
     look: dict[str, Any] = {"look": "compact", "picked": lambda item: plan_label(item) in chosen}
     yield doc.table("Plans under doubt", caption, columns, found.choices, **look)
     if len(found.of_strategies) > 1:
         yield doc.Heading("If the strategy is settled")
         yield _settled(found)
     regrets = (plan, *(doc.Column(head, under(text, regret)) for text, head in heads.items()))
-    made = doc.table("Regret", words.told("texts.whatif_regret"), regrets, found.choices, look="compact")
+    made = doc.table("Regret", words.text("texts.whatif_regret"), regrets, found.choices, look="compact")
     yield doc.Fold("Regret against the same strategy", [made])
 
 
@@ -680,7 +680,7 @@ def _settled(found: results.DoubtRecord) -> doc.Table:
         doc.Column("Mean", lambda item: decimals(item.expected.planets, 2), "by the weights"),
         doc.Column("Worth of knowing", knowing, "planets"),
     )
-    caption = words.told("texts.whatif_settled", key=found.key)
+    caption = words.text("texts.whatif_settled", key=found.key)
     return doc.table("Settled strategies", caption, columns, found.of_strategies)
 
 
@@ -777,7 +777,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Chance of a new one", lambda item: words.share_text(item.any_new_planet), "%"),
         doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
     )
-    caption = words.told("texts.whatif_yields")
+    caption = words.text("texts.whatif_yields")
     yield doc.table("Yields", caption, columns, strategies, picked=lambda item: item is best and best.planets.mean > 0)
     yield from report.drawn("sweep", "yields")
 
@@ -843,7 +843,7 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("False alarms", alarms, "noise; background"),
         doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
     )
-    yield doc.table("Time and cost", words.told("texts.whatif_cost"), columns, report.result.strategies)
+    yield doc.table("Time and cost", words.text("texts.whatif_cost"), columns, report.result.strategies)
     yield from report.drawn("curves", "time")
 
 
@@ -865,7 +865,7 @@ def _changes(report: WhatIfReport) -> Iterator[doc.Block]:
     if not changes:
         return
     reference = report.reference.name
-    yield doc.Paragraph(words.told("texts.whatif_changes", reference=reference))
+    yield doc.Paragraph(words.text("texts.whatif_changes", reference=reference))
     columns: tuple[doc.Column[results.RankChange], ...] = (
         doc.Column("Star", lambda change: pretty_name(change.star), look="row left star"),
         doc.Column("Rank in", lambda change: rank(change.first_rank), reference),
@@ -910,7 +910,7 @@ def _images(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Planets found", corrected, "corrected"),
         doc.Column("Note", lambda row: row[1].note, look="left wide"),
     )
-    yield doc.table("Confirmed by images", words.told("texts.whatif_images"), columns, confirmed)
+    yield doc.table("Confirmed by images", words.text("texts.whatif_images"), columns, confirmed)
 
 
 @doc.section_of(WHATIF_SECTIONS, "details", "Each strategy")
@@ -939,7 +939,7 @@ def _strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Itera
         return
     stars = doc.row_table(
         f"Stars of {item.name}",
-        words.told("texts.whatif_stars", name=item.name),
+        words.text("texts.whatif_stars", name=item.name),
         results.SurveyTarget,
         "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
         "follow_up_h alarm_h new_planets known_seen planets_per_100h",
@@ -985,7 +985,7 @@ def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Source", lambda item: item.source, look="left wide"),
         doc.Column("Strategies", used_by, look="left wide"),
     )
-    caption = words.told("texts.whatif_sources")
+    caption = words.text("texts.whatif_sources")
     rows = doc.table("Sources of the settings", caption, columns, result.sources, look="compact")
     yield doc.Fold(f"Where these numbers are from ({len(result.sources)})", [rows])
 
@@ -1004,7 +1004,7 @@ def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
 @doc.section_of(WHATIF_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
-    note = doc.marked(words.told("texts.whatif_files"))
+    note = doc.marked(words.text("texts.whatif_files"))
     yield from doc.reproduced_blocks(result, note, seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
     yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *words.prose()["credits"]))

@@ -11,9 +11,9 @@ import numpy as np
 
 from cpic_planner import results
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, styled
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, with_style
 from cpic_planner.report.ranking_figures import map_longitude, marker_area, sky_axes
-from cpic_planner.report.words import decimals, not_shown, pretty_name, significant
+from cpic_planner.report.words import decimals, hidden_sentence, pretty_name, significant
 from cpic_planner.results import StrategyOutcome, SurveyTarget, WhatIfResult
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
     return {name: visits[name] for name in order}
 
 
-@styled
+@with_style
 def calendar_figure(result: WhatIfResult) -> Picture | None:
     """Draw a mark for every planned visit: stars down, dates across; none where nothing is visited."""
     stars = visited(result)
@@ -172,7 +172,7 @@ def calendar_figure(result: WhatIfResult) -> Picture | None:
     drawing.name_rows(axes, [_star_label(name, members) for name, members in rows.items()], marks=False)
     axes.set(ylim=(len(rows) - 0.5, -0.5), xlim=(begins[0] - step, begins[-1] + 2 * step))
     drawing.date_axis(axes)
-    more = not_shown("Stars of lower rank", len(stars) - len(rows))
+    more = hidden_sentence("Stars of lower rank", len(stars) - len(rows))
     return drawing.picture(figure, "calendar", rows=rows, strategies=result.strategies, drawn=drawn, more=more)
 
 
@@ -209,7 +209,7 @@ def _counts(axes: Axes, rows: _Visits, begins: np.ndarray, step: float, n: int) 
     axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015, ticks=MaxNLocator(6, integer=True))
 
 
-@styled
+@with_style
 def stars_figure(result: WhatIfResult) -> Picture | None:
     """Draw the visited stars on the sky, coloured by planets found for the time; none where nothing is visited."""
     from matplotlib.colors import LogNorm
@@ -270,11 +270,11 @@ _DETECTED: tuple[tuple[str, str, float, bool], ...] = (
 _ALL_PLANETS = "planets found, new and known"
 
 
-@styled
+@with_style
 def yields_figure(result: WhatIfResult) -> Picture:
     """Draw the mean yield with its interval, and the range of single surveys, of every strategy."""
     rows, looks = shown_rows(result.strategies), looks_of(result.strategies)
-    figure, panels = _rowed(result, rows, 2)
+    figure, panels = _row_panels(result, rows, 2)
     quantities = {"planets": _ALL_PLANETS, "new_planets": "new planets found"}
     for axes, (quantity, label) in zip(panels, quantities.items(), strict=True):
         for place, i in enumerate(rows):
@@ -288,7 +288,7 @@ def yields_figure(result: WhatIfResult) -> Picture:
     return drawing.picture(figure, "yields", rows=rows, best=best, more=left_out(result.strategies))
 
 
-@styled
+@with_style
 def differences_figure(result: WhatIfResult) -> Picture | None:
     """Draw paired differences with the first strategy; none where there is only one."""
     if len(result.strategies) < 2:
@@ -297,7 +297,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
     places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
     looks = looks_of(result.strategies)
     by_pair = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    figure, panels = _rowed(result, list(places.values()), 2)
+    figure, panels = _row_panels(result, list(places.values()), 2)
     quantities: tuple[Literal["planets", "new_planets"], ...] = ("planets", "new_planets")
     for axes, quantity in zip(panels, quantities, strict=True):
         for place, (name, i) in enumerate(places.items()):
@@ -312,7 +312,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
     return drawing.picture(figure, "differences", reference=reference, better=names, more=left_out(result.strategies))
 
 
-@styled
+@with_style
 def time_figure(result: WhatIfResult) -> Picture:
     """Draw where the telescope time goes."""
     rows = shown_rows(result.strategies)
@@ -320,7 +320,7 @@ def time_figure(result: WhatIfResult) -> Picture:
     used = np.array([sum(getattr(use, name) for name, *_ in _PARTS[:-1]) for use in uses])
     unused = np.array([use.unused_h for use in uses])
     end = min(float((used + unused).max()), _UNUSED_REACH * float(used.max())) or float((used + unused).max()) or 1.0
-    figure, (axes,) = _rowed(result, rows, 1)
+    figure, (axes,) = _row_panels(result, rows, 1)
     left = np.zeros(len(rows))
     for name, label, colour, hatch in _PARTS:
         widths = np.array([getattr(use, name) for use in uses])
@@ -341,14 +341,14 @@ def time_figure(result: WhatIfResult) -> Picture:
     return drawing.picture(figure, "telescope_time", **words)
 
 
-@styled
+@with_style
 def detections_figure(result: WhatIfResult) -> Picture | None:
     """Draw what the detected planets are like; none where nothing is detected."""
     rows = [i for i in shown_rows(result.strategies) if result.strategies[i].quantiles]
     if not rows:
         return None
     looks = looks_of(result.strategies)
-    figure, panels = _rowed(result, rows, len(_DETECTED))
+    figure, panels = _row_panels(result, rows, len(_DETECTED))
     for axes, (name, title, scale, log) in zip(panels, _DETECTED, strict=True):
         for place, i in enumerate(rows):
             levels = result.strategies[i].quantiles.get(name)
@@ -357,7 +357,7 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
         if log:
             drawing.plain_log_axis(axes)
         axes.set_xlabel(title)
-    empty = not_shown("Strategies without any detection", sum(not item.quantiles for item in result.strategies))
+    empty = hidden_sentence("Strategies without any detection", sum(not item.quantiles for item in result.strategies))
     return drawing.picture(figure, "detections", empty=empty, more=left_out(result.strategies))
 
 
@@ -382,7 +382,7 @@ def _draw_mean(
     axes.plot([item.mean], [place], marker=marker, ms=5.5, color=colour, ls="none", mfc=face, mec=colour)
 
 
-def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
+def _row_panels(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
     """Return the panels that share their rows, first strategy at the top."""
     many = len(rows) > 12
     height = 1.5 + (0.24 if many else 0.42) * max(len(rows), 2)
@@ -403,7 +403,7 @@ _BUDGET_REACH = 1.3
 """A budget beyond this many times the longest line is told in the caption: drawing it would squeeze the lines."""
 
 
-@styled
+@with_style
 def curves_figure(result: WhatIfResult) -> Picture:
     """Draw planets found against telescope time used, with the 90 % interval of the mean."""
     strategies = result.strategies
@@ -423,7 +423,7 @@ def curves_figure(result: WhatIfResult) -> Picture:
     return drawing.picture(figure, "yield_curves", **words)
 
 
-@styled
+@with_style
 def convergence_figure(result: WhatIfResult) -> Picture:
     """Draw mean and interval against the number of universes."""
     figure, shown = _curves(result, "convergence", "universes")
@@ -489,7 +489,7 @@ def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: s
     return line
 
 
-@styled
+@with_style
 def sweep_figure(result: WhatIfResult) -> Picture | None:
     """Draw yield against the varied key, a line for every base strategy; none where nothing is varied."""
     strategies, sweep = result.strategies, sweep_of(result.strategies)
@@ -515,7 +515,7 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
     _value_axis(panels[0], sweep, places)
     figure.supxlabel(literal(sweep.title), fontsize=10.5)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    more = not_shown("Strategies that find less", len(sweep.lines) - len(lines))
+    more = hidden_sentence("Strategies that find less", len(sweep.lines) - len(lines))
     return drawing.picture(figure, "sweep", sweep=sweep, lines=lines, more=more)
 
 
@@ -540,7 +540,7 @@ def plan_label(item: results.DoubtChoice) -> str:
     return f"{item.strategy}, for {item.planned_for}"
 
 
-@styled
+@with_style
 def doubt_figure(result: WhatIfResult) -> Picture | None:
     """Draw what every plan loses under every value; none where no number is in doubt."""
     found = result.doubt
@@ -572,7 +572,7 @@ def doubt_figure(result: WhatIfResult) -> Picture | None:
     axes.tick_params(length=0)
     figure.colorbar(drawn, ax=axes, pad=0.12, label="planets fewer than the best plan")
     about: dict[str, Any] = {"key": found.key, "what": found.quantity.replace("_", " ")}
-    more = not_shown("Plans that lose more", len(found.choices) - len(rows))
+    more = hidden_sentence("Plans that lose more", len(found.choices) - len(rows))
     return drawing.picture(figure, "doubt", rows=rows, values=found.values, more=more, **about)
 
 

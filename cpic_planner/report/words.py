@@ -463,7 +463,7 @@ def prose() -> Mapping[str, Any]:
     return dict(parse_yaml(text, where="prose.yaml"))
 
 
-def told(name: str, /, **values: Any) -> str:
+def text(name: str, /, **values: Any) -> str:
     """Return a text of ``prose.yaml`` with values in its braces.
 
     They are written as `formatted` says; ``#``: how many there are.
@@ -475,13 +475,13 @@ def told(name: str, /, **values: Any) -> str:
     **values
         What the braces name.
     """
-    text: Any = prose()
+    found: Any = prose()
     for part in name.split("."):
-        text = text[part]
-    return _Prose().format(text, **values)
+        found = found[part]
+    return _Prose().format(found, **values)
 
 
-def not_shown(what: str, count: int) -> str:
+def hidden_sentence(what: str, count: int) -> str:
     """Return the sentence that says of how many things a picture shows nothing; empty for none."""
     return f" {what}, not shown: {count}." if count else ""
 
