@@ -397,7 +397,6 @@ def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
 
 
 _CHANGES = ("without_motion", "without_speckles", "without_background")
-_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
 N_SEPARATIONS = 41
 MIN_BACKGROUND_APERTURES = 25.0
@@ -638,9 +637,6 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-_TAKEN = ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s", "motion_factor", "independent_visits")
-
-
 def setting_fields(
     model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
 ) -> dict[str, Any]:
@@ -657,12 +653,6 @@ def setting_fields(
     limited_by : str
         What limits it, of `limits_of`.
     """
-    possible = best.n_frames[i] >= 1
-
-    def taken(value: float) -> float | None:
-        """Return a value where the star can be observed."""
-        return float(value) if possible else None
-
     return {
         "status": standing[0].value,
         "reason": standing[1].value,
@@ -672,11 +662,7 @@ def setting_fields(
         "detection_probability_known_place": finite(best.chance_known_place[i]),
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
-        **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{name: taken(getattr(best, name)[i]) for name in _TAKEN},
-        "integration_s": taken(best.n_frames[i] * best.exposure_s[i]),
-        "span_days": taken(float(etc.programme_days(model, best.visits[i], best.time_s[i]))),
-        "orbits_searched": int(n) if possible and math.isfinite(n := best.orbits_searched[i]) else None,
+        **(etc.programme_fields(model, vars(best), i) if best.n_frames[i] >= 1 else {}),
         "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
@@ -1003,16 +989,13 @@ class _Search:
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
-        wall = model.time_s(choice.visit_s)
-        if time_s is not None:  # never more than what was given, not even by rounding
-            wall = np.minimum(wall, time_s / programme.visits)
+        setting = etc.programme_columns(model, chosen.rates, chosen.motion, programme, choice, time_s, time_s)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         place, visits = chosen.separation_arcsec, programme.effective(chosen.rates.speckle)
-        paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
         known = not brief or model.strategy.search == "known_place"
-        chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid, at_place=known)
-        orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
-        alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
+        chances = etc.visit_chances(
+            model, band, place, choice.visit_s, noise, visits, motion=setting["motion_factor"], at_place=known
+        )
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(
@@ -1020,18 +1003,7 @@ class _Search:
             separation_arcsec=column(chosen.separation_arcsec),
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
-            visits=column(programme.visits),
-            independent_visits=column(alone),
-            orbits_searched=column(orbits),
-            motion_factor=column(paid),
-            reference_visits=column(programme.reference_visits),
-            exposure_s=column(choice.exposure_s),
-            frames_per_visit=column(choice.n_frames),
-            n_frames=column(choice.n_frames * programme.visits),
-            em_gain=column(choice.em_gain),
-            visit_time_s=column(wall),
-            time_s=column(wall * programme.visits),
-            unused_s=column(np.nan if time_s is None else np.maximum(time_s - wall * programme.visits, 0.0)),
+            **{name: column(part) for name, part in setting.items()},
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),
