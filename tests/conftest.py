@@ -111,7 +111,7 @@ def _rankings():
 @pytest.fixture
 def kept_rankings(_rankings, monkeypatch):
     """What decides a ranking is hashed: one that another test asked for, of commands or pages, is not made again."""
-    from cpic_planner.ranking import ensemble, order
+    from cpic_planner.ranking import order, sensitivity
 
     def kept(setting, targets, *, real=order.ranked, brief=False, counts=None):
         key = setting.digest(targets), targets.name.tobytes(), brief
@@ -119,7 +119,7 @@ def kept_rankings(_rankings, monkeypatch):
             _rankings[key] = real(setting, targets, brief=brief, counts=counts)
         return _rankings[key]
 
-    for module in (order, ensemble):
+    for module in (order, sensitivity):
         monkeypatch.setattr(module, "ranked", kept)
 
 

@@ -40,6 +40,8 @@ _RUNAWAY = 0.02
 class Outlook(etc.CaseArrays):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
+    Made by `Places.outlook`.
+
     Attributes
     ----------
     model : EtcModel
@@ -76,79 +78,6 @@ class Outlook(etc.CaseArrays):
     wings: FloatArray
     searched: bool
     motion: etc.SearchMotion | None = None
-
-    @classmethod
-    def of(
-        cls,
-        model: etc.EtcModel,
-        band: str,
-        separation_arcsec: FloatArray,
-        contrast: FloatArray,
-        rates: etc.ApertureRates,
-        problem: etc.FrameProblem,
-        level: FloatArray,
-        *,
-        searched: bool,
-        motion: etc.SearchMotion | None = None,
-    ) -> Self:
-        """Return the outlook of places.
-
-        Parameters
-        ----------
-        model : EtcModel
-        band : str
-        separation_arcsec : ndarray
-            ``(n, k)`` or ``(1, k)``, as the other arrays.
-        contrast : ndarray
-            Of the planets there.
-        rates : ApertureRates
-        problem : FrameProblem
-            Of one visit: its white noise is used.
-        level : ndarray
-            Threshold, or SNR to reach.
-        searched : bool
-            Whether the level is a threshold.
-        motion : SearchMotion, optional
-            At the places.
-        """
-        metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
-        exposure_s, white = etc.best_exposure_s(problem)
-        width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-        parts = programme_parts(metrics, drift, separation_arcsec, width, ratio, model.timing)
-        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
-            planet = rates.core * rates.planet_left * contrast
-            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
-            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
-            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
-            scattered = mean * etc.error_noise(rates, problem.camera, strategy, etc.ONE_VISIT)
-            camera = problem.camera
-            stages = camera.register_stages
-            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
-            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
-            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
-
-        def last(part: ArrayLike) -> FloatArray:
-            return np.asarray(part, float)[..., None]
-
-        crossed, light = (etc.mapped(last, part).scaled(last(of_star)) for part in parts)
-        frame_s = last(exposure_s + problem.camera.readout_s)
-        moving = None if motion is None else motion.at((..., None))
-        return cls(
-            model,
-            band,
-            last(level),
-            last(separation_arcsec),
-            last(white),
-            last(errors),
-            frame_s,
-            crossed,
-            light,
-            last(wings),
-            searched,
-            moving,
-        )
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
@@ -447,20 +376,32 @@ class Places(etc.CaseArrays):
 
     def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
         """Return what decides programmes for an SNR, or for a detection; ``dark``: with no background."""
-        problem = self.problem("significance" if snr is None else "snr")
+        model, rates, strategy, searched = self.model, self.rates, self.model.strategy, snr is None
+        problem = self.problem("significance" if searched else "snr")
+        camera = problem.camera
         if dark:
-            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
+            problem = etc.without_background(problem, etc.own_noise(rates, camera))
+        exposure_s, white = etc.best_exposure_s(problem)
+        place, shared = self.separation_arcsec, (strategy.annulus_lambda_d, strategy.reference_ratio, model.timing)
+        parts = programme_parts(model.metrics[self.band], model.instrument.drift, place, *shared)
+        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            kept = rates.variance_factor * model.library_noise(self.band, np.ones(1)).speckle
+            planet = rates.core * rates.planet_left * self.contrast
+            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
+            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
+            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
+            scattered = mean * etc.error_noise(rates, camera, strategy, etc.ONE_VISIT)
+            stages = camera.register_stages
+            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
+            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
+            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
         level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
-        places = self.separation_arcsec, self.contrast, self.rates
-        return Outlook.of(
-            self.model,
-            self.band,
-            *places,
-            problem,
-            level,
-            searched=snr is None,
-            motion=self.motion if snr is None else None,
-        )
+        columns = level, place, white, errors, exposure_s + camera.readout_s, parts, of_star, wings
+        *head, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
+        crossed, light = (part.scaled(of_star) for part in parts)
+        motion = self.motion.at((..., None)) if searched and self.motion is not None else None
+        return Outlook(model, self.band, *head, crossed, light, wings, searched, motion)
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Return the noise of chosen frames, those of all visits together."""
