@@ -31,7 +31,7 @@ from cpic_planner.results import (
 )
 from cpic_planner.validation import modelling_record
 from cpic_planner.version import __version__
-from simulator import config, products
+from simulator import config, observing, products
 from simulator.camera import Frame
 from simulator.config import FrozenModel, Instrument, Scene, SequenceConfig, SimulationConfig, content_hash
 from simulator.knobs import FIDELITIES
@@ -173,7 +173,7 @@ class PlannedSequence:
         visit |= {} if self.timing is None else {"timing": dataclasses.asdict(self.timing)}
         return plain | {name: getattr(self, name) for name in own} | switches | hashes | visit
 
-    def build(self) -> products.FrameSequence:
+    def build(self) -> "observing.FrameSequence":
         """Set up the sequence; frames are drawn when they are asked for."""
         entry = self.entry
         shared = {name: getattr(self, name) for name in ("em_gain", "realisation", "start_utc")}
@@ -766,7 +766,7 @@ def _named_files(tree: Any) -> Iterator[str]:
 class _Tally:
     """The contents of the frames of a sequence, noted while they go by."""
 
-    sequence: products.FrameSequence
+    sequence: "observing.FrameSequence"
     adu_min: int = 2**16 - 1
     adu_max: int = 0
     saturated_pixels: int = 0

@@ -6,7 +6,7 @@ characteristic is how likely a planet is found, against the false alarms of a se
 
 import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -147,19 +147,11 @@ def clearest_place(
 
 def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed | None:
     """Return the programme that an answer is about; None where it has no frame."""
-    if answer.exposure_s is None or not answer.frames_per_visit or answer.em_gain is None:
+    frames = validation.Frames.of(answer)
+    if frames is None:
         return None
-    visits = answer.visits or 1
-    fixed = replace(model, strategy=model.strategy.model_copy(update={"visits": visits}))
-    frames = validation.Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, visits)
+    fixed = replace(model, strategy=model.strategy.model_copy(update={"visits": frames.visits}))
     return Observed(fixed, star, answer.band, frames, answer)
-
-
-def programme_row(kind: type[SearchedProgramme], answer: EtcAnswer, seen: Observed | None, **given: Any) -> Any:
-    """Return the row of a programme."""
-    elements = None if seen is None else seen.elements
-    status: dict[str, Any] = {"status": answer.status.value, "reason": answer.reason.value, "message": answer.message}
-    return kind.of(answer, **status, resolution_elements=elements, **given)
 
 
 def header(question: SearchedQuestion, model: etc.EtcModel, asked: AskedStar, digest: str) -> dict[str, Any]:
@@ -285,12 +277,56 @@ class Searched:
         return np.asarray(alarms <= self.elements.mean() * special().ndtr(-sigma))
 
 
-def searched(runner: Runner, tasks: Sequence[validation.SearchTask], n_planets: int) -> Searched:
+def searched(runner: Runner, tasks: Sequence[validation.SearchTask]) -> Searched:
     """Draw the images of a programme and search them."""
-    bodies = runner.finish(
-        validation.search_task, [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks]
-    )
-    return Searched.of(bodies.values(), n_planets)
+    work = [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks]
+    return Searched.of(runner.finish(validation.search_task, work).values(), len(tasks[0].planets))
+
+
+def _job(
+    question: SearchedQuestion,
+    model: etc.EtcModel,
+    asked: AskedStar,
+    *,
+    programme: Callable[[str], tuple[EtcAnswer, Observed | None]],
+    tasks: Callable[[Observed], list[validation.SearchTask]],
+    row: type[SearchedProgramme],
+    answered: Callable[[dict[str, Any], Sequence[tuple[Observed, Searched | None]]], Any],
+    **how: Any,
+) -> Job[Any]:
+    """Return the job of one programme a band, drawn as images and searched where images are asked for.
+
+    Parameters
+    ----------
+    question : SearchedQuestion
+    model : EtcModel
+    asked : AskedStar
+    programme : callable
+        The programme of a band, None without a frame, and the answer that chose it.
+    tasks : callable
+        Images of a programme.
+    row : type of SearchedProgramme
+    answered : callable
+        The result, from what it says of star, instrument and bands, and the programmes with the findings in images.
+    **how
+        Of the `Job`.
+    """
+    chosen = functools.cache(lambda: [programme(band) for band in model.bands])
+    every = functools.cache(lambda: [tasks(seen) if seen and question.images else [] for _, seen in chosen()])
+
+    def work(runner: Runner) -> Any:
+        bands, found = [], []
+        for (answer, seen), own in zip(chosen(), every(), strict=True):
+            images = searched(runner, own) if own else None
+            about: dict[str, Any] = {name: getattr(answer, name).value for name in ("status", "reason")}
+            if images is not None:
+                about |= {"images": images.images, "images_message": images.refused}
+            bands.append(row.of(answer, **about, resolution_elements=seen and seen.elements))
+            if seen is not None:
+                found.append((seen, images))
+        return answered(header(question, model, asked, runner.digest) | {"bands": bands}, found)
+
+    return Job(work=work, cost=lambda: search_cost([task for own in every() for task in own]), **how)
 
 
 CURVE_VERSION = 4
@@ -327,46 +363,37 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
     """
     from cpic_planner.report import CURVE_PRODUCTS, write_curve
 
-    chosen = functools.cache(lambda: [_curve_programme(question, model, asked, band) for band in model.bands])
-    curves = functools.cache(lambda: [_curve(question, *one) for one in chosen()])
+    curve = functools.cache(lambda seen: _curve(question, seen))
 
-    def tasks(number: int) -> list[Any]:
-        seen, rows = chosen()[number][1], curves()[number]
-        if seen is None or not question.images:
-            return []
+    def tasks(seen: Observed) -> list[validation.SearchTask]:
+        rows = curve(seen)
         places = [row.separation_arcsec for row in rows]
         return search_tasks(question, seen, places, _injected(question, rows), question.injections)
 
-    def work(runner: Runner) -> CurveResult:
-        bands, points, maps, recovered = [], [], [], []
-        for number, (answer, seen) in enumerate(chosen()):
-            rows = curves()[number]
-            images = searched(runner, tasks(number), len(_injected(question, rows))) if question.images else None
-            if seen is not None:
-                maps += _map(seen, rows)
-            if seen is not None and images is not None and images.images:
+    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> CurveResult:
+        points, maps, recovered = [], [], []
+        for seen, images in found:
+            rows = curve(seen)
+            maps += _map(seen, rows)
+            if images is not None and images.images:
                 rows = _measured(rows, images)
                 recovered += _recovered(seen, _injected(question, rows), images)
-            about = {} if images is None else {"images": images.images, "images_message": images.refused}
-            bands.append(programme_row(SearchedProgramme, answer, seen, **about))
             points += rows
-        return CurveResult(
-            **header(question, model, asked, runner.digest),
-            injections=question.injections,
-            bands=bands,
-            points=points,
-            maps=maps,
-            recovered=recovered,
-        )
+        return CurveResult(**about, injections=question.injections, points=points, maps=maps, recovered=recovered)
 
-    return Job(
+    return _job(
+        question,
+        model,
+        asked,
+        programme=lambda band: _curve_programme(question, model, asked, band),
+        tasks=tasks,
+        row=SearchedProgramme,
+        answered=answered,
         kind="curve",
         results=CURVE_VERSION,
         decides=lambda: decided_by(question, asked),
-        work=work,
         write=lambda folder, result, bodies: write_curve(folder, result),
         products=CURVE_PRODUCTS,
-        cost=lambda: search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )
 
 
@@ -381,10 +408,8 @@ def _curve_programme(
     return best, observed(model, asked.target, best)
 
 
-def _curve(question: CurveQuestion, answer: EtcAnswer, seen: Observed | None) -> list[CurveRow]:
+def _curve(question: CurveQuestion, seen: Observed) -> list[CurveRow]:
     """Return the limits of a programme by closed forms."""
-    if seen is None:
-        return []
     inner, *_, outer = separation_grid(seen.model, seen.band).tolist()
     places = [*(question.separation_arcsec or np.geomspace(inner, outer, N_PLACES).tolist())]
     fixed: dict[str, Any] = {"visit_time_s": seen.visit_time_s, "exact": True}
@@ -534,41 +559,32 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
     """
     from cpic_planner.report import ROC_PRODUCTS, write_roc
 
-    chosen = functools.cache(lambda: [_roc_programme(question, model, asked, band) for band in model.bands])
-
-    def tasks(number: int) -> list[Any]:
-        answer, seen = chosen()[number]
-        if seen is None or not question.images or answer.contrast is None:
+    def tasks(seen: Observed) -> list[validation.SearchTask]:
+        separation, contrast = seen.answer.separation_arcsec, seen.answer.contrast
+        if contrast is None:
             return []
-        place = [float(part) for part in etc.planet_offsets(seen.model, seen.star, seen.band, answer.separation_arcsec)]
-        planets = [(answer.separation_arcsec, [answer.contrast], place)]
-        return search_tasks(question, seen, [], planets, question.images)
+        place = [float(part) for part in etc.planet_offsets(seen.model, seen.star, seen.band, separation)]
+        return search_tasks(question, seen, [], [(separation, [contrast], place)], question.images)
 
-    def work(runner: Runner) -> RocResult:
-        bands, levels = [], []
-        for number, (answer, seen) in enumerate(chosen()):
-            images = searched(runner, tasks(number), 1) if question.images and seen is not None else None
-            if seen is not None:
-                levels += _levels(seen, images)
-            about = {} if images is None else {"images": images.images, "images_message": images.refused}
-            bands.append(programme_row(RocProgramme, answer, seen, **about))
+    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> RocResult:
         planet = question.planet
-        record = ReferencePlanetRecord.of(planet, albedo=planet.albedo.label)
-        return RocResult(
-            **header(question, model, asked, runner.digest),
-            reference_planet=record if question.contrast is None else None,
-            bands=bands,
-            levels=levels,
-        )
+        record = ReferencePlanetRecord.of(planet, albedo=planet.albedo.label) if question.contrast is None else None
+        levels = [row for seen, images in found for row in _levels(seen, images)]
+        return RocResult(**about, reference_planet=record, levels=levels)
 
-    return Job(
+    return _job(
+        question,
+        model,
+        asked,
+        programme=lambda band: _roc_programme(question, model, asked, band),
+        tasks=tasks,
+        row=RocProgramme,
+        answered=answered,
         kind="roc",
         results=ROC_VERSION,
         decides=lambda: decided_by(question, asked) | {"planet": question.planet.content()},
-        work=work,
         write=lambda folder, result, bodies: write_roc(folder, result),
         products=ROC_PRODUCTS,
-        cost=lambda: search_cost([task for number in range(len(model.bands)) for task in tasks(number)]),
     )
 
 

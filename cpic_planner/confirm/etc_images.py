@@ -98,12 +98,9 @@ class _Refused(Exception):
 def _task(
     model: EtcModel, star: Targets, answer: EtcAnswer, planet: ReferencePlanet | None, dial: Dial, seed: int
 ) -> validation.ConfirmTask:
-    assert answer.exposure_s is not None
-    assert answer.n_frames is not None
-    assert answer.em_gain is not None
+    frames = validation.Frames.of(answer)
+    assert frames is not None
     assert answer.contrast is not None
-    frames_per_visit = answer.frames_per_visit or answer.n_frames
-    frames = validation.Frames(answer.exposure_s, frames_per_visit, answer.em_gain, answer.visits or 1)
     place = planet_offsets(model, star, answer.band, answer.separation_arcsec)
     expected = validation.expected_of(model, star, answer.band, place, answer.contrast, frames)
     chosen: validation.ImageSettings = {"seed": seed, "fidelity": dial.fidelity}

@@ -532,11 +532,11 @@ def _programme(
         em_gain=config.em_gain,
         offsets_arcsec=place,
     )
-    if answer.exposure_s is None or answer.frames_per_visit is None or answer.em_gain is None:
+    frames = validation.Frames.of(answer)
+    if frames is None:
         return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
-    if answer.frames_per_visit > MAX_FRAMES:
+    if frames.n_frames > MAX_FRAMES:
         return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, validation.TOO_MANY))
-    frames = validation.Frames(answer.exposure_s, answer.frames_per_visit, answer.em_gain, answer.visits or 1)
     return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
 
 

@@ -11,12 +11,12 @@ from cpic_core import Reason, Status
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.results.base import (
     DetectionMode,
-    OfTables,
     ProgrammeColumns,
     ReferencePlanetRecord,
     Result,
     Row,
     RunResult,
+    StarHeader,
     StatusText,
     VerdictColumns,
     column,
@@ -239,19 +239,10 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
-class EtcResult(OfTables):
+class EtcResult(StarHeader):
     """Answers of the exposure-time calculator for one target."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["etc"] = "etc"
-    config_hash: str
-    target: str
-    hip: int | None
-    v_mag: float
-    distance_pc: float
-    catalogue: str
-    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
-    note: str
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None
     answers: list[EtcAnswer]
@@ -360,18 +351,11 @@ class RecoveredRow(Row):
     )
 
 
-class SearchedResult(OfTables, RunResult):
+class SearchedResult(StarHeader, RunResult):
     """The fields that every result on the programmes of a star has."""
 
     version: str
-    config_hash: str
-    target: str
-    hip: int | None
-    v_mag: float
-    distance_pc: float
-    catalogue: str
     date_utc: str
-    note: str = Field(description="on the name that was given; empty for none")
     instrument: str
     time_s: float = Field(description="wall time that each band may take")
     sigma: float = Field(description="level of a detection whose false-alarm probability the thresholds keep")
@@ -386,7 +370,6 @@ class CurveResult(SearchedResult):
     """Contrast limits of a star against separation, completeness by separation and contrast, injected planets."""
 
     main_rows: ClassVar[str] = "points"
-    schema_version: Literal[1] = 1
     kind: Literal["curve"] = "curve"
     injections: int = Field(description="planets that were asked for at each separation and contrast")
     bands: list[SearchedProgramme]
@@ -435,7 +418,6 @@ class RocResult(SearchedResult):
     """Probability of a detection against false alarms, for one planet of a star."""
 
     main_rows: ClassVar[str] = "levels"
-    schema_version: Literal[1] = 1
     kind: Literal["roc"] = "roc"
     reference_planet: ReferencePlanetRecord | None = Field(description="the planet; null for a given contrast")
     bands: list[RocProgramme]

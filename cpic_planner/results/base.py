@@ -198,15 +198,23 @@ class Row(Result):
     """Base of rows: every field is a column of the tables that show it."""
 
 
-class RunResult(Result):
+class Document(Result):
+    """Base of results that leave the program: the version of their schema and their kind begin the file."""
+
+    schema_version: Literal[1] = 1
+    kind: str = ""
+
+
+class RunResult(Document):
     """Base of results, which say what made them."""
 
     fingerprint: str = ""
 
 
-class OfTables(Result):
+class OfTables(Document):
     """Base of results of questions that tables of a user's own can be part of."""
 
+    config_hash: str
     notes: list[str] = Field(
         default_factory=list,
         description="remarks on the reading of tables of your own: columns that are not used, rows that are left out; "
@@ -459,6 +467,49 @@ class VerdictColumns(Row):
     required_contrast_factor: float | None = None
 
 
+class ReferencePlanetRecord(Result):
+    """The planet that ranked numbers refer to."""
+
+    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
+    phase_deg: float = Field(description="star-planet-observer phase angle")
+    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
+    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
+
+
+class SampleResult(Document):
+    """Base of results on stars of a catalogue, whose numbers refer to one reference planet."""
+
+    time_s: float = Field(description="wall time per target and band, s")
+    reference_planet: ReferencePlanetRecord
+    catalogue: str
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
+
+
+class RankedSample(SampleResult):
+    """Base of results on the stars of a ranking."""
+
+    sample: str = Field(description="which rows of the catalogue are returned")
+    n_in_catalogue: int | None = Field(
+        default=None, description="stars of the sample before the filters; null in older results"
+    )
+    counts: dict[str, int] = Field(description="stars by status or reason")
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="stars by limited_by; empty in older results"
+    )
+
+
+class StarHeader(OfTables):
+    """Base of results on one target."""
+
+    target: str
+    hip: int | None
+    v_mag: float
+    distance_pc: float
+    catalogue: str
+    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
+    note: str = Field(description="on the name that was given; empty for none")
+
+
 def unit_of(name: str) -> str:
     """Return the unit that the suffix of a name states; empty where it states none."""
     return next((unit for suffix, unit in UNITS.items() if name.endswith(f"_{suffix}")), "")
@@ -505,15 +556,6 @@ def _dtype(annotation: Any) -> str:
         return "string" if _dtype(kinds[0]) else ""
     plain = {bool: "bool", int: "int64", float: "float64"}
     return plain.get(annotation, "string" if isinstance(annotation, type) and issubclass(annotation, str) else "")
-
-
-class ReferencePlanetRecord(Result):
-    """The planet that ranked numbers refer to."""
-
-    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
-    phase_deg: float = Field(description="star-planet-observer phase angle")
-    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
-    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
 
 
 R = TypeVar("R", bound=Result)

@@ -10,10 +10,11 @@ from pydantic import Field
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
     OfTables,
-    ReferencePlanetRecord,
+    RankedSample,
     Result,
     Row,
     RunResult,
+    SampleResult,
     StatusText,
     VerdictText,
     column,
@@ -197,8 +198,6 @@ class ConfirmedTarget(Result):
 class ImagedResult(RunResult):
     """The findings in the images of a plan or scene: reproducible from configuration and seed."""
 
-    schema_version: Literal[1] = 1
-    kind: str
     version: str
     config_hash: str
     seed: int
@@ -277,24 +276,14 @@ class ScheduleImages(Result):
     not_imaged: list[NotImagedRow] = Field(description="empty: every visit of these stars is in the images")
 
 
-class PlanResult(OfTables, ImagedResult):
+class PlanResult(RankedSample, OfTables, ImagedResult):
     """The plan: reproducible from configuration and seed."""
 
     kind: Literal["plan"] = "plan"
-    time_s: float
     companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
-    reference_planet: ReferencePlanetRecord
-    catalogue: str
-    sample: str
-    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
     reference_star_v_mag: float | None = optional("V magnitude of the reference star; null where the library has none")
     reference_star_teff_k: float | None = optional("temperature of the reference star, K")
     n_ranked: int = Field(description="stars of the ranking that pass the filters")
-    n_in_catalogue: int | None = Field(default=None, description="all ranked stars; null in older results")
-    counts: dict[str, int]
-    counts_limited_by: dict[str, int] = Field(
-        default_factory=dict, description="ranked stars by limited_by; empty in older results"
-    )
     period: PeriodRecord | None = optional("null for a schedule, which has dates of its own, and in older results")
     schedule: ScheduleImages | None = optional("null where the ranking chooses the targets, and in older results")
     targets: list[ConfirmedTarget]
@@ -367,13 +356,10 @@ class AlbedoRecord(Row):
     flags: list[str]
 
 
-class StarImagesResult(ImagedResult):
+class StarImagesResult(SampleResult, ImagedResult):
     """Stars with their reference planets, observed and measured: reproducible from configuration and seed."""
 
     kind: Literal["star_images"] = "star_images"
-    time_s: float
-    reference_planet: ReferencePlanetRecord
-    catalogue: str
     date_utc: str = Field(description="date of the places of stars and companions")
     targets: list[ConfirmedTarget]
 

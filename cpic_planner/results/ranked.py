@@ -8,10 +8,11 @@ from cpic_planner.registry import ScoreName
 from cpic_planner.results.answers import EtcResult, Quantiles
 from cpic_planner.results.base import (
     DetectionMode,
+    Document,
     LimitText,
     OfTables,
     ProgrammeColumns,
-    ReferencePlanetRecord,
+    RankedSample,
     Result,
     Row,
     RunResult,
@@ -114,9 +115,8 @@ class SensitivityStar(Row):
 class SensitivityResult(OfTables, RunResult):
     """The dependence of the ranking on what is assumed."""
 
-    schema_version: Literal[2] = 2
+    schema_version: Literal[2] = 2  # type: ignore[assignment]
     kind: Literal["sensitivity"] = "sensitivity"
-    config_hash: str
     top: int = Field(description="stars of the nominal ranking that are compared")
     first: int = Field(description="first stars that kept_first is about: those that a plan proposes, else ten")
     score_name: ScoreName
@@ -292,17 +292,11 @@ class RankedTarget(Standing, RankedColumns):
     )
 
 
-class RankResult(OfTables, RunResult):
+class RankResult(RankedSample, OfTables, RunResult):
     """The analytic ranking of the whole sample."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
-    config_hash: str
     instrument: str = Field(default="", description="name of the instrument; empty in older results")
-    catalogue: str
-    sample: str = Field(description="which rows of the catalogue are returned")
-    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
-    time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
     reference_library: str = Field(
         description="reference library of the subtraction, the mean of whose frames is taken off, without further modes"
@@ -321,16 +315,8 @@ class RankResult(OfTables, RunResult):
     drift_nm: float | None = Field(
         default=None, description="rms of the wavefront offset of a visit; null in older results"
     )
-    reference_planet: ReferencePlanetRecord
     population: PopulationRecord
     score_name: ScoreName = Field(description="what the ranking is by")
-    counts: dict[str, int] = Field(description="stars by status or reason")
-    counts_limited_by: dict[str, int] = Field(
-        default_factory=dict, description="stars by limited_by; empty in older results"
-    )
-    n_in_catalogue: int | None = Field(
-        default=None, description="stars of the sample before the filters; null in older results"
-    )
     ensemble: EnsembleRecord | None = Field(default=None, description="the same under many instruments, where asked")
     targets: list[RankedTarget]
 
@@ -408,9 +394,7 @@ class RankComparison(OfTables):
     """The moves from one ranking to another one, and their reasons."""
 
     main_rows: ClassVar[str] = "targets"
-    schema_version: Literal[1] = 1
     kind: Literal["comparison"] = "comparison"
-    config_hash: str
     before: ComparedRanking
     after: ComparedRanking
     settings: list[SettingChange] | None = Field(
@@ -453,9 +437,7 @@ class BandStanding(Standing):
 class Explanation(OfTables):
     """The reasons why a star stands where it stands."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["explanation"] = "explanation"
-    config_hash: str
     n_ranked: int
     score_name: ScoreName
     star: RankedTarget
@@ -557,9 +539,7 @@ class KnownResult(OfTables, RunResult):
     """Known planets of some stars at a date."""
 
     main_rows: ClassVar[str] = "planets"
-    schema_version: Literal[1] = 1
     kind: Literal["known"] = "known"
-    config_hash: str
     catalogue: str
     planets_table: str = Field(description="as catalogue, of the table of planets")
     columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
@@ -654,9 +634,7 @@ class VisibleTarget(Row):
 class VisibilityResult(OfTables):
     """The times when stars can be seen."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["visibility"] = "visibility"
-    config_hash: str
     catalogue: str
     start_utc: str
     n_days: int
@@ -669,10 +647,9 @@ class VisibilityResult(OfTables):
     targets: list[VisibleTarget]
 
 
-class StarResult(Result):
+class StarResult(Document):
     """The facts about a star: its place in the ranking, its known planets, and when it is seen."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["star"] = "star"
     name: str
     hip: int | None
@@ -693,10 +670,9 @@ class StarResult(Result):
     seasons: VisibilityResult = Field(description="when it is seen")
 
 
-class TwoInstrumentsResult(Result):
+class TwoInstrumentsResult(Document):
     """Two instruments: the values in which they differ, and the answers of both to one question."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["two_instruments"] = "two_instruments"
     differences: InstrumentResult
     answers: list[EtcResult] = Field(description="of the first instrument and of the other; empty without a question")

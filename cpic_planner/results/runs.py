@@ -11,6 +11,7 @@ from pydantic import Field
 from catalogs import CONVENTIONS, LeftOut, Taken
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    Document,
     OfTables,
     Result,
     Row,
@@ -23,19 +24,24 @@ from cpic_planner.results.base import (
 from simulator.knobs import Quantity
 
 
-class PlannedSequenceRow(Row):
-    """One sequence of a simulation: what it is, and its file."""
+class SequenceRow(Row):
+    """Base of rows of sequences of frames."""
 
     obsid: str = column("number of the observation, eleven digits", label="OBSID")
-    kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
-    target: str = column("name of the scene, or the kind where there is none")
-    role: str = Field(description="science, reference or calibration; empty where there is no scene")
-    camera: Literal["VIS", "NIR"]
     band: str = Field(description="empty for BIAS and DARK")
     exposure_s: float = Field(description="exposure of a frame, s")
     n_frames: int
     em_gain: float = column(short="gain", format="g")
     start_utc: str = column("begin of the first exposure", short="begins (UTC)")
+
+
+class PlannedSequenceRow(SequenceRow):
+    """One sequence of a simulation: what it is, and its file."""
+
+    kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
+    target: str = column("name of the scene, or the kind where there is none")
+    role: str = Field(description="science, reference or calibration; empty where there is no scene")
+    camera: Literal["VIS", "NIR"]
     file: str = Field(description="Level-0 file below the folder of the run")
     visit: int | None = optional("number of the visit of its role, from 1; null outside of a programme")
     window: int | None = optional("number of the window of the orbit in the visit, from 1; null outside of a programme")
@@ -44,7 +50,7 @@ class PlannedSequenceRow(Row):
     )
 
 
-class VisitRow(Row):
+class VisitRow(SequenceRow):
     """One sequence of a programme: the frames of a visit in one window of the orbit."""
 
     visit: int = Field(description="number of the visit among those of its role, from 1")
@@ -53,15 +59,9 @@ class VisitRow(Row):
     window: int = Field(description="number of the window of the orbit in the visit, from 1")
     folder: str = Field(description="tree of products of the visit, beside the list of visits")
     file: str = Field(description="Level-0 file, below the folder of the list of visits")
-    obsid: str = column("number of the observation, eleven digits", label="OBSID")
-    band: str
-    start_utc: str = column("begin of the first exposure", short="begins (UTC)")
     begin_mjd: float = Field(description="begin of the first exposure, MJD (UTC)")
     end_mjd: float = Field(description="end of the last exposure, MJD (UTC)")
-    n_frames: int
     first_frame: int = Field(description="number of its first frame in the visit, from 0")
-    exposure_s: float = Field(description="exposure of a frame, s")
-    em_gain: float = column(short="gain", format="g")
     roll_deg: float = column("position angle of the +y axis", format="g")
     seed: int
     streams: list[str | int] = Field(description="names of the random streams of the visit, below the seed")
@@ -70,7 +70,6 @@ class VisitRow(Row):
 class SimulatedProgramme(RunResult):
     """Visits of one star that are to be reduced together, as the file ``programme.json`` lists them."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["programme"] = "programme"
     file: str = Field(description="this list below the folder of the run")
     target: str = Field(description="name of the scene of the science visits")
@@ -101,10 +100,9 @@ class SimulatedSequence(PlannedSequenceRow):
     sha256: str = Field(description="of the Level-0 file")
 
 
-class SimulationEstimate(Result):
+class SimulationEstimate(Document):
     """The products of a simulation and their expected cost."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["estimate"] = "estimate"
     name: str
     n_sequences: int
@@ -120,10 +118,8 @@ class SimulationEstimate(Result):
 class SimulationResult(OfTables, RunResult):
     """The products of a simulation: reproducible from configuration and seeds."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["simulation"] = "simulation"
     version: str
-    config_hash: str
     name: str
     description: str
     n_frames: int
@@ -144,10 +140,9 @@ class FindingRecord(Row):
     )
 
 
-class CheckResult(Result):
+class CheckResult(Document):
     """The findings of a check of Level-0 products."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["check"] = "check"
     paths: list[str] = Field(description="what was checked")
     n_files: int = Field(description="Level-0 files among it")
@@ -228,7 +223,6 @@ class TradeoffRow(Row):
 class TradeoffResult(RunResult):
     """Speed against accuracy on fixed scenes."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["tradeoff"] = "tradeoff"
     version: str
     quick_look: bool = Field(description="few frames: for a look, not for a record")
@@ -255,10 +249,9 @@ class InstrumentValue(Row):
     source: str = ""
 
 
-class InstrumentResult(Result):
+class InstrumentResult(Document):
     """Values of an instrument, or those in which two differ."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["instrument"] = "instrument"
     title: str = Field(description="names and hashes")
     values: list[InstrumentValue]
@@ -277,7 +270,6 @@ class FingerprintRecord(Result):
 class RunRecord(RunResult):
     """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["run"] = "run"
     command: list[str]
     config_hash: str
@@ -361,11 +353,10 @@ class TableTaken(Result):
         return cls(taken_as=taken.kind, columns=columns, left_out=reasons, **rest)
 
 
-class ColumnsResult(Result):
+class ColumnsResult(Document):
     """The meaning of the columns of a file, and how many of its rows can be used."""
 
     main_rows: ClassVar[str] = "tables"
-    schema_version: Literal[1] = 1
     kind: Literal["columns"] = "columns"
     file: str = Field(description="name of the file, without folders")
     tables: list[TableTaken] = Field(description="one; two where it can be read both as stars and as planets")

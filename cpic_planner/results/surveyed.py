@@ -258,7 +258,6 @@ class PlannedVisitRow(Row):
 class VisitsResult(RunResult):
     """Planned visits of all strategies of a comparison: ``visits.json``, the table of ``visits.csv``."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["visits"] = "visits"
     version: str
     config_hash: str = Field(description="hash of everything that decides the comparison")
@@ -436,10 +435,8 @@ class SettingSource(Result):
 class WhatIfResult(OfTables, RunResult):
     """Comparison of survey strategies: reproducible from configuration and seed."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["whatif"] = "whatif"
     version: str
-    config_hash: str
     name: str
     description: str
     universe: dict[str, Any] = Field(description="what all strategies share")

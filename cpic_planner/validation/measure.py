@@ -34,7 +34,6 @@ from cpic_planner.validation.search import (
     Searcher,
     SpeckleMaps,
     mirror_share,
-    searcher,
     speckle_maps,
     whole_kernels,
 )
@@ -549,7 +548,7 @@ def searcher_of(
         `maps_of` the visits, where they are at hand.
     """
     plan, still = visits.plan, visits.still
-    return searcher(
+    return Searcher(
         stack,
         visits.optics,
         maps or maps_of(visits),

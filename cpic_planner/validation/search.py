@@ -471,51 +471,173 @@ def _sigma_map(snr: FloatArray, laplace: FloatArray, visits: float) -> FloatArra
 
 
 @dataclass(frozen=True)
-class SearchedProgramme:
-    """Visits behind a residual.
+class Candidate:
+    """One peak of the significance map.
 
     Attributes
     ----------
-    visits, reference_visits : int
-        Science visits, and visits that all references are spread over, at least 1.
-    common_fraction : float
-        Believed rms of what science and reference differ by in every visit, over that of a visit's offset; 0: none.
+    x_arcsec, y_arcsec : float
+        Place from the star on the detector, refined between pixels by parabolas; x grows with the column.
+    x_pixel, y_pixel : float
+        The same in pixels of the stamp.
+    separation_arcsec : float
+        Distance from the star.
+    snr_mf : float
+        Matched-filtered flux over its standard deviation, estimated from the residual without this source.
+    significance : float
+        Level of a standard normal variate that noise at this place reaches as rarely: heavy tails and the error of the
+        estimated noise are in it.
+    flux_e : float
+        Electrons of the source on the clear disc (before mask, apodizer and aperture), from the unmasked image: low
+        beside the mask.
+    false_alarms : float
+        Number of noise peaks that a search of this region expects at or above this one.
+    detected : bool
+        Whether ``snr_mf`` reaches ``threshold``.
+    law : tuple of float
+        Significance of a detection, and the law of noise here: `cpic_planner.etc.snr_at`.
     """
 
-    visits: int = 1
-    reference_visits: int = 1
-    common_fraction: float = 0.0
+    x_arcsec: float
+    y_arcsec: float
+    x_pixel: float
+    y_pixel: float
+    separation_arcsec: float
+    snr_mf: float
+    significance: float
+    flux_e: float
+    false_alarms: float
+    detected: bool
+    law: tuple[float, float, float, float]
+
+    @functools.cached_property
+    def threshold(self) -> float:
+        """The ``snr_mf`` that a detection needs here."""
+        return float(snr_at(*self.law)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class BlindSearch:
+    """The findings of a search.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        Peaks of 2.5 sigma and more, brightest first; empty where the threshold is undefined.
+    threshold : Outcome of float
+        Least `Candidate.significance` of a detection; ``unreachable`` in a region too small to know its noise.
+    sigma : float
+        Gaussian significance that was asked for.
+    per_search : bool
+        Whether it holds for the whole search instead of for each resolution element.
+    region : SearchedRegion
+        Positions that were searched.
+    roughness : float
+        Variance of the gradient of the significance map, per square pixel; 0 where undefined.
+    white_level : float
+        White noise found over predicted, in variance.
+    drift_nm : float
+        Wavefront offset of a visit that explains the speckles; 0 where the optics know no drift.
+    dof : float
+        Degrees of freedom of the variance, median over the region.
+    sigma_e : ndarray, shape (n, n)
+        Standard deviation of the flux of a source at every searched position, electrons on the clear disc; 0 elsewhere.
+    snr_map : ndarray, shape (n, n)
+        Flux over that; 0 elsewhere. Sources that were taken out are not in it.
+    at_places : tuple of Candidate
+        What the map shows at the places that were asked for: one trial each, whose threshold is ``sigma``.
+    """
+
+    candidates: tuple[Candidate, ...]
+    threshold: Outcome[float]
+    sigma: float
+    per_search: bool
+    region: SearchedRegion
+    roughness: float
+    white_level: float
+    drift_nm: float
+    dof: float
+    sigma_e: FloatArray
+    snr_map: FloatArray
+    at_places: tuple[Candidate, ...] = ()
 
     @property
-    def pairs(self) -> float:
-        """Laplace variates in the noise."""
-        return float(effective_visits(self.visits, self.reference_visits))
+    def detections(self) -> tuple[Candidate, ...]:
+        """Candidates above their threshold."""
+        return tuple(candidate for candidate in self.candidates if candidate.detected)
 
-    def terms(self, white: FloatArray, linear: FloatArray, square: FloatArray, *, own: bool) -> NoiseTerms:
-        """Return the variance of the sum of all visits, or the part of it that the visits themselves bring.
+    def near(self, x_arcsec: float, y_arcsec: float, reach_arcsec: float) -> list[Candidate]:
+        """Return the candidates within reach of a place.
 
         Parameters
         ----------
-        white : ndarray
-            Of the sum, references included.
-        linear, square : ndarray
-            Of a pair of visits as bright as the sum.
-        own : bool
-            Without references, and what the visits share.
+        x_arcsec, y_arcsec : float
+            Offsets from the star on the detector.
+        reach_arcsec : float
         """
-        science, reference = 0.5 / self.visits, 0.5 / self.reference_visits
-        if own:
-            share = self.reference_visits / (self.visits + self.reference_visits)
-            return NoiseTerms(share * white, science * linear, science * square, self._common(0.0 * linear))
-        both = science + reference
-        return NoiseTerms(white, both * linear, both * square, self._common(0.5 * self.common_fraction**2 * linear))
+        return [
+            one
+            for one in self.candidates
+            if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
+        ]
 
-    def _common(self, part: FloatArray) -> FloatArray | None:
-        return part if self.common_fraction > 0 and self.visits > 1 else None
+    def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
+        """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : float
+            Offsets from the star on the detector.
+        geometry : BandGeometry
+        """
+        near = self.near(x_arcsec, y_arcsec, MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
+        return max(near, key=lambda item: item.snr_mf, default=None)
 
 
-class SearchField:
-    """Positions of a search with their noise terms.
+class Searcher:
+    """A search for sources everywhere in the dark hole, ready for an image of a stack or several.
+
+    Parameters
+    ----------
+    stack : ReducedStack
+    psf : Psf
+        Its unmasked image is the template of a source.
+    maps : SpeckleMaps
+        Of this PSF, with the filter (`cpic_planner.validation.search.speckle_maps`).
+    star_rate_e_s : float
+        Detected rate of the star on the clear pupil, above 0.
+    sigma : float
+        Gaussian significance, 2.5 to 20, that states the false-alarm probability. By default noise passes for a source
+        with this probability in each resolution element of ``(lambda/D)^2``, as in `detection_threshold`.
+    per_search : bool
+        That probability for the whole search instead.
+    known : sequence of (x_arcsec, y_arcsec)
+        Sources that are neither reported nor allowed to count as noise.
+    visits, reference_visits : int
+        Visits that the science images of the stack, in their order, and all its references come from; each has a
+        wavefront of its own. At least 1.
+    common_fraction : float
+        Believed rms, over that of a visit's offset, of the wavefront by which science and reference differ in every
+        visit (`Drift.common_fraction`): it is fitted, from a prior around this number; 0 for none. 0 to 1.
+    known_light_e_s : ndarray, shape (n, n), optional
+        Light on the stamp that is no planet's nor the star's, such as the wings of another star; even by default.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range or a pixel is not finite.
+
+    Notes
+    -----
+    The variance of a matched-filtered pixel is ``level white + drift linear + drift^2 square`` with the shapes of white
+    noise, of ``2 Re(E0* dE)`` and of ``|dE|^2``; both factors are fitted to the residual, for each candidate without
+    the disc of 1.22 lambda/D around it and, as far as speckles rule there, around its mirror image: pupil phases make
+    pairs. V science and R reference visits leave (1/V + 1/R)/2 of the last two terms, and a part that all visits share;
+    how the visits scatter around their mean, where no planet and nothing common is left, tells the noise V - 1 times
+    over. The law of a position is Gaussian noise plus Laplace variates, one for each of `effective_visits` pairs, of
+    the same kurtosis, over the error of the fit;
+    as an equivalent Gaussian field it has the threshold of `search_threshold`. Up to ten sources beyond 5 sigma are
+    subtracted, brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
 
     Attributes
     ----------
@@ -530,7 +652,9 @@ class SearchField:
     free : ndarray of bool, shape (p,)
         Positions that tell the noise: without known sources.
     pairs : float
-        Laplace variates in the noise, as of `SearchedProgramme`.
+        Laplace variates in the noise.
+    visit_nm : float
+        Wavefront offset of a visit where its fitted number is 1; 0 where the optics know no drift.
     """
 
     def __init__(
@@ -538,13 +662,29 @@ class SearchField:
         stack: ReducedStack,
         psf: AnyPsf,
         maps: SpeckleMaps,
-        star_e: float,
-        known: Sequence[tuple[float, float]],
-        programme: "SearchedProgramme",
-        known_light: FloatArray | None = None,
+        *,
+        star_rate_e_s: float,
+        sigma: float = 5.0,
+        per_search: bool = False,
+        known: Sequence[tuple[float, float]] = (),
+        visits: int = 1,
+        reference_visits: int = 1,
+        common_fraction: float = 0.0,
+        known_light_e_s: FloatArray | None = None,
     ) -> None:
-        self._stack, self._psf, self._maps, self._programme = stack, psf, maps, programme
-        self.pairs = programme.pairs
+        check_positive("star_rate_e_s", star_rate_e_s, "e-/s")
+        if not REPORTED_SIGMA <= sigma <= MAX_SIGMA:
+            raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to {MAX_SIGMA:g}")
+        for key, number in (("visits", visits), ("reference_visits", reference_visits)):
+            check_whole(key, number, 1, MAX_VISITS)
+        checked_scalar("common_fraction", common_fraction, low=0.0, high=1.0)
+        image = checked_image(stack.image_e)
+        if maps.linear.shape != image.shape:
+            raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
+        self._stack, self._psf, self._maps = stack, psf, maps
+        self._visits, self._references, self._common_fraction = visits, reference_visits, common_fraction
+        self.sigma, self.per_search, self.visit_nm = sigma, per_search, maps.visit_nm if maps.n_visits else 0.0
+        self.pairs, star_e = float(effective_visits(visits, reference_visits)), star_rate_e_s * stack.integration_s
         self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
         self._pixel = psf.geometry.pixel_scale_arcsec
@@ -567,7 +707,7 @@ class SearchField:
         self._index = np.full(self.region.shape, -1)
         self._index[self.region] = np.arange(self._y.size)
         # Shapes come from known light alone: the photons that are seen are dark where the residual is bright.
-        lights = [maps.nominal, maps.stray, *([] if known_light is None else [known_light])]
+        lights = [maps.nominal, maps.stray, *([] if known_light_e_s is None else [known_light_e_s])]
         even = np.ones(self._y.size), self._y, self._x
         seen, sharp = (
             np.stack([*even, *(light[self.region] for light in each)])
@@ -578,8 +718,8 @@ class SearchField:
         white = np.maximum(white, max(least**2, np.finfo(float).tiny))
         self._stray = star_e * maps.stray[self.region]
         linear, square = maps.linear[self.region], maps.square[self.region]
-        self.terms = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=False)
-        self._within = programme.terms(white, star_e**2 * linear, star_e**2 * square, own=True)
+        self.terms = self._terms_of(white, star_e**2 * linear, star_e**2 * square, own=False)
+        self._within = self._terms_of(white, star_e**2 * linear, star_e**2 * square, own=True)
         # Neighbours share their noise: one position in four tells as much of the scatter of visits.
         self._thin = (self._y % 2 == 0) & (self._x % 2 == 0)
         self._within = self._within.at(self._thin)
@@ -588,7 +728,26 @@ class SearchField:
         for x_arcsec, y_arcsec in known:
             self.exclude(*self.pixel_of(x_arcsec, y_arcsec))
 
-    def anew(self) -> "SearchField":
+    def _terms_of(self, white: FloatArray, linear: FloatArray, square: FloatArray, *, own: bool) -> NoiseTerms:
+        """Return the variance of the sum of all visits, or the part of it that the visits themselves bring.
+
+        Parameters
+        ----------
+        white : ndarray
+            Of the sum, references included.
+        linear, square : ndarray
+            Of a pair of visits as bright as the sum.
+        own : bool
+            Without references, and what the visits share.
+        """
+        visits, references, fraction = self._visits, self._references, self._common_fraction
+        science, reference = 0.5 / visits, 0.5 / references
+        both, shared = science + reference, 0.5 * fraction**2 * linear
+        if own:
+            white, both, shared = references / (visits + references) * white, science, 0.0 * linear
+        return NoiseTerms(white, both * linear, both * square, shared if fraction > 0 and visits > 1 else None)
+
+    def anew(self) -> "Searcher":
         """Return the same, to be searched again: sources that are taken out of one are not out of the other."""
         other = copy.copy(self)
         other.free, other._hidden = self.free.copy(), self._hidden.copy()
@@ -652,7 +811,7 @@ class SearchField:
         """
         if self.terms.shared is None:
             return np.zeros(image.shape)
-        believed, weights = self._programme.common_fraction**2, self.free * self._stray / variance
+        believed, weights = self._common_fraction**2, self.free * self._stray / variance
         strength = (weights @ image[self.region] + 1.0 / believed) / (weights @ self._stray + believed**-2)
         return self.unfold(np.maximum(strength, 0.0) * self._stray)
 
@@ -670,7 +829,7 @@ class SearchField:
 
         Planets, and what all visits share, are not in it. Empty where there is a single visit.
         """
-        visits = self._programme.visits
+        visits = self._visits
         frames = self._stack.rdi.residuals
         if visits < 2 or not self._y.size or frames.ndim != 3 or len(frames) < visits:
             return np.zeros(0), np.zeros(0)
@@ -692,7 +851,7 @@ class SearchField:
         within = self._within.variance(logs)
         # A sample variance of V visits is worth V - 1 squares of one, fewer where the light of errors is skewed.
         heavy = 1.0 + 3.0 * self._heavy(self._within, logs, within) ** 2
-        many = 4.0 * self.weight(within, logs, self._within) * (self._programme.visits - 1) / heavy
+        many = 4.0 * self.weight(within, logs, self._within) * (self._visits - 1) / heavy
         befores = np.concatenate([before, self._scatter_before])
 
         def fitted(ratio: FloatArray, weight: FloatArray) -> NoiseFit:
@@ -866,6 +1025,103 @@ class SearchField:
         image = shift(np.asarray(self._psf.off_axis, float), move, order=3, mode="constant")
         return np.asarray(peak.flux_e * self._stack.rdi.project(np.where(self.region, image, 0.0)))
 
+    def search(self, image_e: FloatArray, places_arcsec: Sequence[tuple[float, float]] = ()) -> BlindSearch:
+        """Look for sources in an image.
+
+        Parameters
+        ----------
+        image_e : ndarray, shape (n, n)
+            Residual of the stack, or the same with planets that were put in: its noise is the stack's.
+        places_arcsec : sequence of (x, y)
+            Known places in the searched region that are judged one by one, the others taken out.
+        """
+        field, image = self.anew(), checked_image(image_e)
+        if field.samples < _LEAST_SAMPLES:
+            text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
+            threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
+            zero = np.zeros(image.shape)
+            return BlindSearch(
+                candidates=(),
+                threshold=threshold,
+                sigma=self.sigma,
+                per_search=self.per_search,
+                region=field.size,
+                roughness=0.0,
+                white_level=1.0,
+                drift_nm=0.0,
+                dof=0.0,
+                sigma_e=zero,
+                snr_map=zero,
+            )
+        peaks: list[Peak] = []
+        while True:
+            state = field.measure(image)
+            level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
+            found = field.peaks(state)
+            clean = max(_CLEANED_SIGMA, level.unwrap())
+            if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
+                break
+            peaks.append(found[0])
+            image = image - field.source(found[0])
+            field.exclude(found[0].x_pixel, found[0].y_pixel)
+        known = field._known(image, state, peaks, places_arcsec)
+        peaks = field.with_final_noise(peaks, state)
+        peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
+        candidates = [field._candidate(peak, level.unwrap(), state.roughness) for peak in peaks]
+        return BlindSearch(
+            candidates=tuple(sorted(candidates, key=lambda one: -one.snr_mf)),
+            threshold=level,
+            sigma=self.sigma,
+            per_search=self.per_search,
+            region=field.size,
+            roughness=state.roughness,
+            white_level=math.exp(state.fit.logs[0]),
+            drift_nm=self.visit_nm * math.exp(0.5 * state.fit.logs[1]),
+            dof=float(np.median(field.dof(state.fit))),
+            sigma_e=field.unfold(state.sigma_e),
+            snr_map=field.unfold(state.snr),
+            at_places=known,
+        )
+
+    def _known(
+        self,
+        image: FloatArray,
+        state: FilteredState,
+        peaks: Sequence[Peak],
+        places_arcsec: Sequence[tuple[float, float]],
+    ) -> tuple[Candidate, ...]:
+        """Return what stands at known places; peaks are out of field, image and state, lest wings count as noise."""
+        found = []
+        for number, place in enumerate(places_arcsec):
+            field, seen, (x, y) = self.anew(), state, self.pixel_of(*place)
+            others = [*places_arcsec[:number], *places_arcsec[number + 1 :]]
+            if others:
+                for other in others:
+                    field.exclude(*field.pixel_of(*other))
+                seen = field.measure(image)
+            # Noise moves a peak: what is not resolved from the place is its own, whichever pixel is the highest.
+            near = (math.hypot(peak.x_pixel - x, peak.y_pixel - y) for peak in peaks)
+            own = [peak for peak, apart in zip(peaks, near, strict=True) if apart <= field.lambda_d_pixels]
+            found.append(self._candidate(field.at(seen, x, y, own), self.sigma, state.roughness))
+        return tuple(found)
+
+    def _candidate(self, peak: Peak, level: float, roughness: float) -> Candidate:
+        """Return a peak as a candidate of a search whose detections reach a level."""
+        x_arcsec, y_arcsec = self.offset_arcsec(peak)
+        return Candidate(
+            x_arcsec=x_arcsec,
+            y_arcsec=y_arcsec,
+            x_pixel=peak.x_pixel,
+            y_pixel=peak.y_pixel,
+            separation_arcsec=math.hypot(x_arcsec, y_arcsec),
+            snr_mf=peak.snr,
+            significance=peak.significance,
+            flux_e=peak.flux_e,
+            false_alarms=float(false_alarms(max(peak.significance, 1.0), self.size, roughness)),
+            detected=peak.significance >= level,
+            law=(level, peak.laplace, peak.dof, self.pairs),
+        )
+
 
 def smooth_white(measured: FloatArray, patterns: FloatArray, sharp: FloatArray) -> FloatArray:
     """Return the variance without the noise of its own measurement: least squares on smooth patterns.
@@ -910,337 +1166,12 @@ _LEAST_SAMPLES = 3.0
 MAX_VISITS = 10_000
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """One peak of the significance map.
-
-    Attributes
-    ----------
-    x_arcsec, y_arcsec : float
-        Place from the star on the detector, refined between pixels by parabolas; x grows with the column.
-    x_pixel, y_pixel : float
-        The same in pixels of the stamp.
-    separation_arcsec : float
-        Distance from the star.
-    snr_mf : float
-        Matched-filtered flux over its standard deviation, estimated from the residual without this source.
-    significance : float
-        Level of a standard normal variate that noise at this place reaches as rarely: heavy tails and the error of the
-        estimated noise are in it.
-    flux_e : float
-        Electrons of the source on the clear disc (before mask, apodizer and aperture), from the unmasked image: low
-        beside the mask.
-    false_alarms : float
-        Number of noise peaks that a search of this region expects at or above this one.
-    detected : bool
-        Whether ``snr_mf`` reaches ``threshold``.
-    law : tuple of float
-        Significance of a detection, and the law of noise here: `cpic_planner.etc.snr_at`.
-    """
-
-    x_arcsec: float
-    y_arcsec: float
-    x_pixel: float
-    y_pixel: float
-    separation_arcsec: float
-    snr_mf: float
-    significance: float
-    flux_e: float
-    false_alarms: float
-    detected: bool
-    law: tuple[float, float, float, float]
-
-    @functools.cached_property
-    def threshold(self) -> float:
-        """The ``snr_mf`` that a detection needs here."""
-        return float(snr_at(*self.law)[0])
-
-
-@dataclass(frozen=True, eq=False)
-class BlindSearch:
-    """The findings of a search.
-
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-        Peaks of 2.5 sigma and more, brightest first; empty where the threshold is undefined.
-    threshold : Outcome of float
-        Least `Candidate.significance` of a detection; ``unreachable`` in a region too small to know its noise.
-    sigma : float
-        Gaussian significance that was asked for.
-    per_search : bool
-        Whether it holds for the whole search instead of for each resolution element.
-    region : SearchedRegion
-        Positions that were searched.
-    roughness : float
-        Variance of the gradient of the significance map, per square pixel; 0 where undefined.
-    white_level : float
-        White noise found over predicted, in variance.
-    drift_nm : float
-        Wavefront offset of a visit that explains the speckles; 0 where the optics know no drift.
-    dof : float
-        Degrees of freedom of the variance, median over the region.
-    sigma_e : ndarray, shape (n, n)
-        Standard deviation of the flux of a source at every searched position, electrons on the clear disc; 0 elsewhere.
-    snr_map : ndarray, shape (n, n)
-        Flux over that; 0 elsewhere. Sources that were taken out are not in it.
-    at_places : tuple of Candidate
-        What the map shows at the places that were asked for: one trial each, whose threshold is ``sigma``.
-    """
-
-    candidates: tuple[Candidate, ...]
-    threshold: Outcome[float]
-    sigma: float
-    per_search: bool
-    region: SearchedRegion
-    roughness: float
-    white_level: float
-    drift_nm: float
-    dof: float
-    sigma_e: FloatArray
-    snr_map: FloatArray
-    at_places: tuple[Candidate, ...] = ()
-
-    @property
-    def detections(self) -> tuple[Candidate, ...]:
-        """Candidates above their threshold."""
-        return tuple(candidate for candidate in self.candidates if candidate.detected)
-
-    def near(self, x_arcsec: float, y_arcsec: float, reach_arcsec: float) -> list[Candidate]:
-        """Return the candidates within reach of a place.
-
-        Parameters
-        ----------
-        x_arcsec, y_arcsec : float
-            Offsets from the star on the detector.
-        reach_arcsec : float
-        """
-        return [
-            one
-            for one in self.candidates
-            if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
-        ]
-
-    def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
-        """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
-
-        Parameters
-        ----------
-        x_arcsec, y_arcsec : float
-            Offsets from the star on the detector.
-        geometry : BandGeometry
-        """
-        near = self.near(x_arcsec, y_arcsec, MATCH_LAMBDA_D * geometry.lambda_d_arcsec)
-        return max(near, key=lambda item: item.snr_mf, default=None)
-
-
-@dataclass(frozen=True, eq=False)
-class Searcher:
-    """A search that is made ready for the noise of a stack, to look at one or more images; made by `searcher`.
-
-    Attributes
-    ----------
-    field : SearchField
-    sigma : float
-        Gaussian significance of a detection.
-    per_search : bool
-        Whether it holds for the whole search.
-    visit_nm : float
-        Wavefront offset of a visit where its fitted number is 1; 0 where the optics know no drift.
-    """
-
-    field: SearchField
-    sigma: float
-    per_search: bool
-    visit_nm: float
-
-    def search(self, image_e: FloatArray, places_arcsec: Sequence[tuple[float, float]] = ()) -> BlindSearch:
-        """Look for sources in an image.
-
-        Parameters
-        ----------
-        image_e : ndarray, shape (n, n)
-            Residual of the stack, or the same with planets that were put in: its noise is the stack's.
-        places_arcsec : sequence of (x, y)
-            Known places in the searched region that are judged one by one, the others taken out.
-        """
-        field, image = self.field.anew(), checked_image(image_e)
-        if field.samples < _LEAST_SAMPLES:
-            text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
-            threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
-            zero = np.zeros(image.shape)
-            return BlindSearch(
-                candidates=(),
-                threshold=threshold,
-                sigma=self.sigma,
-                per_search=self.per_search,
-                region=field.size,
-                roughness=0.0,
-                white_level=1.0,
-                drift_nm=0.0,
-                dof=0.0,
-                sigma_e=zero,
-                snr_map=zero,
-            )
-        peaks: list[Peak] = []
-        while True:
-            state = field.measure(image)
-            level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
-            found = field.peaks(state)
-            clean = max(_CLEANED_SIGMA, level.unwrap())
-            if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
-                break
-            peaks.append(found[0])
-            image = image - field.source(found[0])
-            field.exclude(found[0].x_pixel, found[0].y_pixel)
-        known = self._known(field, image, state, peaks, places_arcsec)
-        peaks = field.with_final_noise(peaks, state)
-        peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-        about = level.unwrap(), field.pairs, field.size, state.roughness
-        candidates = [_candidate(peak, field.offset_arcsec(peak), *about) for peak in peaks]
-        found_here = tuple(sorted(candidates, key=lambda one: -one.snr_mf))
-        return BlindSearch(
-            candidates=found_here,
-            threshold=level,
-            sigma=self.sigma,
-            per_search=self.per_search,
-            region=field.size,
-            roughness=state.roughness,
-            white_level=math.exp(state.fit.logs[0]),
-            drift_nm=self.visit_nm * math.exp(0.5 * state.fit.logs[1]),
-            dof=float(np.median(field.dof(state.fit))),
-            sigma_e=field.unfold(state.sigma_e),
-            snr_map=field.unfold(state.snr),
-            at_places=known,
-        )
-
-    def _known(
-        self,
-        cleaned: SearchField,
-        image: FloatArray,
-        state: FilteredState,
-        peaks: Sequence[Peak],
-        places_arcsec: Sequence[tuple[float, float]],
-    ) -> tuple[Candidate, ...]:
-        """Return what stands at known places; peaks are out of field, image and state, lest wings count as noise."""
-        found, size, roughness = [], cleaned.size, state.roughness
-        for number, place in enumerate(places_arcsec):
-            field, seen, (x, y) = cleaned.anew(), state, cleaned.pixel_of(*place)
-            others = [*places_arcsec[:number], *places_arcsec[number + 1 :]]
-            if others:
-                for other in others:
-                    field.exclude(*field.pixel_of(*other))
-                seen = field.measure(image)
-            # Noise moves a peak: what is not resolved from the place is its own, whichever pixel is the highest.
-            near = (math.hypot(peak.x_pixel - x, peak.y_pixel - y) for peak in peaks)
-            own = [peak for peak, apart in zip(peaks, near, strict=True) if apart <= field.lambda_d_pixels]
-            here = field.at(seen, x, y, own)
-            found.append(_candidate(here, field.offset_arcsec(here), self.sigma, field.pairs, size, roughness))
-        return tuple(found)
-
-
-def searcher(
-    stack: ReducedStack,
-    psf: AnyPsf,
-    maps: SpeckleMaps,
-    *,
-    star_rate_e_s: float,
-    sigma: float = 5.0,
-    per_search: bool = False,
-    known: Sequence[tuple[float, float]] = (),
-    visits: int = 1,
-    reference_visits: int = 1,
-    common_fraction: float = 0.0,
-    known_light_e_s: FloatArray | None = None,
-) -> Searcher:
-    """Return a search for sources everywhere in the dark hole, for an image of a stack or several.
-
-    Parameters
-    ----------
-    stack : ReducedStack
-    psf : Psf
-        Its unmasked image is the template of a source.
-    maps : SpeckleMaps
-        Of this PSF, with the filter (`cpic_planner.validation.search.speckle_maps`).
-    star_rate_e_s : float
-        Detected rate of the star on the clear pupil, above 0.
-    sigma : float
-        Gaussian significance, 2.5 to 20, that states the false-alarm probability. By default noise passes for a source
-        with this probability in each resolution element of ``(lambda/D)^2``, as in `detection_threshold`.
-    per_search : bool
-        That probability for the whole search instead.
-    known : sequence of (x_arcsec, y_arcsec)
-        Sources that are neither reported nor allowed to count as noise.
-    visits, reference_visits : int
-        Visits that the science images of the stack, in their order, and all its references come from; each has a
-        wavefront of its own. At least 1.
-    common_fraction : float
-        Believed rms, over that of a visit's offset, of the wavefront by which science and reference differ in every
-        visit (`Drift.common_fraction`): it is fitted, from a prior around this number; 0 for none. 0 to 1.
-    known_light_e_s : ndarray, shape (n, n), optional
-        Light on the stamp that is no planet's nor the star's, such as the wings of another star; even by default.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range or a pixel is not finite.
-
-    Notes
-    -----
-    The variance of a matched-filtered pixel is ``level white + drift linear + drift^2 square`` with the shapes of white
-    noise, of ``2 Re(E0* dE)`` and of ``|dE|^2``; both factors are fitted to the residual, for each candidate without
-    the disc of 1.22 lambda/D around it and, as far as speckles rule there, around its mirror image: pupil phases make
-    pairs. V science and R reference visits leave (1/V + 1/R)/2 of the last two terms, and a part that all visits share;
-    how the visits scatter around their mean, where no planet and nothing common is left, tells the noise V - 1 times
-    over. The law of a position is Gaussian noise plus Laplace variates, one for each of `effective_visits` pairs, of
-    the same kurtosis, over the error of the fit;
-    as an equivalent Gaussian field it has the threshold of `search_threshold`. Up to ten sources beyond 5 sigma are
-    subtracted, brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
-    """
-    check_positive("star_rate_e_s", star_rate_e_s, "e-/s")
-    if not REPORTED_SIGMA <= sigma <= MAX_SIGMA:
-        raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to {MAX_SIGMA:g}")
-    for key, number in (("visits", visits), ("reference_visits", reference_visits)):
-        check_whole(key, number, 1, MAX_VISITS)
-    checked_scalar("common_fraction", common_fraction, low=0.0, high=1.0)
-    image = checked_image(stack.image_e)
-    if maps.linear.shape != image.shape:
-        raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
-    programme = SearchedProgramme(visits, reference_visits, common_fraction)
-    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known, programme, known_light_e_s)
-    return Searcher(field, sigma, per_search, maps.visit_nm if maps.n_visits else 0.0)
-
-
 def search(stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, **how: Any) -> BlindSearch:
-    """Look for sources everywhere in the dark hole of a stack; arguments as of `searcher`.
+    """Look for sources everywhere in the dark hole of a stack; arguments as of `Searcher`.
 
     Parameters
     ----------
     stack, psf, maps, how
-        As of `searcher`.
+        As of `Searcher`.
     """
-    return searcher(stack, psf, maps, **how).search(stack.image_e)
-
-
-def _candidate(
-    peak: Peak,
-    offset_arcsec: tuple[float, float],
-    level: float,
-    pairs: float,
-    region: SearchedRegion,
-    roughness: float,
-) -> Candidate:
-    x_arcsec, y_arcsec = offset_arcsec
-    return Candidate(
-        x_arcsec=x_arcsec,
-        y_arcsec=y_arcsec,
-        x_pixel=peak.x_pixel,
-        y_pixel=peak.y_pixel,
-        separation_arcsec=math.hypot(x_arcsec, y_arcsec),
-        snr_mf=peak.snr,
-        significance=peak.significance,
-        flux_e=peak.flux_e,
-        false_alarms=float(false_alarms(max(peak.significance, 1.0), region, roughness)),
-        detected=peak.significance >= level,
-        law=(level, peak.laplace, peak.dof, pairs),
-    )
+    return Searcher(stack, psf, maps, **how).search(stack.image_e)

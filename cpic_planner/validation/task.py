@@ -15,13 +15,22 @@ from cpic_core import Outcome, Reason, Status, check_whole
 from cpic_planner import etc
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.ranking import best_in_band, no_frame_status
-from cpic_planner.results import BandConfirmation, EffectRecord, ModellingRecord
+from cpic_planner.results import BandConfirmation, EffectRecord, EtcAnswer, ModellingRecord
 from cpic_planner.targets import Targets
-from simulator.config import Instrument, Planet, Scene, SceneStar, Timing, companion_of, validate
+from simulator.config import (
+    MAX_FRAMES as MOST_FRAMES,
+    Instrument,
+    Planet,
+    Scene,
+    SceneStar,
+    Timing,
+    companion_of,
+    validate,
+)
 from simulator.imaging import LARGEST_NM, RMS_ERROR, expands, psf_metrics
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
-from simulator.observing import MAX_FRAMES as MOST_FRAMES, Role
+from simulator.observing import Role
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
@@ -48,6 +57,14 @@ class Frames(NamedTuple):
     n_frames: int
     em_gain: float
     visits: int = 1
+
+    @classmethod
+    def of(cls, answer: EtcAnswer) -> "Frames | None":
+        """Return those of an answer of the calculator; None where it has no frame."""
+        per_visit = answer.frames_per_visit or answer.n_frames
+        if answer.exposure_s is None or not per_visit or answer.em_gain is None:
+            return None
+        return cls(answer.exposure_s, per_visit, answer.em_gain, answer.visits or 1)
 
 
 class ImageSettings(TypedDict, total=False):
@@ -531,7 +548,7 @@ class LibraryPlan:
         Whether the planet is in the reference frames too: then both visits are science, each the other's reference
         (`cpic_planner.validation.rdi`).
     noise_free : bool
-        Whether the expectation (`simulator.products.sequence.FrameSequence.expected_e`) stands for the reference
+        Whether the expectation (`simulator.observing.FrameSequence.expected_e`) stands for the reference
         frames. It is that of the science visit without planets, wavefront included: neither noise nor drift between
         the visits.
     flags : tuple of str

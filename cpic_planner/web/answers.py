@@ -9,7 +9,7 @@ import contextlib
 import functools
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from catalogs import open_catalogue, tables_read, taken_for, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared, visibility_of
-from cpic_planner.api.one_star import named
+from cpic_planner.api.one_star import star_or_planet
 from cpic_planner.queries import (
     FILTERS,
     EtcQuestion,
@@ -33,16 +33,13 @@ from cpic_planner.queries import (
 from cpic_planner.results import (
     ColumnsResult,
     EtcResult,
-    Explanation,
     InstrumentResult,
     KnownResult,
     RankedTarget,
     RankResult,
     StarResult,
     TwoInstrumentsResult,
-    VisibilityResult,
 )
-from cpic_planner.targets import Targets
 from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, Q, Sent, address, check_shipped, python_lines
 from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
 from cpic_planner.web.pages import MEDIA, Answer, Page, blocks_of, cited, elsewhere, figure_blocks, notes_blocks
@@ -293,48 +290,6 @@ def _star_form(given: Sequence[tuple[str, str]], error: InputError | None = None
     return Form(STAR.path, (Group("Which star", _few_fields(_STAR_FIELDS, given, error)),), "Show", rest)
 
 
-@dataclass(frozen=True, eq=False)
-class StarAnswer:
-    """The facts about a star.
-
-    Attributes
-    ----------
-    star : Targets
-        At the date.
-    note : str
-        On the name that was given.
-    date_utc, catalogue : str
-    explanation : Explanation or None
-        Why it stands where it stands in the ranking; None where it is not ranked.
-    known : KnownResult or None
-        None where there are no known planets.
-    seasons : VisibilityResult
-    """
-
-    star: Targets
-    note: str
-    date_utc: str
-    catalogue: str
-    explanation: Explanation | None
-    known: KnownResult | None
-    seasons: VisibilityResult
-
-    @property
-    def name(self) -> str:
-        """Name in the table."""
-        return str(self.star.name[0])
-
-    @property
-    def result(self) -> StarResult:
-        """The same as a result."""
-        return StarResult.of(self, self.star, at=0, hip=int(self.star.hip[0]) or None)
-
-    @property
-    def followed(self) -> bool:
-        """Whether it has a known planet whose place is followed in time."""
-        return self.known is not None and any(row.track is not None for row in self.known.planets)
-
-
 @functools.lru_cache(maxsize=1)
 def _prepared() -> Prepared:
     return prepared(RankQuestion())
@@ -342,7 +297,7 @@ def _prepared() -> Prepared:
 
 @functools.lru_cache(maxsize=64)
 @only_sent_files({})
-def star_answer(pairs: Pairs) -> StarAnswer:
+def star_answer(pairs: Pairs) -> StarResult:
     """Return what is known of the star of an address; the last ones are kept.
 
     Raises
@@ -359,40 +314,45 @@ def star_answer(pairs: Pairs) -> StarAnswer:
     with called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
         date = {"date_utc": given["date_utc"]} if "date_utc" in given else {}
         table = open_catalogue()
-        star, note, _ = named(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
+        star, note, _ = star_or_planet(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
         name, ready = str(star.name[0]), _prepared()
         question = KnownQuestion.of({"star": name} | date)
         utc = observed_utc(question)
         rank = ranking(())
-        explanation = None
+        explanation = known = None
         if any(row.name == name for row in rank.targets):
             stars = ready.stars.targets
             explanation = explain_star(ready.model, stars, name, rank=rank, **ready.asked)
         drawn: dict[str, Any] = {"n_draws": question.n_draws, "seed": question.seed}
         choice = KnownChoice.at("snapshot", utc, question.albedo, question.instrument, **drawn)
-        known = None
         if choice.table.listed_rows_of(name):
             known = known_answer(ready.model, star, choice, years=_YEARS, catalogue=table.provenance)
         seasons = visibility_of(VisibilityQuestion.of({"target": name, "start_utc": utc}))
-    return StarAnswer(star, note, utc, table.provenance, explanation, known, seasons)
+    told = {"name": name, "note": note, "date_utc": utc, "catalogue": table.provenance}
+    found: dict[str, Any] = {"explanation": explanation, "known": known, "seasons": seasons}
+    return StarResult.of(star, at=0, hip=int(star.hip[0]) or None, **told, **found)
+
+
+def _followed(known: KnownResult | None) -> bool:
+    """Return whether there is a known planet whose place is followed in time."""
+    return known is not None and any(row.track is not None for row in known.planets)
 
 
 def _star_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
     answer = star_answer(pairs)
     if name == "seasons":
         return partial(report.visibility_figure, answer.seasons)
-    if answer.known is None or not answer.followed:
+    if answer.known is None or not _followed(answer.known):
         raise InputError("name", dict(pairs)["name"], allowed="a star with a planet that is counted")
     return partial(report.known_figure, answer.known)
 
 
 def _star(pairs: Pairs, sent: Sent | None) -> Answer:
     answer = star_answer(pairs)
-    title = report.full_name(answer.name, int(answer.star.hip[0]))
-    return Answer(title, answer.result, lambda: list(_star_blocks(answer, pairs)))
+    return Answer(report.full_name(answer.name, answer.hip or 0), answer, lambda: list(_star_blocks(answer, pairs)))
 
 
-def _star_blocks(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
+def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
     yield from _facts(answer)
     yield report.Heading("Priority, and what is missing")
     yield from _priority(answer)
@@ -409,8 +369,7 @@ def _star_blocks(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
     yield from elsewhere(commands, f"; {answer.catalogue}")
 
 
-def _facts(answer: StarAnswer) -> Iterator[report.Block]:
-    star = answer.result
+def _facts(star: StarResult) -> Iterator[report.Block]:
     if star.note:
         yield report.Paragraph(star.note, "note")
     companion = star.companion_separation_arcsec
@@ -432,7 +391,7 @@ def _facts(answer: StarAnswer) -> Iterator[report.Block]:
     yield report.Paragraph(["Ask the calculator: ", asked[0], ", ", asked[1], ", ", asked[2], "."])
 
 
-def _priority(answer: StarAnswer) -> Iterator[report.Block]:
+def _priority(answer: StarResult) -> Iterator[report.Block]:
     why = answer.explanation
     if why is None:
         yield report.Paragraph("The ranking does not have this star: it ends at V 7.")
@@ -457,7 +416,7 @@ def _velocities(name: str, row: RankedTarget) -> str:
     return f"{counted} {reach}{found}. {limit.reference}."
 
 
-def _planets(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
+def _planets(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
     known = answer.known
     if known is None:
         yield report.Paragraph("None is listed.")
@@ -465,7 +424,7 @@ def _planets(answer: StarAnswer, pairs: Pairs) -> Iterator[report.Block]:
     if any(row.counted and row.windows for row in known.planets):
         yield from report.known_blocks(known)
     yield from blocks_of(partial(report.print_known, known))
-    if answer.followed:
+    if _followed(known):
         alt = f"Separation of the known planets of {report.pretty_name(answer.name)} against time, with the dark holes"
         yield report.Figure(report.Picture(address(STAR.drawing("planets", "svg"), pairs), alt, f"{alt}."))
 

@@ -91,11 +91,13 @@ from simulator.config.scene import (
     true_distance_au as true_distance_au,
 )
 from simulator.config.simulation import (
+    MAX_FRAMES as MAX_FRAMES,
     PROGRAMME_KEYS as PROGRAMME_KEYS,
     SIMULATION_KEYS as SIMULATION_KEYS,
     SKY_KINDS as SKY_KINDS,
     SequenceConfig as SequenceConfig,
     SequenceKind as SequenceKind,
+    SequenceSettings as SequenceSettings,
     SimulationConfig as SimulationConfig,
     load_simulation as load_simulation,
     meaningful_keys as meaningful_keys,

@@ -5,7 +5,8 @@ from simulator.observing.hole_stack import (
 )
 from simulator.observing.observation import Observation as Observation, Role as Role, observe as observe
 from simulator.observing.sequence import (
-    MAX_FRAMES as MAX_FRAMES,
     MAX_STACK_BYTES as MAX_STACK_BYTES,
+    FrameSequence as FrameSequence,
+    Truth as Truth,
     calibrate as calibrate,
 )

@@ -5,7 +5,7 @@ the star at the epochs of a visit of a programme.
 """
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence as Several
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -24,7 +24,7 @@ from cpic_core import (
     numeric_context,
     stream,
 )
-from simulator.config import Drift, Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
+from simulator.config import MAX_FRAMES, Drift, Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import (
     AnyPsf,
@@ -54,14 +54,19 @@ from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,
     Choice,
-    EffectRow,
     checked_quantities,
     checked_tolerance,
     effect_ledger,
     observation_choice,
 )
-from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
-from simulator.products import Truth
+from simulator.observing.sequence import (
+    MAX_REALISATION,
+    FrameSequence,
+    Light,
+    Stamps,
+    Truth,
+    checked_exposure,
+)
 from simulator.signal import INTERLEAVED, programme_law
 from simulator.target import ExtendedRate, Source, extended_rates, scene_sources, wcs_keywords
 
@@ -158,7 +163,7 @@ def visit_stamps(
     return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared)
 
 
-def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits: Several[Visit]) -> FloatArray:
+def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits: Sequence[Visit]) -> FloatArray:
     """Return the images of the unit star in visits behind a coronagraph of which a table is known.
 
     Parameters
@@ -269,8 +274,8 @@ def static_light(
     instrument: Instrument,
     band: str,
     area: Window,
-    sources: Several[Source],
-    extended: Several[ExtendedRate],
+    sources: Sequence[Source],
+    extended: Sequence[ExtendedRate],
     *,
     full: bool,
     sky_e_s_arcsec2: float,
@@ -345,7 +350,7 @@ MAX_OFFSET_ARCSEC = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class Observation(Sequence):
+class Observation(FrameSequence):
     """Frames of a scene, made one at a time; made by `observe`.
 
     Attributes
@@ -369,13 +374,11 @@ class Observation(Sequence):
     role: Role = field(kw_only=True)
     visit: Visit = field(kw_only=True)
     window: WindowName = field(kw_only=True)
-    roll_deg: float = field(kw_only=True)
     star_offset_arcsec: tuple[float, float] = field(kw_only=True)
     scene_model: SceneModel = field(kw_only=True)
     psf: AnyPsf = field(kw_only=True)
     area: Window = field(kw_only=True)
     truth: Truth = field(kw_only=True)
-    ledger: tuple[EffectRow, ...] = field(kw_only=True)
     tolerance: float = field(default=0.0, kw_only=True)
     choice: Choice | None = field(default=None, kw_only=True)
 
@@ -383,11 +386,6 @@ class Observation(Sequence):
     def estimated_error(self) -> PsfError | None:
         """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
         return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
-
-    @property
-    def header(self) -> dict[str, Any]:
-        """Keywords of the sequence."""
-        return self.camera_keywords | self.keywords
 
     def at_visit(self, number: int) -> "Observation":
         """Return the same observation in another visit of its programme, with a wavefront and noise of its own.
@@ -431,7 +429,7 @@ def observe(
     seed: int = 1,
     fidelity: str | Knobs = "standard",
     tolerance: float = 0.0,
-    quantity: Quantity | Several[Quantity] | None = None,
+    quantity: Quantity | Sequence[Quantity] | None = None,
     roll_deg: float = 0.0,
     instrument: Instrument | Mapping[str, Any] | str | None = None,
     role: Role = "science",

@@ -23,11 +23,14 @@ from cpic_core import (
 )
 from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywords, earlier_frames, stack_electrons
 from simulator.config import (
+    MAX_FRAMES,
     CameraName,
     Channel,
     Detector,
     Instrument,
+    Scene,
     Section,
+    SequenceKind,
     checked_utc,
     declination_deg,
     load_instrument,
@@ -38,11 +41,10 @@ from simulator.effects import cosmic_ray_rate, effect_files, sky_rate_e_s_arcsec
 from simulator.imaging import single_band_psf, sky_transmission, window_of
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
+from simulator.target import Source
 
-Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera
 MAX_STACK_BYTES = 2_000_000_000
-MAX_FRAMES = 1_000_000
 MAX_REALISATION = 2**31 - 1
 
 
@@ -104,8 +106,25 @@ class Light:
         return whole
 
 
+@dataclass(frozen=True)
+class Truth:
+    """The point sources that are really there, with their places in the frame counted from 0.
+
+    Attributes
+    ----------
+    sources : tuple of Source
+        The central star first.
+    x_pixel, y_pixel : tuple of float
+        Column and row of each source.
+    """
+
+    sources: tuple[Source, ...]
+    x_pixel: tuple[float, ...]
+    y_pixel: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class FrameSequence:
     """Frames of one sequence, made one at a time.
 
     Attributes
@@ -126,9 +145,17 @@ class Sequence:
         Beginning of the first frame.
     keywords : dict
         Header keywords of whoever made the light.
+    scene : Scene or None
+        What the telescope points at, None for internal calibrations.
+    roll_deg : float
+        Position angle of the +y axis.
+    truth : Truth or None
+        The point sources that are there.
+    ledger : tuple of EffectRow
+        What is modelled and what is left out.
     """
 
-    kind: Kind
+    kind: SequenceKind
     name: str
     instrument: Instrument
     camera: CameraName
@@ -143,6 +170,10 @@ class Sequence:
     first_pixel: tuple[int, int] | None
     realisation: int = field(default=0, kw_only=True)
     keywords: dict[str, Any] = field(default_factory=dict)
+    scene: Scene | None = field(default=None, kw_only=True)
+    roll_deg: float = field(default=0.0, kw_only=True)
+    truth: Truth | None = field(default=None, kw_only=True)
+    ledger: tuple[EffectRow, ...] = field(default=(), kw_only=True)
     _prepared: dict[int, Exposure] = field(default_factory=dict, init=False, repr=False)
     _held_e: dict[int, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
@@ -171,8 +202,8 @@ class Sequence:
         return self.instrument.channel(self.camera)
 
     @property
-    def camera_keywords(self) -> dict[str, Any]:
-        """Header keywords of camera and sequence."""
+    def header(self) -> dict[str, Any]:
+        """Keywords of camera and sequence."""
         return {
             "TELESCOP": "CSST",
             "INSTRUME": "CPIC",
@@ -188,6 +219,7 @@ class Sequence:
             "CONFHASH": self.instrument.content_hash,
             "OBJECT": self.name,
             "PIXSCALE": self.pixel_scale_arcsec,
+            **self.keywords,
         }
 
     @property
@@ -251,8 +283,7 @@ class Sequence:
     @numeric_context()
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         exposure = self.prepared(self.mean_rate_map)
-        camera: Any = self.camera_chain
-        return exposure.mean_e, camera.expected_adu(exposure)
+        return exposure.mean_e, self.camera_chain.expected_adu(exposure)
 
     @property
     def calibration_files(self) -> list[str]:
@@ -369,18 +400,8 @@ _LASER_ARCSEC = (0.5, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Sequence):
+class Calibration(FrameSequence):
     """Frames of a calibration sequence; made by `calibrate`."""
-
-    ledger: tuple[EffectRow, ...] = field(kw_only=True)
-
-    scene: None = field(default=None, init=False)
-    roll_deg: float = field(default=0.0, init=False)
-
-    @property
-    def header(self) -> dict[str, Any]:
-        """Keywords of the sequence."""
-        return self.camera_keywords | self.keywords
 
 
 @numeric_context()

@@ -11,10 +11,8 @@ from simulator.products.ephemeris import (
 )
 from simulator.products.sequence import (
     OBSID_DIGITS as OBSID_DIGITS,
-    FrameSequence as FrameSequence,
     PartOfVisit as PartOfVisit,
     ProductName as ProductName,
-    Truth as Truth,
     VisitPart as VisitPart,
     checked_obsid as checked_obsid,
     orbit_s as orbit_s,

@@ -1,4 +1,4 @@
-"""A sequence of frames that can be written: its protocol, its name and places, and visits in windows of the orbit.
+"""A sequence of frames as it is written: its name and places, and visits in windows of the orbit.
 
 Names and places of Level-0 products are those of Zhu et al. 2025, section Level 0 Data Products.
 """
@@ -12,131 +12,30 @@ import shutil
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, get_args
+from typing import IO, TYPE_CHECKING, Any, TypeAlias, get_args
 
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, check_number, check_word
-from simulator.config import AnyDetector, Instrument, Scene, SequenceConfig, Timing, checked_utc, content_hash
+from simulator.config import (
+    MAX_FRAMES,
+    SKY_KINDS,
+    AnyDetector,
+    CameraName,
+    SequenceConfig,
+    SequenceKind,
+    Timing,
+    checked_utc,
+    content_hash,
+)
 from simulator.products.ephemeris import CircularOrbit, SequenceTimes, stamp
-from simulator.target import Source, detector_to_sky
+from simulator.target import detector_to_sky
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from simulator.camera import Frame
-    from simulator.ledger import EffectRow
-
-
-Camera: TypeAlias = Literal["VIS", "NIR"]
-Kind: TypeAlias = Literal["BIAS", "DARK", "FLAT", "BKG", "LASER", "SCI", "DSF", "CALS"]
-SCIENCE_KINDS: tuple[Kind, ...] = ("SCI", "DSF", "CALS")
-"""Kinds of the folder ``SCI``; the others lie in ``CAL``."""
-MAX_FRAMES = 1_000_000
-
-
-@dataclass(frozen=True)
-class Truth:
-    """The point sources that are really there, with their places in the frame counted from 0.
-
-    Attributes
-    ----------
-    sources : tuple of Source
-        The central star first.
-    x_pixel, y_pixel : tuple of float
-        Column and row of each source.
-    """
-
-    sources: tuple[Source, ...]
-    x_pixel: tuple[float, ...]
-    y_pixel: tuple[float, ...]
-
-
-class FrameSequence(Protocol):
-    """Frames of one exposure sequence of one camera, made one at a time.
-
-    Frame ``i`` begins ``i * (exposure_s + readout_s)`` after ``start_utc`` (ISO 8601). A sequence that has point
-    sources says where they are in a further attribute, ``truth`` (`Truth`).
-    """
-
-    @property
-    def camera(self) -> Camera:
-        """Which camera took it."""
-
-    @property
-    def kind(self) -> Kind:
-        """What was observed."""
-
-    @property
-    def band(self) -> str:
-        """Name of the band, empty where no light falls on the detector."""
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-
-    @property
-    def exposure_s(self) -> float:
-        """Exposure of a frame."""
-
-    @property
-    def em_gain(self) -> float:
-        """Actual gain of the multiplication register, 1 without one."""
-
-    @property
-    def readout_s(self) -> float:
-        """Dead time after each frame."""
-
-    @property
-    def seed(self) -> int:
-        """Seed of every random number."""
-
-    @property
-    def start_utc(self) -> str:
-        """Begin of the first exposure."""
-
-    @property
-    def roll_deg(self) -> float:
-        """Position angle of the +y axis."""
-
-    @property
-    def instrument(self) -> Instrument:
-        """The whole configuration."""
-
-    @property
-    def scene(self) -> Scene | None:
-        """What the telescope points at, None for internal calibrations."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of a frame."""
-
-    @property
-    def header(self) -> Mapping[str, Any]:
-        """Keywords that the sequence supplies."""
-
-    @property
-    def sections(self) -> Mapping[str, tuple[slice, slice]]:
-        """Rows and columns of the parts of the frame, by name."""
-
-    @property
-    def calibration_files(self) -> Sequence[str]:
-        """Names of the external calibration maps that were used."""
-
-    @property
-    def ledger(self) -> Sequence[EffectRow]:
-        """What is modelled and what is left out."""
-
-    @property
-    def expected(self) -> FloatArray:
-        """Mean ADU of a frame without noise, averaged over the sequence."""
-
-    @property
-    def expected_e(self) -> FloatArray:
-        """Mean electrons of a frame before the camera."""
-
-    def iter_full_frames(self) -> Iterator[Frame]:
-        """Yield the frames one at a time."""
+    from simulator.observing import FrameSequence
 
 
 def settings_of(sequence: FrameSequence) -> dict[str, Any]:
@@ -171,7 +70,7 @@ def check_sequence(sequence: FrameSequence) -> None:
     """
     if not hasattr(sequence, "iter_full_frames"):
         raise InputError("observation", sequence, allowed="what observe or calibrate returns")
-    for name, allowed in (("camera", get_args(Camera)), ("kind", get_args(Kind))):
+    for name, allowed in (("camera", get_args(CameraName)), ("kind", get_args(SequenceKind))):
         check_word(name, getattr(sequence, name), allowed)
     count = check_number("n_frames", sequence.n_frames)
     if not count.is_integer() or not 1 <= count <= MAX_FRAMES:
@@ -475,7 +374,7 @@ class ProductName:
     @property
     def branch(self) -> str:
         """``SCI`` or ``CAL``."""
-        return "SCI" if self.kind in SCIENCE_KINDS else "CAL"
+        return "SCI" if self.kind in SKY_KINDS else "CAL"
 
     @property
     def file(self) -> Path:

@@ -26,7 +26,8 @@ from cpic_core import (
     write_text,
 )
 from simulator.camera import Frame, camera_keywords
-from simulator.config import Detector, Section
+from simulator.config import SKY_KINDS, Detector, Section
+from simulator.observing import FrameSequence
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
 from simulator.products.keywords import (
     KEYWORD_FILE,
@@ -41,10 +42,7 @@ from simulator.products.keywords import (
     load_keywords,
 )
 from simulator.products.sequence import (
-    SCIENCE_KINDS,
-    FrameSequence,
     ProductName,
-    Truth,
     camera_of,
     check_sequence,
     claim,
@@ -138,7 +136,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
         **camera_keywords(camera, sequence.em_gain),
         "PIXSCALE": instrument.pixel_scale_arcsec(band) if band else None,
         # The mask is part of the camera: the roll of the telescope does not turn it.
-        "MASKROT": 0.0 if sequence.kind in SCIENCE_KINDS else None,
+        "MASKROT": 0.0 if sequence.kind in SKY_KINDS else None,
     }
     if isinstance(camera, Detector):
         values["EMGAIN"] = float(sequence.em_gain)
@@ -296,7 +294,7 @@ class TruthWriter:
 
     def _sources(self) -> dict[str, Any]:
         """Return the columns of the table of sources; no columns without sources."""
-        truth: Truth | None = getattr(self.sequence, "truth", None)
+        truth = self.sequence.truth
         if truth is None or not truth.sources:
             return {}
         sources = truth.sources

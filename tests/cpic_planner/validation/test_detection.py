@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from cpic_core import Status, stream
 from cpic_planner.etc import SearchedRegion, equivalent_sigma
 from cpic_planner.validation import RdiResult, ReducedStack
 from cpic_planner.validation.injection import inject, recovered
-from cpic_planner.validation.search import Peak, _candidate, filter_kernel, search, searcher, speckle_maps
+from cpic_planner.validation.search import Peak, Searcher, filter_kernel, search, speckle_maps
 from simulator import single_band_psf
 from simulator.config import Drift
 from simulator.imaging import visit_frames
@@ -96,11 +97,11 @@ def known_places(psf, step=10):
 @pytest.mark.parametrize("n", [60, pytest.param(300, marks=pytest.mark.long)])
 def test_one_trial_at_a_known_place_has_the_false_alarms_of_a_normal_variate(psf, still, n):
     """36 places of each image of white noise: how often the significance reaches 2 and 2.5 sigma, within 4 errors."""
-    ready, counts = searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S, sigma=2.5), []
+    ready, counts = Searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S, sigma=2.5), []
     places, scale, middle = known_places(psf), psf.metrics.pixel_scale_arcsec, len(psf.metrics.hole) // 2
     for seed in range(n):
         image = white(psf, seed).image_e
-        field = ready.field.anew()
+        field = ready.anew()
         state = field.measure(image)
         seen = [field.at(state, float(x), float(y)) for x, y in places]
         counts.append([sum(one.significance >= level for one in seen) for level in (2.0, 2.5)])
@@ -118,7 +119,7 @@ def test_one_trial_at_a_known_place_has_the_false_alarms_of_a_normal_variate(psf
 @pytest.mark.parametrize("place", [(0.42, 0.40), (-0.4137, 0.4581), (0.3551, -0.6213)])
 def test_a_planet_at_a_known_place_has_the_snr_of_its_flux(psf, still, place):
     """Injected flux over the known noise of the filter, whole in the hole, at pixel centres and between them."""
-    ready, unit, found = searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S), flux_error(psf), []
+    ready, unit, found = Searcher(white(psf, 0), psf, still, star_rate_e_s=STAR_E_S), flux_error(psf), []
     for seed in range(40):
         stack = inject(white(psf, seed), psf.at(*place), 7.0 * unit)
         answer = ready.search(stack.image_e, [place])
@@ -135,9 +136,9 @@ def test_a_planet_at_a_known_place_has_the_snr_of_its_flux(psf, still, place):
 def test_wings_of_a_planet_are_no_noise_to_it(psf, still, height):
     """Its flux over its signal-to-noise ratio is the noise there, the same as without the planet."""
     stack, unit, place = white(psf, 3), flux_error(psf), (0.42, 0.40)
-    ready, found = searcher(stack, psf, still, star_rate_e_s=STAR_E_S), []
+    ready, found = Searcher(stack, psf, still, star_rate_e_s=STAR_E_S), []
     for flux in (0.0, height * unit):
-        field = ready.field.anew()
+        field = ready.anew()
         one = field.at(field.measure(inject(stack, psf.at(*place), flux).image_e), *field.pixel_of(*place))
         found.append(one.flux_e / one.snr)
     assert found[1] == pytest.approx(found[0], rel=5e-3)
@@ -150,8 +151,8 @@ def test_light_that_all_visits_share_is_no_source(psf, moving):
     for seed in range(8):
         stack = white(psf, seed, sigma_e=0.2)
         light = fraction**2 * STAR_E_S * stack.integration_s * moving.stray
-        ready = searcher(stack, psf, moving, star_rate_e_s=STAR_E_S, **shared)
-        empty, lit = (ready.field.anew().measure(image).snr.mean() for image in (stack.image_e, stack.image_e + light))
+        ready = Searcher(stack, psf, moving, star_rate_e_s=STAR_E_S, **shared)
+        empty, lit = (ready.anew().measure(image).snr.mean() for image in (stack.image_e, stack.image_e + light))
         lifted.append(lit - empty)
     assert abs(np.mean(lifted)) < 0.15
 
@@ -161,7 +162,7 @@ def test_each_known_place_is_judged_without_the_others(psf, still):
     unit, places = flux_error(psf), [(0.42, 0.40), (-0.41, 0.45), (0.42, -0.60)]
     stack = inject(white(psf, 1), psf.at(*places[0]), 100 * unit)
     stack = inject(stack, psf.at(*places[1]), 14 * unit)
-    ready = searcher(stack, psf, still, star_rate_e_s=STAR_E_S)
+    ready = Searcher(stack, psf, still, star_rate_e_s=STAR_E_S)
     bright, faint, nothing = ready.search(stack.image_e, places).at_places
     assert bright.snr_mf == pytest.approx(100, rel=0.1)
     assert faint.snr_mf == pytest.approx(14, abs=3)
@@ -296,7 +297,7 @@ def test_one_search_looks_at_many_images_each_as_if_it_were_the_first(psf, movin
     """A planet that is put into a residual is found as one that all visits show, and is forgotten after its search."""
     stack = programme(psf, offsets, 3, 8, 8)
     many = {"star_rate_e_s": STAR_E_S, "visits": 8, "reference_visits": 8}
-    ready, alone = searcher(stack, psf, moving, **many), search(stack, psf, moving, **many)
+    ready, alone = Searcher(stack, psf, moving, **many), search(stack, psf, moving, **many)
     bright = inject(stack, psf.at(0.42, 0.40), 60 * float(alone.sigma_e.max()))
     images = stack.rdi.residuals + (bright.image_e - stack.image_e) / 8
     whole = dataclasses.replace(bright, rdi=dataclasses.replace(bright.rdi, residuals=images))
@@ -435,9 +436,11 @@ def test_a_candidate_says_how_often_noise_does_as_much(significance):
         + 208.0 * math.sqrt(roughness) * curve
         + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi)
     )
+    place = -27.5 * 0.016, 2.0 * 0.016
+    ready = SimpleNamespace(size=region, pairs=4.0, offset_arcsec=lambda peak: place)
     for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
-        found = _candidate(peak, (-27.5 * 0.016, 2.0 * 0.016), threshold, 4.0, region, roughness)
+        found = Searcher._candidate(ready, peak, threshold, roughness)
         assert found.false_alarms == pytest.approx(expected, rel=1e-12)
         assert found.detected is detected
-        assert (found.x_arcsec, found.y_arcsec) == pytest.approx((-27.5 * 0.016, 2.0 * 0.016), rel=1e-12)
+        assert (found.x_arcsec, found.y_arcsec) == pytest.approx(place, rel=1e-12)
         assert equivalent_sigma(found.threshold, 0.1, 80.0, 4.0)[0] == pytest.approx(threshold, rel=1e-9)

@@ -89,7 +89,7 @@ def test_a_search_knows_the_stripes_of_a_companions_wings():
     dark.__dict__["known_light_e_s"] = np.zeros(stack.region.shape)
 
     def apart(pair):
-        field = searcher_of(pair, stack, rate).field
+        field = searcher_of(pair, stack, rate)
         # Photons are counted over 1.5 pixels.
         white = smoothed(field.unfold(field.terms.white), stack.region)[stack.region]
         return np.std(white / stack.white_variance_e2[stack.region])
@@ -108,7 +108,7 @@ def test_noise_of_few_photons_is_alike_on_both_sides():
     rate = visits.science.truth.sources[0].rate_e_s
     for number in range(60):
         stack = visits.draw(number).reduced
-        filtered.append(searcher_of(visits, stack, rate).field.measure(stack.image_e).snr)
+        filtered.append(searcher_of(visits, stack, rate).measure(stack.image_e).snr)
     values = np.stack(filtered)
     assert abs(float(np.mean((values - values.mean()) ** 3) / values.std() ** 3)) < 0.07
 

@@ -33,7 +33,7 @@ class FakeTruth:
 
 @dataclass(frozen=True, eq=False)
 class FakeSequence:
-    """What `simulator.products.sequence.FrameSequence` asks for."""
+    """What `simulator.observing.FrameSequence` asks for."""
 
     camera: str = "VIS"
     kind: str = "SCI"
