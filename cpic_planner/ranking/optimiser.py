@@ -398,10 +398,11 @@ class Places(etc.CaseArrays):
             errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
         level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
         columns = level, place, white, errors, exposure_s + camera.readout_s, parts, of_star, wings
-        *head, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
+        level, place, white, errors, frame_s, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
         crossed, light = (part.scaled(of_star) for part in parts)
         motion = self.motion.at((..., None)) if searched and self.motion is not None else None
-        return Outlook(model, self.band, *head, crossed, light, wings, searched, motion)
+        found = level, place, white, errors, frame_s, crossed, light, wings
+        return Outlook(model, self.band, *found, searched, motion)
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Return the noise of chosen frames, those of all visits together."""
