@@ -190,6 +190,8 @@ def programme_columns(
 def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> dict[str, float | int | None]:
     """Return the same of one case as plain numbers, with the time on the star and the days that the programme spans.
 
+    All are None where there is no frame.
+
     Parameters
     ----------
     model : EtcModel
@@ -197,7 +199,9 @@ def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> 
         Of `programme_columns`.
     case : int or tuple of int
     """
-    found: dict[str, Any] = {}
+    found: dict[str, Any] = dict.fromkeys((*_FLOATS, *_COUNTS, "integration_s", "span_days"))
+    if columns["n_frames"][case] < 1:
+        return found
     for name in (*_FLOATS, *_COUNTS):
         value = float(columns[name][case])
         found[name] = None if not math.isfinite(value) else int(value) if name in _COUNTS else value

@@ -604,7 +604,7 @@ def setting_fields(
         "detection_probability_known_place": finite(best.chance_known_place[i]),
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
-        **(etc.programme_fields(model, vars(best), i) if best.n_frames[i] >= 1 else {}),
+        **etc.programme_fields(model, vars(best), i),
         "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
