@@ -132,7 +132,7 @@ def _by_field(
     TypeError
         For a keyword that the function does not have, naming the nearest ones.
     """
-    named = model.named(keywords)
+    named = model.by_field(keywords)
     others = {name: named.pop(name) for name in tuple(named) if name not in signature.parameters}
     if not others:
         return named

@@ -139,7 +139,7 @@ class NamedPlanet:
         return self.choice.content() | {"planet": self.name}
 
 
-def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targets, str, NamedPlanet | None]:
+def star_or_planet(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targets, str, NamedPlanet | None]:
     """Return the star that a name means, a remark on it, and its planet where the name is one of a known planet.
 
     Parameters
@@ -161,7 +161,7 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     try:
         resolve_star(name, catalogue.table)
     except InputError as error:
-        planet = planet_named(_choice(question), name, error)
+        planet = planet_of_name(_choice(question), name, error)
     star, remark = find_target(name if planet is None else planet.star, **about)
     if planet is None:
         return star, remark, None
@@ -172,7 +172,7 @@ def named(question: EtcQuestion, name: str, catalogue: Catalogue) -> tuple[Targe
     return star, remark, planet
 
 
-def planet_named(choice: KnownChoice, name: str, unknown: InputError) -> NamedPlanet:
+def planet_of_name(choice: KnownChoice, name: str, unknown: InputError) -> NamedPlanet:
     """Return the known planet of a name that no star has.
 
     Parameters
@@ -379,24 +379,31 @@ def checked(
     return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
 
 
+def _closed_forms_of(
+    question: EtcQuestion, star: Targets, planet: NamedPlanet | None
+) -> tuple[EtcQuestion, Targets, EtcModel, list[EtcAnswer]]:
+    """Return a question as it is answered about a star or its known planet, the star at its roll, model and answers."""
+    star = as_asked(question, star)
+    if planet is None:
+        model = model_of(question)
+        return question, star, model, closed_forms(question, model, star)
+    question = planet.question(question)
+    return question, star, model_of(question), planet.answers(question, star)
+
+
 def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     """Return the answers about all stars of a question."""
-    from cpic_planner.api.one_star import named
-
     model, plain = model_of(question), question.fidelity is None and question.tolerance is None
     try:
         stars = stars_named(question)
     except InputError:
         # A name that no star has may be that of a planet.
-        answers, catalogue = [], catalogue_of(question)
+        answers: list[EtcAnswer] = []
+        catalogue = catalogue_of(question)
         for name in question.target:
-            star, _, planet = named(question, name, catalogue)
-            if planet is None:
-                answers += _answered(question.model_copy(update={"target": (str(star.name[0]),)}))
-                continue
-            one, star = planet.question(question), as_asked(question, star)
-            found = planet.answers(one, star)
-            answers += found if plain else checked(one, model_of(one), [star], found)
+            star, _, planet = star_or_planet(question, name, catalogue)
+            one, star, model, found = _closed_forms_of(question, star, planet)
+            answers += found if plain else checked(one, model, [star], found)
         return answers
     if not stars:
         return []
@@ -613,17 +620,12 @@ def answered(
         For an unknown star or band, or a value out of range.
     """
     table = open_catalogue(question.catalog) if question.v_mag is None else catalogue_of(question)
-    star, about, known = named(question, question.target[0], table)
+    star, about, known = star_or_planet(question, question.target[0], table)
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
-    star, asked_for = as_asked(question, star), question.hashed()
-    if known is None:
-        model = model_of(question)
-        found: Sequence[EtcAnswer] = closed_forms(question, model, star)
-    else:
-        question = known.question(question)
-        model, found = model_of(question), known.answers(question, star)
-        asked_for |= {"known_planet": known.content()}
+    asked_for = question.hashed() | ({} if known is None else {"known_planet": known.content()})
+    found: Sequence[EtcAnswer]
+    question, star, model, found = _closed_forms_of(question, star, known)
     if question.dial.fidelity != "quick":
         found = check(question, model, [star], found)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from catalogs import LeftOut
-    from cpic_planner.jobs import Finished
+    from cpic_planner.jobs import Finished, Job
     from cpic_planner.queries import SimulatorOverrides
 
 
@@ -149,14 +149,12 @@ class Answer(Output):
     """The output of a command that asks for something that may not be there: it has an option ``--strict``."""
 
 
-def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
-    """Print what a run of simulated images would take, as a line or as JSON."""
-    line = (
+def cost_line(what: str, cost: Mapping[str, float], workers: int) -> str:
+    """Return what a run of simulated images would take."""
+    return (
         f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
-        f"{time_text(cost, workers)}, {cost['memory_mb']:.0f} MB memory a worker, "
-        f"{cost['disk_mb']:.1f} MB disk"
+        f"{time_text(cost, workers)}, {cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
     )
-    print_line_or_json(line, cost, as_json)
 
 
 def time_text(cost: Mapping[str, float], workers: int) -> str:
@@ -179,6 +177,49 @@ def say(*lines: str) -> None:
     typer.echo(visible("\n".join(lines), "\n"))
 
 
+def result_of(
+    question: Any,
+    job: Job[R],
+    output: Output,
+    title: str,
+    line: Callable[[Mapping[str, float]], str],
+    *,
+    steps: int | str,
+    piece: str = "piece",
+    out: Path | None,
+    dry_run: bool = False,
+) -> R | None:
+    """Return the result of a job that is run with progress; None where only its cost was asked for, which is printed.
+
+    Parameters
+    ----------
+    question : RunQuestion
+        How it is run.
+    job : Job
+    output : Output
+    title : str
+        What is done.
+    line : callable
+        Says the cost.
+    steps : int or str
+        Steps of progress, or which count of the cost they are.
+    piece : str
+        What its tasks are called.
+    out : Path, optional
+        Folder of the run.
+    dry_run : bool
+    """
+    from cpic_planner.jobs import estimate, run
+
+    if dry_run or isinstance(steps, str):
+        cost = estimate(job, workers=question.workers)
+        if dry_run:
+            print_line_or_json(line(cost), cost, output.as_json)
+            return None
+        steps = int(cost[str(steps)])
+    return with_progress(title, steps, functools.partial(run, job, out, **question.how), piece).result
+
+
 def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
     """Run a job with progress on stderr, and say how much of it was there already.
 
@@ -187,17 +228,23 @@ def with_progress(title: str, total: int, start: Callable[..., Finished[R]], pie
     title : str
         What is done.
     total : int
-        Steps of progress.
+        Steps of progress; none is shown without.
     start : callable
         Runs the job, given ``advance`` and ``command`` as `cpic_planner.jobs.job.run` takes them.
     piece : str
         What its tasks are called.
     """
-    with progress(title, total=total) as advance:
+    with progress(title, total=total, enabled=total > 0) as advance:
         done = start(advance=advance, command=sys.argv[1:])
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished {piece}{'s' * (done.resumed_parts != 1)} of an earlier run")
     return done
+
+
+def tell_report(output: Output, out: Path | None) -> None:
+    """Say where the report of a run is, if it has one."""
+    if output.plain and out is not None:
+        say(f"report: {out / 'report.html'}")
 
 
 def console() -> Console:

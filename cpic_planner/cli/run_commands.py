@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,18 +15,21 @@ from cpic_planner.cli.command import (
     Answer,
     DryRunOption,
     Output,
+    cost_line,
     note,
-    print_cost,
     print_json,
-    print_line_or_json,
+    result_of,
     say,
     tell_overrides,
+    tell_report,
     time_text,
     with_progress,
 )
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from cpic_planner.queries import ConfirmQuestion, PlanQuestion, SimulateQuestion, TradeoffQuestion, WhatIfQuestion
     from cpic_planner.survey import StrategiesConfig
     from cpic_planner.tradeoff import FixedScene, Point
@@ -80,22 +83,21 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
       cpic plan --schedule cpic-whatif/visits.csv --strategy few_and_deep --top 3
     """
     from catalogs import open_catalogue
-    from cpic_planner.confirm import make_plan, plan_job
-    from cpic_planner.jobs import estimate
+    from cpic_planner.confirm import plan_job
 
     tell_overrides(question.simulator_overrides)
-    table = open_catalogue(question.catalog)
-    if dry_run:
-        cost = estimate(plan_job(question, table), workers=question.workers)
+    job, out = plan_job(question, open_catalogue(question.catalog)), question.out
+
+    def line(cost: Mapping[str, float]) -> str:
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
-        print_cost(cost, what, question.workers, output.as_json)
-        return
-    start = partial(make_plan, question, question.out, catalog=table, **question.how)
-    done = with_progress("confirming", _n_bands(question), start)
-    confirmed = any(band.detected for target in done.result.targets for band in target.bands)
-    output.show(done.result, partial(report.print_plan, done.result, full=is_verbose()), confirmed)
-    if output.plain:
-        say(f"report: {question.out / 'report.html'}")
+        return cost_line(what, cost, question.workers)
+
+    steps = 0 if dry_run else _n_bands(question)
+    result = result_of(question, job, output, "confirming", line, steps=steps, out=out, dry_run=dry_run)
+    if result is not None:
+        confirmed = any(band.detected for target in result.targets for band in target.bands)
+        output.show(result, partial(report.print_plan, result, full=is_verbose()), confirmed)
+        tell_report(output, out)
 
 
 def _n_bands(question: PlanQuestion) -> int:
@@ -144,27 +146,25 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
 
       cpic simulate --list-presets
     """
-    from cpic_planner.confirm import confirm_job, confirm_scene
-    from cpic_planner.jobs import estimate
+    from cpic_planner.confirm import confirm_job
 
     tell_overrides(question.simulator_overrides)
-    if dry_run:
-        cost = estimate(confirm_job(question), workers=question.workers)
-        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
+
+    def line(cost: Mapping[str, float]) -> str:
         if cost["n_refused"]:
             note(f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why")
-        print_cost(cost, what, question.workers, output.as_json)
+        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
+        return cost_line(what, cost, question.workers)
+
+    how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": dry_run}
+    result = result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
+    if result is None:
         return
-    start = partial(confirm_scene, question, question.out, **question.how)
-    done = with_progress("confirming", len(question.band_names()), start, "band")
-    confirmed = any(band.detected for band in done.result.bands)
-    output.show(done.result, partial(report.print_confirm, done.result, full=is_verbose()), confirmed)
-    if not output.plain:
-        return
-    if question.out is None:
+    confirmed = any(band.detected for band in result.bands)
+    output.show(result, partial(report.print_confirm, result, full=is_verbose()), confirmed)
+    tell_report(output, question.out)
+    if output.plain and question.out is None:
         note("--out DIR writes a report with the images")
-    else:
-        say(f"report: {question.out / 'report.html'}")
 
 
 def simulate(
@@ -321,7 +321,6 @@ def whatif(
     chooses one. Lines of one's own need star, start_utc, outcome, band, exposure_s, frames_per_visit and em_gain.
     """
     from cpic_planner import survey
-    from cpic_planner.jobs import estimate
     from cpic_planner.targets import as_catalogue
 
     chosen = _chosen(survey.load_strategies(question.strategies), question.strategy)
@@ -333,21 +332,21 @@ def whatif(
     # Tables that cannot be used are refused before any work.
     survey.known_table(config.universe)
     as_catalogue(config.universe.catalog)
-    cost = estimate(survey.whatif_job(config, n_images=question.images), workers=question.workers)
-    if dry_run:
-        line = (
+
+    def line(cost: Mapping[str, float]) -> str:
+        return (
             f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
             f"{cost['n_images']} sets of images: about {time_text(cost, question.workers)}, "
             f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk"
         )
-        print_line_or_json(line, cost, output.as_json)
-        return
-    out = question.out or Path("cpic-whatif")
-    start = partial(survey.run_whatif, config, out, n_images=question.images, **question.how)
-    done = with_progress("what if", int(cost["n_steps"]), start)
-    output.show(done.result, partial(report.print_whatif, done.result, full=is_verbose()))
-    if output.plain:
-        say(f"visits: {out / 'visits.csv'}", f"report: {out / 'report.html'}")
+
+    job, out = survey.whatif_job(config, n_images=question.images), question.out or Path("cpic-whatif")
+    result = result_of(question, job, output, "what if", line, steps="n_steps", out=out, dry_run=dry_run)
+    if result is not None:
+        output.show(result, partial(report.print_whatif, result, full=is_verbose()))
+        if output.plain:
+            say(f"visits: {out / 'visits.csv'}")
+        tell_report(output, out)
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:

@@ -20,19 +20,18 @@ from cpic_planner.cli.command import (
     check_plot,
     note,
     place_of,
-    print_line_or_json,
     refuse_together,
-    say,
+    result_of,
+    tell_report,
     tell_rows,
     time_text,
-    with_progress,
     write_out,
     write_plot,
 )
 from cpic_planner.cli.progress import is_verbose, progress
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from catalogs import Catalogue
     from cpic_planner.etc import EtcModel
@@ -210,14 +209,14 @@ def curve(
     """
     from cpic_planner.api import curve_job_of
 
-    done = _run(question, curve_job_of(question), "contrast curve", plot, dry_run, output)
+    done = _searched(question, curve_job_of(question), "contrast curve", plot, dry_run, output)
     if done is None:
         return
     if plot is not None:
         write_plot(plot, report.curve_figure(done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
     output.show(done, partial(report.print_curve, done, full=is_verbose()), found)
-    _tell_report(question, output)
+    tell_report(output, question.out)
 
 
 def roc(
@@ -252,39 +251,28 @@ def roc(
     """
     from cpic_planner.api import roc_job_of
 
-    done = _run(question, roc_job_of(question), "detection statistics", plot, dry_run, output)
+    done = _searched(question, roc_job_of(question), "detection statistics", plot, dry_run, output)
     if done is None:
         return
     if plot is not None:
         write_plot(plot, report.roc_figure(done))
     output.show(done, partial(report.print_roc, done, full=is_verbose()), bool(done.levels))
-    _tell_report(question, output)
+    tell_report(output, question.out)
 
 
-def _run(
+def _searched(
     question: SearchedQuestion, job: Job[R], title: str, plot: Path | None, dry_run: bool, output: Answer
 ) -> R | None:
-    """Return the result of a job; None where only its cost was asked for, which is printed."""
-    from cpic_planner.jobs import estimate, run
-
     check_plot(plot)
-    if dry_run or question.images:
-        cost = estimate(job, workers=question.workers)
-        if dry_run:
-            line = (
-                f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
-                f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
-            )
-            print_line_or_json(line, cost, output.as_json)
-            return None
-        start = partial(run, job, question.out, **question.how)
-        return with_progress(title, int(cost["n_realisations"]), start, "set of images").result
-    return run(job, question.out, **question.how).result
 
+    def line(cost: Mapping[str, float]) -> str:
+        return (
+            f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
+            f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
+        )
 
-def _tell_report(question: SearchedQuestion, output: Answer) -> None:
-    if output.plain and question.out is not None:
-        say(f"report: {question.out / 'report.html'}")
+    how: dict[str, Any] = {"steps": "n_realisations" if question.images else 0, "piece": "set of images"}
+    return result_of(question, job, output, title, line, out=question.out, dry_run=dry_run, **how)
 
 
 def rank(
@@ -520,7 +508,7 @@ def known(
     """
     from catalogs import open_catalogue
     from cpic_core import InputError
-    from cpic_planner.api.one_star import planet_named
+    from cpic_planner.api.one_star import planet_of_name
     from cpic_planner.etc import build_model
     from cpic_planner.queries import DEFAULT_YEARS
     from cpic_planner.ranking import KnownChoice
@@ -551,7 +539,7 @@ def known(
         try:
             targets, remark = find_target(star, catalog=table, date_utc=choice.date_utc)
         except InputError as error:
-            only = planet_named(choice, star, error)
+            only = planet_of_name(choice, star, error)
             planet = only.name
             targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
         note(*filter(None, [remark]))

@@ -25,7 +25,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, cast
 
-from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, field_validator, model_validator
+from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
 from cpic_core import InputError, converted, is_file, load_mapping, number_and_unit, parse_yaml, units_like
 from cpic_planner.queries.question import Parts, advice, asked, asked_changes, children, matching, put, sections
@@ -36,6 +36,7 @@ from simulator.config import (
     Scene,
     at,
     canonical_json,
+    inside,
     load_instrument,
     preset_names,
     to_unit,
@@ -327,10 +328,7 @@ class Change(FrozenModel):
     @classmethod
     def written(cls, text: str, nominal: Instrument | None = None) -> Self:
         """Return the change of a text ``KEY=VALUE``; see `read`."""
-        key, _, value = text.partition("=")
-        if not key.strip() or not value.strip():
-            raise InputError("", text, allowed="KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7")
-        return cls.read(key.strip(), value.strip(), nominal)
+        return cls.read(*_key_and_value(text, "KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7"), nominal)
 
     def values(self, nominal: Instrument) -> list[tuple[str, Any, Any]]:
         """Return the keys of an instrument that it means, with their values before and after.
@@ -341,6 +339,13 @@ class Change(FrozenModel):
             For a key that the instrument does not have, and a factor on what is no number.
         """
         return [(key, value, _altered(self, key, value, nominal)) for key, value in _leaves(nominal, self)]
+
+
+def _key_and_value(text: str, allowed: str) -> tuple[str, str]:
+    key, _, value = map(str.strip, text.partition("="))
+    if not key or not value:
+        raise InputError("", text, allowed=allowed)
+    return key, value
 
 
 @dataclass(frozen=True)
@@ -474,11 +479,9 @@ class InstrumentParts(Parts):
 def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None) -> Instrument:
     """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE`` and those of other options."""
     built = read_instrument(source)
-    try:
+    with inside("changes"):
         every = [Change.written(text, built) for text in changes]
         made = changed(built, every)
-    except InputError as error:
-        raise at("changes", error) from None
     for name, change in (named or {}).items():
         try:
             made = changed(built, every := [*every, change])
@@ -583,15 +586,12 @@ class SimulatorOverrides(FrozenModel):
 
     entries: tuple[Change, ...] = ()
 
-    @field_validator("entries")
-    @classmethod
-    def _each_once(cls, entries: tuple[Change, ...]) -> tuple[Change, ...]:
-        keys = [entry.key for entry in entries]
+    def _check_values(self) -> None:
+        keys = [entry.key for entry in self.entries]
         for key in keys:
             if keys.count(key) > 1:
                 hint = f"{NAMES[key]} is the same key" if key in NAMES else ""
                 raise InputError(key, "given twice", allowed="each key once", hint=hint)
-        return tuple(sorted(entries, key=lambda entry: entry.key))
 
     @classmethod
     def of(cls, source: "OverrideSource", nominal: Instrument | None = None) -> "SimulatorOverrides":
@@ -621,12 +621,9 @@ class SimulatorOverrides(FrozenModel):
         """
         if isinstance(source, SimulatorOverrides):
             return source
-        try:
-            return cls(entries=tuple(Change.read(key, value, nominal) for key, value in _pairs(source)))
-        except InputError as error:
-            raise _named(error) from None
-        except ValueError as error:  # pydantic's, around a refusal of ours
-            raise _named(_inner(error)) from None
+        with inside(_WHERE):
+            read = [Change.read(key, value, nominal) for key, value in _pairs(source)]
+            return cls(entries=tuple(sorted(read, key=lambda entry: entry.key)))
 
     @property
     def alters_optics(self) -> bool:
@@ -661,10 +658,8 @@ class SimulatorOverrides(FrozenModel):
         InputError
             For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
         """
-        try:
+        with inside(_WHERE):
             return alterations(nominal, (entry for entry in self.entries if entry.key != COMPANIONS))
-        except InputError as error:
-            raise _named(error) from None
 
     def instrument(self, nominal: Instrument) -> Instrument:
         """Return the instrument that is simulated, given the one of the prediction.
@@ -694,10 +689,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
     if isinstance(source, Mapping):
         yield from _flat(source)
     elif isinstance(source, str) and "=" in source:
-        key, _, text = source.partition("=")
-        if not key.strip() or not text.strip():
-            raise InputError("", source, allowed="KEY=VALUE, as throughput=x0.7, or a YAML file")
-        yield key.strip(), text.strip()
+        yield _key_and_value(source, "KEY=VALUE, as throughput=x0.7, or a YAML file")
     elif isinstance(source, str | Path):
         if not is_file(source):
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
@@ -736,22 +728,6 @@ def _sourced(item: Alteration) -> dict[str, Any]:
     """Return an altered value with its standing, as an instrument's file has it."""
     source = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
     return {"value": item.altered, "source": source, "confidence": "A"}
-
-
-def _named(error: InputError) -> InputError:
-    """Return a refusal with the name of the overrides before its key."""
-    if error.key:
-        return at(_WHERE, error)
-    return InputError(_WHERE, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
-
-
-def _inner(error: ValueError) -> InputError:
-    """Return our refusal that pydantic reports."""
-    for item in getattr(error, "errors", list)():
-        cause = item.get("ctx", {}).get("error")
-        if isinstance(cause, InputError):
-            return cause
-    raise error
 
 
 def _refused(error: InputError, changes: tuple[Alteration, ...], text: str) -> InputError:

@@ -4,14 +4,13 @@ Known planets, which several questions can be about.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator, model_validator
 
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.question import asked, asked_visit_time, called, check_visits
+from cpic_planner.queries.question import asked, called
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
 
@@ -50,7 +49,7 @@ class KnownPlanetsQuestion(shared.TablesQuestion):
     )
 
 
-class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
+class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
@@ -79,12 +78,6 @@ class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion,
     detect: bool = asked(
         False, "Level: a detection by half of such programmes, looked for as {search} says, at that separation."
     )
-    time_s: float | None = asked(
-        None,
-        "Wall time of all visits, readouts, reference frames and overheads included.",
-        unset=f"{shared.DEFAULT_TIME_S:g}",
-    )
-    visit_time_s: float | None = asked_visit_time()
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
         None,
@@ -120,7 +113,6 @@ class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion,
     observation_roll_deg: float = asked(
         0.0, "Roll of the telescope: it turns companions, and with them the quadrant that is darkest.", ge=-360, le=360
     )
-    strategy: shared.Strategy = shared.asked_strategy()
     distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.", ge=0.01, le=1e5)
     # A star of one's own counts by what is made of it, as one of a table.
     v_mag: float | None = asked(
@@ -180,7 +172,6 @@ class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion,
                 self.refuse_together((name, "n_frames"), f"{called('n_frames')} sets the time that is asked for")
         for name in ("time_s", "visit_time_s"):
             self.refuse_together((name, "n_frames"), "both set the time")
-        check_visits(self.strategy.visits, self.visit_time_s, self.time_s, asked=self.asks_time)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
 
@@ -232,7 +223,7 @@ class EtcQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion,
         return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}
 
 
-class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
+class OptimiseQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.StarsQuestion):
     """Ask for the best band, separation, exposure, number of frames and EM gain of stars."""
 
     KIND: ClassVar[str] = "optimise"
@@ -243,17 +234,14 @@ class OptimiseQuestion(shared.InstrumentQuestion, shared.StarsQuestion):
     )
     snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
     detect: bool = asked(False, "A detection to reach in the least time.")
-    visit_time_s: float | None = asked_visit_time()
     separation_arcsec: float | None = asked(None, "Projected separation of the planet, instead of the best one.")
     planet: shared.ReferencePlanet = shared.asked_planet(read=_planets)
-    strategy: shared.Strategy = shared.asked_strategy()
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
         self.refuse_together(("time_s", "snr", "detect"), "one goal at a time")
         for name in ("snr", "detect"):
             self.refuse_together((name, "visit_time_s"), "the length of the visits is chosen for the least time")
-        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
         return self
 
 
@@ -261,19 +249,12 @@ MOST_IMAGES = 10_000
 _MOST_PLACES = 200
 
 
-class SearchedQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQuestion, shared.RunQuestion):
+class SearchedQuestion(
+    shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.StarsQuestion, shared.ReportQuestion
+):
     """A question about one programme of a star in each band, by closed forms and in simulated images."""
 
     target: str = asked(..., 'Star: "tau Cet", "HIP 8102", "alpha Cen B" ...', argument=True)
-    time_s: float | None = asked(
-        None,
-        "Wall time of all visits, readouts, reference frames and overheads included.",
-        ge=1e-3,
-        le=1e9,
-        unset=f"{shared.DEFAULT_TIME_S:g}",
-    )
-    visit_time_s: float | None = asked_visit_time()
-    strategy: shared.Strategy = shared.asked_strategy()
     images: int = asked(
         0,
         "Programmes without planets that are simulated as images and reduced, each with its own drift and noise; 0: "
@@ -282,19 +263,9 @@ class SearchedQuestion(shared.Timed, shared.InstrumentQuestion, shared.StarsQues
         le=MOST_IMAGES,
     )
     seed: shared.Seed = asked(1, "Seed of the images.")
-    out: Path | None = asked(
-        None,
-        "Output folder of the report and the tables; an interrupted run continues there.",
-        unset="print only",
-        physics=False,
-        metavar="DIR",
-    )
 
     @model_validator(mode="after")
     def _searched(self) -> Self:
-        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
-        if self.force and self.out is None:
-            raise InputError("force", "given", allowed=f"together with {called('out')}")
         if self.is_given("seed") and not self.images:
             raise InputError("seed", self.seed, allowed=f"together with {called('images')}")
         if self.images and len(self.strategy.rolls_deg) > 1:

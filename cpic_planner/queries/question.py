@@ -25,6 +25,7 @@ from cpic_core import InputError, files_read, load_mapping
 from simulator.config import (
     FrozenModel,
     Instrument,
+    at,
     bounds_of,
     content_hash,
     deep_merge,
@@ -299,12 +300,6 @@ def asked_changes(**settings: Any) -> Any:
     )
 
 
-def asked_visit_time() -> Any:
-    """Declare the field of the wall time of a visit."""
-    text = "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}."
-    return asked(None, text, ge=1e-3, le=1e9)
-
-
 def children(node: Any) -> Mapping[str, Any] | None:
     """Return what is below a section by name; None for a value."""
     if isinstance(node, FrozenModel):
@@ -491,6 +486,15 @@ class Question(FrozenModel):
     model_config = ConfigDict(defer_build=True)  # of the questions that are imported only some are asked
     ALIASES: ClassVar[dict[str, str]] = {}
     """Other names of fields, which keywords and files may use."""
+    ASKED: ClassVar[dict[str, Asked]] = {}
+    """What is said of fields that a configuration declares, beside their description; nothing for the others."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **settings: Any) -> None:
+        """Ask the fields of a configuration too."""
+        for name, info in cls.model_fields.items():
+            if info.json_schema_extra is None:
+                info.json_schema_extra = cls.ASKED.get(name, Asked())
 
     @classmethod
     def of(cls, tree: Mapping[str, Any]) -> Self:
@@ -506,11 +510,11 @@ class Question(FrozenModel):
         InputError
             For the first fault, naming the field, its value, unit and range.
         """
-        named = cls.named({key: value for key, value in tree.items() if value is not None})
+        named = cls.by_field({key: value for key, value in tree.items() if value is not None})
         return validate(cls, cls._read(plain_numbers(named)))
 
     @classmethod
-    def named(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
+    def by_field(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the names of the fields; refuse one that is given under two names."""
         found: dict[str, Any] = {}
         for key, value in tree.items():
@@ -537,7 +541,10 @@ class Question(FrozenModel):
         for name, info in cls.model_fields.items():
             own = asked_of(info)
             if own is not None and own.read is not None and name in tree:
-                tree[name] = own.read(tree[name])
+                try:
+                    tree[name] = own.read(tree[name])
+                except InputError as error:
+                    raise error if error.key else at(name, error) from None
         return tree
 
     def hashed(self) -> dict[str, Any]:

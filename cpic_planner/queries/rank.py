@@ -19,7 +19,7 @@ from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, 
 from cpic_planner.queries import shared
 from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
 from cpic_planner.queries.etc import KnownPlanetsQuestion
-from cpic_planner.queries.question import asked, asked_visit_time, called, check_visits
+from cpic_planner.queries.question import asked, called
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from simulator.config import (
@@ -445,7 +445,7 @@ FILTERS = tuple(inspect.get_annotations(FilteredQuestion))
 """Fields that choose some of the ranked stars."""
 
 
-class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanetsQuestion):
+class RankedQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, FilteredQuestion, CountedPlanetsQuestion):
     """The settings of a ranking of stars."""
 
     time_s: float = asked(
@@ -454,7 +454,6 @@ class RankedQuestion(shared.InstrumentQuestion, FilteredQuestion, CountedPlanets
         ge=1e-3,
         le=1e9,
     )
-    visit_time_s: float | None = asked_visit_time()
     seed: shared.Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "Score that orders the stars.")
     instruments: int | None = asked(
@@ -495,11 +494,3 @@ class RankQuestion(RankedQuestion):
     """Rank the whole catalogue."""
 
     KIND: ClassVar[str] = "rank"
-
-    strategy: shared.Strategy = shared.asked_strategy()
-
-    @model_validator(mode="after")
-    def _possible_visits(self) -> Self:
-        given = self.time_s if "time_s" in self.model_fields_set else None
-        check_visits(self.strategy.visits, self.visit_time_s, given)
-        return self

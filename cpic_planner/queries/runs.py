@@ -15,7 +15,7 @@ from cpic_planner.queries.changes import (
     changed,
     read_instrument,
 )
-from cpic_planner.queries.question import Parts, Question, asked, asked_changes, asked_visit_time, called, check_visits
+from cpic_planner.queries.question import Parts, Question, asked, asked_changes, called
 from cpic_planner.queries.rank import Exclusions, RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, TablesQuestion, Texts
 from simulator.config import FrozenModel, Real, Scene, Utc, checked_utc, load_scene
@@ -166,7 +166,7 @@ def _scene(source: str) -> Scene:
         raise InputError(error.key, source, allowed=error.allowed, hint=hint) from None
 
 
-class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
+class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQuestion):
     """Everything that decides the confirmation of a scene.
 
     Frames are given by ``exposure_s`` and ``n_frames`` (of one visit where there is no number of visits), or visits and
@@ -191,10 +191,6 @@ class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
         option="--date",
         unset="the mission's start",
     )
-    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
-        None, "Wall time of all visits per band, readouts, reference frames and overheads included.", unset="36000"
-    )
-    visit_time_s: float | None = asked_visit_time()
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
         None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
@@ -205,7 +201,6 @@ class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
         "Make one more realisation with every effect of the camera, a part of its frames run one by one.",
         unset="with {fidelity} standard",
     )
-    out: Path | None = asked(None, "Output folder.", unset="print only", physics=False, metavar="DIR")
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:
@@ -220,15 +215,12 @@ class ConfirmQuestion(shared.Timed, ImageQuestion, shared.RunQuestion):
             if getattr(self, name) is not None and self.n_frames is not None:
                 allowed = f"without {called(name)}"
                 raise InputError("n_frames", self.n_frames, allowed=allowed, hint="the time sets their number")
-        check_visits(self.strategy.visits, self.visit_time_s, self.time_s)
         if self.n_frames is not None and self.exposure_s is None:
             raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
         timed = self.time_s is not None or self.visit_time_s is not None
         if self.exposure_s is not None and self.n_frames is None and not timed:
             allowed = f"together with {called('n_frames')} or {called('time_s')}"
             raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
-        if self.force and self.out is None:
-            raise InputError("force", "given", allowed=f"together with {called('out')}")
         audited(self.dial, self.audit)
         return self
 

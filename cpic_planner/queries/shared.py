@@ -6,7 +6,8 @@ How an observation is made and reduced, as configuration: one name of each setti
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -15,7 +16,7 @@ from cpic_core import InputError, digest_of, is_file
 from cpic_planner import registry
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.changes import SkyParts, read_instrument
-from cpic_planner.queries.question import Parts, Question, asked, called
+from cpic_planner.queries.question import Parts, Question, asked, called, check_visits
 from simulator import config
 from simulator.config import FrozenModel, Instrument, load_instrument
 
@@ -279,11 +280,6 @@ class Strategy(Reduction):
     )
 
 
-def asked_strategy(text: str = "How the observation is made and reduced.", **settings: Any) -> Any:
-    """Declare the field of a strategy; ``settings`` as of `asked`."""
-    return asked(Strategy(), text, accepts="Strategy or mapping", **settings)
-
-
 DEFAULT_TIME_S = 36000.0
 ALL = "all"
 """Every band of the instrument, of both cameras."""
@@ -291,17 +287,6 @@ MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
 Fidelity = Literal["quick", "standard", "reference"]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
-
-
-class Timed:
-    """A question with a wall time, which number and length of the visits may set."""
-
-    @property
-    def wall_s(self: Any) -> float:
-        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
-        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
-            return float(self.strategy.visits * self.visit_time_s)
-        return DEFAULT_TIME_S if self.time_s is None else float(self.time_s)
 
 
 def several(value: Any) -> Any:
@@ -320,6 +305,46 @@ def star_names() -> list[str]:
 
 
 Texts = Annotated[tuple[str, ...], BeforeValidator(several)]
+
+
+def asked_strategy() -> Any:
+    """Declare the field of a strategy."""
+    return asked(Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping")
+
+
+class ProgrammeQuestion(Question):
+    """A question about programmes of visits, whose number and length may set their wall time."""
+
+    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = asked(
+        None,
+        "Wall time of all visits in a band, readouts, reference frames and overheads included.",
+        unset=f"{DEFAULT_TIME_S:g}",
+    )
+    visit_time_s: float | None = asked(
+        None,
+        "Wall time of one visit with its references and overhead; with {visits} it sets {time_s}.",
+        ge=1e-3,
+        le=1e9,
+    )
+    strategy: Strategy = asked_strategy()
+
+    @model_validator(mode="after")
+    def _timed(self) -> Self:
+        time_s = self.time_s if "time_s" in self.model_fields_set else None
+        check_visits(self.strategy.visits, self.visit_time_s, time_s, asked=self.asks_time)
+        return self
+
+    @property
+    def asks_time(self) -> bool:
+        """Whether the answer is a time."""
+        return False
+
+    @property
+    def wall_s(self) -> float:
+        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
+        if self.time_s is None and self.strategy.visits is not None and self.visit_time_s is not None:
+            return float(self.strategy.visits * self.visit_time_s)
+        return DEFAULT_TIME_S if self.time_s is None else float(self.time_s)
 
 
 class InstrumentQuestion(Question):
@@ -438,3 +463,21 @@ class RunQuestion(Question):
     def how(self) -> RunSettings:
         """Settings of `cpic_planner.jobs.job.run`."""
         return {"workers": self.workers, "scheduler": self.scheduler, "force": self.force}
+
+
+class ReportQuestion(RunQuestion):
+    """A run whose report and tables are written where a folder is given."""
+
+    out: Path | None = asked(
+        None,
+        "Output folder of the report and the tables; an interrupted run continues there.",
+        unset="print only",
+        physics=False,
+        metavar="DIR",
+    )
+
+    @model_validator(mode="after")
+    def _of_a_folder(self) -> Self:
+        if self.force and self.out is None:
+            raise InputError("force", "given", allowed=f"together with {called('out')}")
+        return self

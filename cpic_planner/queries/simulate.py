@@ -1,15 +1,15 @@
 """The question of ``cpic simulate``: Level-0 data of which scenes and sequences."""
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator
 
 from cpic_core import InputError
 from cpic_planner.queries.changes import InstrumentParts
-from cpic_planner.queries.question import Parts, asked
-from cpic_planner.queries.shared import MAX_VISITS, Fidelity, Reduction, RunQuestion, TablesQuestion, several
-from simulator.config import ReferenceScheme, SequenceConfig, SequenceKind
+from cpic_planner.queries.question import Asked, Parts, asked
+from cpic_planner.queries.shared import RunQuestion, TablesQuestion, several
+from simulator.config import SequenceConfig, SequenceSettings
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
 
@@ -38,12 +38,14 @@ def _pair(value: Any) -> Any:
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
-Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
-Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
-
-
-_NUMBERS: dict[str, Any] = {"command": str, "accepts": "float or sequence of float"}
-_PAIR: dict[str, Any] = {"metavar": "X,Y", "command": str, "several": False, "accepts": "pair of float"}
+_NUMBERS: dict[str, Any] = {"command": str, "accepts": "float or sequence of float", "read": _numbers}
+_PAIR: dict[str, Any] = {
+    "metavar": "X,Y",
+    "command": str,
+    "several": False,
+    "accepts": "pair of float",
+    "read": _pair,
+}
 
 
 class SwitchParts(Parts):
@@ -66,20 +68,32 @@ class NamedInstrumentParts(InstrumentParts):
         return super().made(base) if self.changes else base if self.instrument is None else self.instrument
 
 
-def _of_programme(name: str, *, unset: str, **settings: Any) -> Any:
-    """Declare a field that means what that of this name in a `Reduction` does, without a default of its own."""
-    return asked(None, Reduction.model_fields[name].description or "", unset=unset, **settings)
+def _obsid(value: Any) -> Any:
+    """Return a number that is written as a text of digits."""
+    return int(value) if isinstance(value, str) and value.isdecimal() else value
 
 
-class SimulateQuestion(RunQuestion, TablesQuestion):
+class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
     """Make Level-0 data with truth.
 
-    What a sequence is comes from `simulator.config.simulation.SequenceConfig`, which checks it; a simulation has
-    sequences of its own, of which only some values are replaced.
+    A simulation has sequences of its own, of which only some values are replaced.
     """
 
     KIND: ClassVar[str] = "simulate"
     ALIASES: ClassVar[dict[str, str]] = SequenceConfig.ALIASES
+    ASKED: ClassVar[dict[str, Asked]] = {
+        "band": Asked(metavar="BAND", unset="all visible bands", read=_split),
+        "exposure_s": Asked(metavar="S", **_NUMBERS),
+        "em_gain": Asked(metavar="GAIN", **_NUMBERS),
+        "star_offset_arcsec": Asked(**_PAIR),
+        "offset_arcsec": Asked(**_PAIR),
+        "reference_visits": Asked(unset="as many as science visits, none for a single one"),
+        "reference_roll_deg": Asked(unset="{roll_deg}"),
+        "realisation": Asked(unset="a number of its own for each sequence"),
+        "obsid": Asked(command=str, unset="sequences are counted", accepts="int or str", read=_obsid),
+        "start_utc": Asked(unset="that of the mission"),
+        "switches": Asked(parts=SwitchParts, accepts="mapping of str to bool"),
+    }
 
     what: Annotated[tuple[Any, ...], BeforeValidator(several)] = asked(
         (),
@@ -91,32 +105,6 @@ class SimulateQuestion(RunQuestion, TablesQuestion):
         several=True,
         accepts="simulation, scene, mapping, str, Path, or a list of them",
     )
-    kind: SequenceKind | None = asked(None, "Type of the sequence; BIAS to LASER need no scene.", unset="SCI")
-    band: Names | None = asked(
-        None, "Band, e.g. F662; repeat, or F520,F662, for several.", metavar="BAND", unset="all visible bands"
-    )
-    exposure_s: Numbers | None = asked(
-        None, "Exposure of a frame; repeat, or 30,300, for several.", metavar="S", unset="10", **_NUMBERS
-    )
-    frames: int | None = asked(None, "Frames of a sequence.", ge=1, unset="1")
-    em_gain: Numbers | None = asked(
-        None, "Actual EM gain; repeat, or 1,20, for several.", metavar="GAIN", unset="1", **_NUMBERS
-    )
-    roll_deg: float | None = asked(None, "Roll of the telescope.", unset="0")
-    star_offset_arcsec: Pair | None = asked(
-        None, "Place of the star relative to the centre of the mask.", unset="0,0", **_PAIR
-    )
-    role: Literal["science", "reference", "calibration"] | None = asked(
-        None, "Which visit: each has a wavefront of its own; {visits} has both.", unset="science"
-    )
-    visits: int | None = _of_programme("visits", unset="1", ge=1, le=MAX_VISITS)
-    reference_visits: int | None = _of_programme(
-        "reference_visits", unset="as many as science visits, none for a single one", ge=0, le=100_000
-    )
-    reference_ratio: float | None = asked(
-        None, "Reference frames of a programme per science frame.", unset="1", ge=0.001, le=1000
-    )
-    reference_scheme: ReferenceScheme | None = _of_programme("reference_scheme", unset="interleaved")
     reference_scene: Any = asked(
         None,
         "What reference visits look at: a scene.",
@@ -124,34 +112,6 @@ class SimulateQuestion(RunQuestion, TablesQuestion):
         unset="the scene without its planets",
         accepts="scene, mapping, str or Path",
     )
-    reference_roll_deg: float | None = asked(None, "Roll of reference visits.", unset="{roll_deg}")
-    visit_gap_h: float | None = asked(
-        None,
-        "Least time between the end of a visit with its references and the begin of the next.",
-        unset="0",
-        ge=0,
-        le=1e5,
-    )
-    camera: Literal["VIS", "NIR"] | None = asked(None, "Camera of BIAS and DARK.", unset="VIS")
-    level_e: float | None = asked(None, "Electrons of a pixel of FLAT, of the whole spot of LASER.")
-    scene_model: Literal["exact", "paper"] | None = asked(
-        None, "Light of the scene: exact, or in the paper's approximation.", unset="exact"
-    )
-    offset_arcsec: Pair | None = asked(None, "Place of the spot of LASER.", **_PAIR)
-    ra_deg: float | None = asked(None, "Right ascension of BKG.")
-    dec_deg: float | None = asked(None, "Declination of BKG.")
-    realisation: int | None = asked(
-        None, "Number of the noise realisation.", unset="a number of its own for each sequence"
-    )
-    obsid: int | str | None = asked(
-        None,
-        "Number of the first sequence, eleven digits.",
-        command=str,
-        unset="sequences are counted",
-        accepts="int or str",
-    )
-    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, unset="1")
-    start_utc: str | None = asked(None, "Begin of the first frame.", unset="that of the mission")
     # Left as it is written: a simulation names instruments of its own.
     instrument: Any = asked(
         None,
@@ -159,18 +119,6 @@ class SimulateQuestion(RunQuestion, TablesQuestion):
         parts=NamedInstrumentParts,
         unset="cpic_default",
         accepts="Instrument, mapping, str or Path",
-    )
-    fidelity: Fidelity | None = asked(None, "Speed against accuracy of the optics.", unset="standard")
-    tolerance: float | None = asked(
-        None,
-        "Leave out what is predicted to change planet flux, SNR and pixels by less than this, 0 to 0.5.",
-        unset="0, nothing",
-    )
-    switches: dict[str, bool] | None = asked(
-        None,
-        "Effects of the camera to switch on or off; all stands for every one.",
-        parts=SwitchParts,
-        accepts="mapping of str to bool",
     )
     date_utc: str | None = asked(
         None,
@@ -191,11 +139,10 @@ class SimulateQuestion(RunQuestion, TablesQuestion):
     @property
     def settings(self) -> dict[str, Any]:
         """Keys of a sequence for scenes, tables and calibration kinds, as far as they are given."""
-        own = (*_CHANGES, "instrument")
-        names = [name for name in SequenceConfig.model_fields if name in type(self).model_fields and name not in own]
-        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        names = (*SequenceSettings.model_fields, "reference_scene")
+        return {name: getattr(self, name) for name in names if name in self.model_fields_set - {*_CHANGES}}
 
     @property
     def changes(self) -> dict[str, Any]:
         """Values that replace those of every sequence, as far as they are given."""
-        return {name: getattr(self, name) for name in _CHANGES if getattr(self, name) is not None}
+        return {name: getattr(self, name) for name in _CHANGES if name in self.model_fields_set}

@@ -97,6 +97,7 @@ from simulator.config.simulation import (
     SKY_KINDS as SKY_KINDS,
     SequenceConfig as SequenceConfig,
     SequenceKind as SequenceKind,
+    SequenceSettings as SequenceSettings,
     SimulationConfig as SimulationConfig,
     load_simulation as load_simulation,
     meaningful_keys as meaningful_keys,

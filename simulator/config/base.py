@@ -384,8 +384,9 @@ def required(key: str, allowed: str) -> InputError:
 
 
 def at(path: str, error: InputError) -> InputError:
-    """Return the same refusal with its key under a dotted path."""
-    return InputError(f"{path}.{error.key}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
+    """Return the same refusal with its key under a dotted path; the path alone where it names no key."""
+    key = f"{path}.{error.key}" if error.key else path
+    return InputError(key, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 
 @contextmanager

@@ -85,7 +85,73 @@ def of_no_use(key: str, value: Any, kind: str) -> InputError:
     return InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
 
 
-class SequenceConfig(SpelledModel):
+class SequenceSettings(FrozenModel):
+    """The settings of a sequence beside its scene and instrument: keys of files, and options of a question alike."""
+
+    kind: SequenceKind = Field("SCI", description="Type of the sequence; BIAS to LASER need no scene.")
+    band: tuple[str, ...] = Field((), description="Band, e.g. F662; repeat, or F520,F662, for several.")
+    camera: CameraName = Field("VIS", description="Camera of BIAS and DARK.")
+    exposure_s: tuple[Exposure, ...] = Field(
+        (DEFAULT_EXPOSURE_S,), description="Exposure of a frame; repeat, or 30,300, for several."
+    )
+    em_gain: tuple[Gain, ...] = Field((1.0,), description="Actual EM gain; repeat, or 1,20, for several.")
+    frames: Annotated[Whole, Field(ge=1, le=MAX_FRAMES)] = Field(1, description="Frames of a sequence.")
+    roll_deg: Real = Field(0.0, description="Roll of the telescope.")
+    star_offset_arcsec: tuple[Offset, Offset] = Field(
+        (0.0, 0.0), description="Place of the star relative to the centre of the mask."
+    )
+    role: Literal["science", "reference", "calibration"] = Field(
+        "science", description="Which visit: each has a wavefront of its own; {visits} has both."
+    )
+    fidelity: Literal["quick", "standard", "reference"] = Field(
+        "standard", description="Speed against accuracy of the optics."
+    )
+    tolerance: Annotated[Real, Field(ge=0, le=0.5)] = Field(
+        0.0, description="Leave out what is predicted to change planet flux, SNR and pixels by less than this."
+    )
+    scene_model: Literal["exact", "paper"] = Field(
+        "exact", description="Light of the scene: exact, or in the paper's approximation."
+    )
+    visits: Annotated[Whole, Field(ge=1, le=1000)] = Field(
+        1, description="Science visits that are reduced together, each with a wavefront of its own."
+    )
+    reference_visits: Annotated[Whole, Field(ge=0, le=100_000)] | None = Field(
+        None, description="Visits that the reference frames are spread over."
+    )
+    reference_ratio: Annotated[Real, Field(ge=0.001, le=1000)] = Field(
+        1.0, description="Reference frames of a programme per science frame."
+    )
+    reference_scheme: ReferenceScheme = Field(
+        "interleaved",
+        description="When references are taken: in the next orbit at the same phase, in the second half of each "
+        "orbit's window, in halves whose order turns from visit to visit, or of another star a quarter of an orbit "
+        "later.",
+    )
+    reference_roll_deg: Real | None = Field(None, description="Roll of reference visits.")
+    visit_gap_h: Annotated[Real, Field(ge=0, le=1e5)] = Field(
+        0.0,
+        description="Least time between the end of a visit with its references and the begin of the next.",
+    )
+    level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = Field(
+        None, description="Electrons of a pixel of FLAT, of the whole spot of LASER."
+    )
+    offset_arcsec: tuple[Offset, Offset] | None = Field(None, description="Place of the spot of LASER.")
+    ra_deg: Annotated[Real, Field(ge=0, lt=360)] | None = Field(None, description="Right ascension of BKG.")
+    dec_deg: Annotated[Real, Field(ge=-90, le=90)] | None = Field(None, description="Declination of BKG.")
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(1, description="Seed of every random number.")
+    realisation: Annotated[Whole, Field(ge=0, lt=2**31)] | None = Field(
+        None, description="Number of the noise realisation."
+    )
+    switches: dict[str, bool] = Field(
+        default_factory=dict, description="Effects of the camera to switch on or off; all stands for every one."
+    )
+    start_utc: Utc | None = Field(None, description="Begin of the first frame.")
+    obsid: Annotated[Whole, Field(ge=0, lt=10**11)] | None = Field(
+        None, description="Number of the first sequence, eleven digits."
+    )
+
+
+class SequenceConfig(SequenceSettings, SpelledModel):
     """One entry of a simulation: a sequence for each of its bands, exposures and gains, in this order.
 
     Attributes
@@ -138,36 +204,9 @@ class SequenceConfig(SpelledModel):
 
     ALIASES = other_names(band="bands", frames="n_frames", exposure_s="exposures_s", em_gain="em_gains")
 
-    kind: SequenceKind = "SCI"
     scene: Scene | None = None
     instrument: Instrument
-    band: tuple[str, ...] = ()
-    camera: CameraName = "VIS"
-    exposure_s: tuple[Exposure, ...] = (DEFAULT_EXPOSURE_S,)
-    em_gain: tuple[Gain, ...] = (1.0,)
-    frames: Annotated[Whole, Field(ge=1, le=MAX_FRAMES)] = 1
-    roll_deg: Real = 0.0
-    star_offset_arcsec: tuple[Offset, Offset] = (0.0, 0.0)
-    role: Literal["science", "reference", "calibration"] = "science"
-    fidelity: Literal["quick", "standard", "reference"] = "standard"
-    tolerance: Annotated[Real, Field(ge=0, le=0.5)] = 0.0
-    scene_model: Literal["exact", "paper"] = "exact"
-    visits: Annotated[Whole, Field(ge=1, le=1000)] = 1
-    reference_visits: Annotated[Whole, Field(ge=0, le=100_000)] | None = None
-    reference_ratio: Annotated[Real, Field(ge=0.001, le=1000)] = 1.0
-    reference_scheme: ReferenceScheme = "interleaved"
     reference_scene: Scene | None = None
-    reference_roll_deg: Real | None = None
-    visit_gap_h: Annotated[Real, Field(ge=0, le=1e5)] = 0.0
-    level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = None
-    offset_arcsec: tuple[Offset, Offset] | None = None
-    ra_deg: Annotated[Real, Field(ge=0, lt=360)] | None = None
-    dec_deg: Annotated[Real, Field(ge=-90, le=90)] | None = None
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
-    realisation: Annotated[Whole, Field(ge=0, lt=2**31)] | None = None
-    switches: dict[str, bool] = Field(default_factory=dict)
-    start_utc: Utc | None = None
-    obsid: Annotated[Whole, Field(ge=0, lt=10**11)] | None = None
 
     @classmethod
     def _read(cls, tree: dict[str, Any]) -> dict[str, Any]:

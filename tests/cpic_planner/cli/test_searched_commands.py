@@ -102,7 +102,7 @@ def test_what_cannot_be_asked_is_refused_in_one_line(refuses, arguments, words):
 @pytest.mark.parametrize("command", [star_commands.curve, star_commands.roc])
 def test_the_examples_of_the_help_are_good_questions(done, monkeypatch, command):
     asked = []
-    monkeypatch.setattr(star_commands, "_run", lambda question, job, *rest: asked.append((question, job.digest)))
+    monkeypatch.setattr(star_commands, "_searched", lambda question, job, *rest: asked.append((question, job.digest)))
     lines = re.findall(r"^ *cpic (.*)$", inspect.getdoc(command), re.MULTILINE)
     for line in lines:
         done(*shlex.split(line))

@@ -6,7 +6,7 @@ import pytest
 import cpic_planner as cp
 from catalogs import load_known_planets, open_catalogue, resolve_star
 from cpic_core import InputError
-from cpic_planner.api.one_star import named
+from cpic_planner.api.one_star import star_or_planet
 from cpic_planner.etc import build_model
 from cpic_planner.queries import EtcQuestion
 from cpic_planner.ranking import KnownChoice
@@ -26,7 +26,7 @@ def test_every_planet_of_a_star_of_the_catalogue_is_found_by_its_name():
             resolve_star(star)
         except InputError:
             continue
-        mine = named(EtcQuestion.of({"target": planet, "detect": True}), planet, catalogue)[2]
+        mine = star_or_planet(EtcQuestion.of({"target": planet, "detect": True}), planet, catalogue)[2]
         assert mine is not None, planet
         assert mine.name == planet
         found += 1
@@ -36,7 +36,7 @@ def test_every_planet_of_a_star_of_the_catalogue_is_found_by_its_name():
 @pytest.mark.parametrize("name", ["alpha Cen B", "alpha Cen b", "61 Cyg A", "70 Oph B", "tau Cet", "HD 10700"])
 def test_stars_stay_stars(name):
     question = EtcQuestion.of({"target": name, "detect": True})
-    star, _, planet = named(question, name, open_catalogue("snapshot"))
+    star, _, planet = star_or_planet(question, name, open_catalogue("snapshot"))
     assert planet is None
     assert star.name[0] == find_target(name)[0].name[0]
 
