@@ -144,7 +144,7 @@ def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict:
     from cpic_planner.results import ColumnsResult
 
     command.check_rejects(rejects, [file])
-    found = catalogs.taken_for(file, None if taken_as is None else taken_as.value, strict=strict)
+    found = catalogs.table_readings(file, None if taken_as is None else taken_as.value, strict=strict)
     if rejects is not None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
         command.write_rejects(rejects, list(left_out))

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status, digest_of, file_state
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, Keyed, NDArray, Reason, Status, digest_of, file_state
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2
-from simulator.imaging import PsfMetrics, Unkeyed, Zone, metrics_key, psf_metrics, zone_of
+from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw, Wells
 
@@ -551,7 +551,7 @@ def build_model(
     tree = instrument.model_dump(mode="json")
     tables = [found.sha256 for name in names if (found := instrument.table(name)) is not None]
     digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree))), "tables": tables})
-    return _model(digest, names, chosen, Unkeyed(instrument))
+    return _model(Keyed(digest, instrument), names, chosen)
 
 
 def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
@@ -567,8 +567,8 @@ def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
 
 
 @functools.lru_cache(maxsize=16)
-def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: Unkeyed) -> EtcModel:
-    instrument = held.instrument
+def _model(keyed: Keyed[Instrument], bands: tuple[str, ...], strategy: Strategy) -> EtcModel:
+    instrument = keyed.value
     metrics = {name: psf_metrics(instrument, name) for name in bands}
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, strategy)
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
-from catalogs import CONVENTIONS, LeftOut, Taken
+from catalogs import CONVENTIONS, LeftOut, TableReading
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
     Document,
@@ -336,8 +336,8 @@ class TableTaken(Result):
     notes: list[str] = Field(description="remarks on the reading")
 
     @classmethod
-    def of_file(cls, taken: Taken) -> Self:
-        """Return the result of what `catalogs.taken_for` returns."""
+    def of_file(cls, taken: TableReading) -> Self:
+        """Return the result of what `catalogs.table_readings` returns."""
         columns = [
             ColumnTaken.of(
                 use,
@@ -362,8 +362,8 @@ class ColumnsResult(Document):
     tables: list[TableTaken] = Field(description="one; two where it can be read both as stars and as planets")
 
     @classmethod
-    def of_files(cls, found: Sequence[Taken]) -> Self:
-        """Return the result of what `catalogs.taken_for` returns of one file."""
+    def of_files(cls, found: Sequence[TableReading]) -> Self:
+        """Return the result of what `catalogs.table_readings` returns of one file."""
         return cls(file=found[0].file, tables=[TableTaken.of_file(one) for one in found])
 
 

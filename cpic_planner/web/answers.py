@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from catalogs import open_catalogue, tables_read, taken_for, velocity_limit
+from catalogs import open_catalogue, table_readings, tables_read, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import report
 from cpic_planner.api import Answered, answered, prepared, visibility_of
@@ -556,7 +556,7 @@ def _columns(pairs: Pairs, sent: Sent | None) -> Answer:
     given: dict[str, Any] = dict(pairs)
     if sent is None or given.get(_TABLE) not in sent.files:
         raise InputError(_TABLE, "missing", allowed="a file that is sent with the form")
-    result = ColumnsResult.of_files(taken_for(given[_TABLE], given.get(_KIND)))
+    result = ColumnsResult.of_files(table_readings(given[_TABLE], given.get(_KIND)))
     command = f"cpic catalog columns {result.file}{f' --as {given[_KIND]}' if _KIND in given else ''}"
     tables = partial(report.print_columns, result)
     return Answer(f"Columns of {given[_TABLE]}", result, lambda: [*blocks_of(tables), *elsewhere([command], None)])

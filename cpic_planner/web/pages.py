@@ -22,6 +22,7 @@ from cpic_planner.results import RankedTarget, Result
 from cpic_planner.version import __version__
 from cpic_planner.web.asking import Pairs, Sent, address
 from cpic_planner.web.forms import Form, own_form
+from cpic_planner.web.guard import line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -175,6 +176,13 @@ def html(text: str, status: int = 200, headers: Mapping[str, str] | None = None)
 def data(model: BaseModel, status: int = 200) -> Response:
     """Return a model as an answer, in JSON."""
     return JSONResponse(model.model_dump(mode="json"), status)
+
+
+def refused(error: InputError, form: str, page: Callable[[], str]) -> Response:
+    """Answer bad input: with a page, its parts in JSON, or one line, by the form of the answer that was asked for."""
+    if form == "json":
+        return data(Problem.of(error), 400)
+    return line(str(error), 400) if form else html(page(), 400)
 
 
 def page_or_json(form: str) -> bool:

@@ -6,6 +6,7 @@ import functools
 import threading
 from collections.abc import Callable, Sequence
 from functools import partial
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from cpic_planner.web.guard import FAILED, HEADERS, Busy, Guard, Kept, Punctual,
 from cpic_planner.web.job_pages import JobPages
 from cpic_planner.web.job_queue import JobQueue
 from cpic_planner.web.pages import FIGURE_MEDIA, MEDIA, FigureForm, Page, drawn
-from cpic_planner.web.runs import Commands, RunPages
+from cpic_planner.web.runs import RunPages, commands
 
 _SVG_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 _DRAWN_INSIDE = HEADERS["Content-Security-Policy"].replace("img-src 'self'", "img-src 'self' data:")
@@ -84,11 +85,11 @@ class Site:
                 self._kept.put(key, *kept)
             return Response(kept[0], media_type=kept[1])
         except InputError as error:
-            return _refused(page, given, error, form)
+            return pages.refused(error, form, partial(page.asked, rest, error))
 
     async def _posted(self, page: Page, request: Request) -> Response:
         """Answer a question that comes with files."""
-        given: Sequence[tuple[str, str]] = ()
+        rest: Sequence[tuple[str, str]] = ()
         form = "" if "text/html" in request.headers.get("accept", "") else "line"
         try:
             sent = read_sent(request.headers.get("content-type", ""), await request.body())
@@ -97,7 +98,7 @@ class Site:
             _check(page, given)
             return await self._workers.do(_answer, page, rest, form, sent)
         except InputError as error:
-            return _refused(page, given, error, form, sends=True)
+            return pages.refused(error, form, partial(page.asked, rest, error, sends=True))
 
     async def _figure(self, page: Page, name: str, form: FigureForm, request: Request) -> Response:
         """Send a figure or its values, unless the asker has them already."""
@@ -170,17 +171,6 @@ def _of_sent(sent: Sent) -> dict[str, str]:
     return {"Cache-Control": "no-store", "Cpic-Files": told}
 
 
-def _refused(
-    page: Page, given: Sequence[tuple[str, str]], error: InputError, form: str, *, sends: bool = False
-) -> Response:
-    """Answer bad input: the form with one line at the field, JSON with its parts, or one line."""
-    if form == "json":
-        return pages.data(pages.Problem.of(error), 400)
-    if form:
-        return line(str(error), 400)
-    return pages.html(page.asked([pair for pair in given if pair[0] != "format"], error, sends=sends), 400)
-
-
 async def _own_form(page: Page, request: Request) -> Response:
     """Show the form that takes files; an address fills in the rest."""
     return pages.html(page.asked(_parameters(request), sends=True))
@@ -198,9 +188,13 @@ async def _no_icon(request: Request) -> Response:
     return Response(status_code=204)
 
 
+_PATHS = [page.path for page in PAGES]
+_NO_PAGE = f"There is no such page; {', '.join(_PATHS[:-1])} and {_PATHS[-1]} are the pages."
+
+
 async def _missing(request: Request, error: HTTPException) -> Response:
-    text = f"There is no such page; {', '.join(page.path for page in PAGES[:-1])} and {PAGES[-1].path} are the pages."
-    return line(error.detail if error.detail.startswith("There is") else text, error.status_code)
+    plain = error.detail == HTTPStatus(error.status_code).phrase
+    return line(_NO_PAGE if plain else error.detail, error.status_code)
 
 
 async def _wrong(request: Request, error: Exception) -> Response:
@@ -276,8 +270,8 @@ def application(
         Folder whose plans and what-ifs are shown.
     """
     workers = workers or Workers()
-    routes = [*Site(workers).routes(), *RunPages(folder).routes(), *Commands(workers).routes()]
-    routes += [Route("/openapi.json", openapi)]
+    routes = [*Site(workers).routes(), *RunPages(folder).routes(), Route("/openapi.json", openapi)]
+    routes.append(Route("/commands", partial(commands, workers)))
     routes += JobPages(jobs, workers).routes() if jobs is not None else []
     site = Starlette(routes=routes, exception_handlers=HANDLERS)
     return Guard(site, frozenset(hosts))

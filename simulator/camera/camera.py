@@ -207,6 +207,10 @@ class Camera:
         flaws = flaws_of(self.detector, shape, corner_of(self.detector, shape, first_pixel))
         return 1.0 if flaws is None else flaws.response_of(self.detector.switches)
 
+    def expected_adu(self, exposure: Exposure) -> FloatArray:
+        """Return the mean ADU of every pixel, without noise and without rounding."""
+        raise NotImplementedError
+
     def fills(self, exposure: Exposure) -> dict[Reason, float]:
         """Return how far frames fill every limit, eight sigma of noise included; 1 is full."""
         raise NotImplementedError
@@ -810,27 +814,6 @@ class ReadStack:
         return np.clip(adu, 0.0, self.adc_max_adu), lost | above, clipped
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class InfraredExposure(Exposure):
-    """The noise-free part of a frame: made once, exposed many times.
-
-    Attributes
-    ----------
-    light_e, dark_e : ndarray
-        Mean electrons that every pixel collects from light and as dark current.
-    expected_adu : ndarray
-        Mean ADU of every pixel, without noise, rounding, cosmic rays and persistence. Where a limit cuts off only the
-        upper tail of the counts (within a few sigma of full well) the mean of noisy frames differs.
-    n_reads : int
-        Reads that are taken between the first (the reset, for a single read) and the end of the exposure.
-    """
-
-    light_e: FloatArray
-    dark_e: FloatArray
-    expected_adu: FloatArray
-    n_reads: int  # type: ignore[misc]
-
-
 class InfraredCamera(Camera):
     """The near-infrared camera.
 
@@ -878,7 +861,7 @@ class InfraredCamera(Camera):
 
     def prepare(
         self, rate_map_e_s: ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
-    ) -> InfraredExposure:
+    ) -> Exposure:
         """Return the noise-free part of a frame.
 
         Parameters
@@ -907,7 +890,7 @@ class InfraredCamera(Camera):
             dark = np.full(rates.shape, detector.dark_e_s if switches.dark else 0.0)
             mask = np.zeros(rates.shape, dtype=np.uint8)
         light_e, dark_e = np.minimum(light * time, MAX_MEAN_E), np.minimum(dark * time, MAX_MEAN_E)
-        exposure = InfraredExposure(
+        return Exposure(
             detector,
             place,
             time,
@@ -918,19 +901,21 @@ class InfraredCamera(Camera):
             tracks=self._tracks(time) if time > 0 else None,
             light_e=light_e,
             dark_e=dark_e,
-            expected_adu=light_e,
             n_reads=detector.reads_of(time),
         )
-        stack, collected = self._stack(rates.shape), means(self.charge, exposure.mean_e.copy(), exposure)
-        for fraction in read_times(detector.readout_mode, exposure.n_reads):
-            charge = fraction * collected
-            full = charge >= detector.full_well_e
-            stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
-        return dataclasses.replace(exposure, expected_adu=stack.result()[0])
 
-    def expected_adu(self, exposure: InfraredExposure) -> FloatArray:
-        """Return the mean ADU of every pixel; see `InfraredExposure`."""
-        return exposure.expected_adu
+    def expected_adu(self, exposure: Exposure) -> FloatArray:
+        """Return the mean ADU of every pixel, without noise, rounding, cosmic rays and persistence.
+
+        Where a limit cuts off only the upper tail of the counts (within a few sigma of full well) the mean of noisy
+        frames differs.
+        """
+        stack, collected = self._stack(exposure.mean_e.shape), means(self.charge, exposure.mean_e.copy(), exposure)
+        for fraction in read_times(self.detector.readout_mode, exposure.n_reads):
+            charge = fraction * collected
+            full = charge >= self.detector.full_well_e
+            stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
+        return stack.result()[0]
 
     def expose(
         self,

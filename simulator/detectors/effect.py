@@ -77,6 +77,10 @@ class Exposure:
         Pixels whose rate was a rounding-error negative and was taken as 0.
     tracks : callable or None
         Draws the particles of one frame on an array of a ``shape`` by ``rng``; None without particles.
+    light_e, dark_e : ndarray or None
+        Of ``mean_e``, light and dark current, where each has a random stream of its own (near infrared).
+    n_reads : int
+        Reads that are taken between the first (the reset, for a single read) and the end of the exposure.
     """
 
     detector: Any
@@ -91,9 +95,9 @@ class Exposure:
     smear_e: FloatArray | None = None
     n_negative_rates: int = 0
     tracks: Callable[..., Any] | None = None
-
-    # Those of a camera that is read once; see `simulator.camera.camera.InfraredExposure`.
-    n_reads: ClassVar[int] = 1
+    light_e: FloatArray | None = None
+    dark_e: FloatArray | None = None
+    n_reads: int = 1
 
     @functools.cached_property
     def zero(self) -> FloatArray:

@@ -16,7 +16,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -107,40 +107,6 @@ class Points:
     weight: FloatArray
 
 
-class TrackModel(Protocol):
-    """A model of cosmic-ray tracks on a detector of a given pixel size."""
-
-    @property
-    def reach_pixels(self) -> float:
-        """Farthest from its middle that any track leaves charge."""
-
-    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
-        """Draw the shapes of ``n`` tracks."""
-
-    def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Draw the charge of every track, whole electrons above 0.
-
-        Parameters
-        ----------
-        tracks : Tracks
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
-
-    def point_counts(self, tracks: Tracks) -> IntArray:
-        """Return the points that every track needs."""
-
-    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Draw the points of every track.
-
-        Parameters
-        ----------
-        tracks : Tracks
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
-
-
 def whole_electrons(charge_e: FloatArray) -> IntArray:
     """Return the nearest whole electrons, at least 1."""
     return np.maximum(np.rint(charge_e), 1.0).astype(np.int64)
@@ -173,30 +139,71 @@ def _line(tracks: Tracks, pixel_um: float) -> tuple[IntArray, IntArray, FloatArr
 
 
 @dataclass(frozen=True)
-class PhysicalModel:
-    """Fast particles through a silicon layer; see `PhysicalTracks`.
+class _Streaks:
+    """Straight tracks along the chords of a layer: a line of points, one a sigma, each with a Gaussian around it."""
+
+    config: Any
+    pixel_um: float
+
+    @property
+    def reach_pixels(self) -> float:
+        """Farthest from its middle that any track leaves charge: half the longest projection, and the widest track."""
+        longest = math.sqrt(self.config.max_length_um**2 - self.config.depth_um**2)
+        return (0.5 * longest + REACH_SIGMA * self._widest_um) / self.pixel_um
+
+    @property
+    def _widest_um(self) -> float:
+        raise NotImplementedError
+
+    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
+        """Draw the shapes of ``n`` tracks."""
+        length, projected = _chords(n, self.config.depth_um, self.config.max_length_um, rng)
+        sigma = self._sigma_pixels(n, rng)
+        return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
+
+    def _sigma_pixels(self, n: int, rng: np.random.Generator) -> FloatArray:
+        raise NotImplementedError
+
+    def point_counts(self, tracks: Tracks) -> IntArray:
+        """Return the points that every track needs: one a sigma."""
+        return _line_counts(tracks, self.pixel_um)
+
+    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
+        """Draw the points of every track, whose weights vary along it and are never negative.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
+        start, owner, fraction, along = _line(tracks, self.pixel_um)
+        weight = self._weights(owner, fraction, start.size - 1, rng)
+        return Points(start, along, np.zeros(along.size), np.maximum(weight, _LEAST_WEIGHT))
+
+    def _weights(self, owner: IntArray, fraction: FloatArray, n_tracks: int, rng: np.random.Generator) -> FloatArray:
+        """Return the weight of every point, by its track and its place along it (-1/2 to 1/2)."""
+        raise NotImplementedError
+
+
+class PhysicalModel(_Streaks):
+    """Fast particles through a silicon layer, with its diffusion; see `PhysicalTracks`.
 
     The charge of a chord L is ``L [m + w (lambda - <lambda>)]`` with lambda of Landau's law up to the cut: its mean is
     ``m L`` whatever the cut. The charge of the points along a track fluctuates by the same law.
     """
 
     config: PhysicalTracks
-    pixel_um: float
 
     @property
-    def reach_pixels(self) -> float:
-        """Half the longest projection, and the reach of the diffusion."""
-        longest = math.sqrt(self.config.max_length_um**2 - self.config.depth_um**2)
-        return (0.5 * longest + REACH_SIGMA * self.config.diffusion_um) / self.pixel_um
+    def _widest_um(self) -> float:
+        return self.config.diffusion_um
 
-    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
-        """Return the chords with the diffusion of the layer."""
-        length, projected = _chords(n, self.config.depth_um, self.config.max_length_um, rng)
-        sigma = np.full(n, self.config.diffusion_um / self.pixel_um)
-        return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
+    def _sigma_pixels(self, n: int, rng: np.random.Generator) -> FloatArray:
+        return np.full(n, self.config.diffusion_um / self.pixel_um)
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Return the charge of every chord.
+        """Return the charge of every chord, whole electrons above 0.
 
         Parameters
         ----------
@@ -211,46 +218,22 @@ class PhysicalModel:
         excess = cut_landau(n, config.loss_cut, rng) - cut_landau_mean(config.loss_cut)
         return config.mean_loss_e_um + config.loss_width_e_um * excess
 
-    def point_counts(self, tracks: Tracks) -> IntArray:
-        """Return one point a sigma."""
-        return _line_counts(tracks, self.pixel_um)
-
-    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Return the points along every track, each with its own energy loss.
-
-        Parameters
-        ----------
-        tracks : Tracks
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
-        start, _, _, along = _line(tracks, self.pixel_um)
-        loss = self._loss_e_um(along.size, rng) / self.config.mean_loss_e_um
-        return Points(start, along, np.zeros(along.size), np.maximum(loss, _LEAST_WEIGHT))
+    def _weights(self, owner: IntArray, fraction: FloatArray, n_tracks: int, rng: np.random.Generator) -> FloatArray:
+        return self._loss_e_um(fraction.size, rng) / self.config.mean_loss_e_um
 
 
-@dataclass(frozen=True)
-class PaperModel:
-    """Streaks of Zhu et al. 2025; see `PaperTracks`."""
+class PaperModel(_Streaks):
+    """Streaks of Zhu et al. 2025, each with its own width (log-normal, cut off at three sigma); see `PaperTracks`."""
 
     config: PaperTracks
-    pixel_um: float
 
     @property
-    def reach_pixels(self) -> float:
-        """Half the longest projection, and the reach of the widest streak."""
-        config = self.config
-        longest = math.sqrt(config.max_length_um**2 - config.depth_um**2)
-        widest = config.width_um * math.exp(_MAX_WIDTH_SIGMA * config.width_rms)
-        return (0.5 * longest + REACH_SIGMA * widest) / self.pixel_um
+    def _widest_um(self) -> float:
+        return self.config.width_um * math.exp(_MAX_WIDTH_SIGMA * self.config.width_rms)
 
-    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
-        """Return the chords, each with its own width: log-normal, cut off at three sigma."""
-        config = self.config
-        length, projected = _chords(n, config.depth_um, config.max_length_um, rng)
+    def _sigma_pixels(self, n: int, rng: np.random.Generator) -> FloatArray:
         scatter = np.clip(rng.standard_normal(n), -_MAX_WIDTH_SIGMA, _MAX_WIDTH_SIGMA)
-        sigma = config.width_um / self.pixel_um * np.exp(config.width_rms * scatter)
-        return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
+        return np.asarray(self.config.width_um / self.pixel_um * np.exp(self.config.width_rms * scatter))
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
         """Return the charge of every streak, whatever its length.
@@ -263,29 +246,15 @@ class PaperModel:
         """
         return whole_electrons(paper_charges(tracks.length_um.size, self.config, rng))
 
-    def point_counts(self, tracks: Tracks) -> IntArray:
-        """Return one point a sigma."""
-        return _line_counts(tracks, self.pixel_um)
-
-    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Return the points along every streak, their weight varied by waves of random phase and never negative.
-
-        Parameters
-        ----------
-        tracks : Tracks
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
-        config = self.config
-        start, owner, fraction, along = _line(tracks, self.pixel_um)
-        weight = np.ones(along.size)
-        # Amplitudes fall as 1 / wave number; their squares add up to the variance asked for.
+    def _weights(self, owner: IntArray, fraction: FloatArray, n_tracks: int, rng: np.random.Generator) -> FloatArray:
+        config, weight = self.config, np.ones(fraction.size)
+        # Waves of random phase. Amplitudes fall as 1 / wave number; their squares add up to the variance asked for.
         number = np.arange(1, config.texture_waves + 1)
         amplitude = config.texture_rms * np.sqrt(2.0 / np.sum(1.0 / number**2)) / number
         for wave, size in zip(number, amplitude, strict=True):
-            phase = rng.random(start.size - 1)
+            phase = rng.random(n_tracks)
             weight += size * np.cos(2.0 * np.pi * (wave * fraction + phase[owner]))
-        return Points(start, along, np.zeros(along.size), np.maximum(weight, _LEAST_WEIGHT))
+        return weight
 
 
 def paper_charges(n: int, config: PaperTracks, rng: np.random.Generator) -> FloatArray:
@@ -434,6 +403,9 @@ class TemplateModel:
         sample = np.arange(start[-1]) - start[owner] + self.set.start[tracks.kind][owner]
         along, across = self.set.column_um[sample] / self.pixel_um, self.set.row_um[sample] / self.pixel_um
         return Points(start, along, across, self.set.weight[sample])
+
+
+TrackModel: TypeAlias = PhysicalModel | PaperModel | TemplateModel
 
 
 def read_templates(path: str | Path) -> TemplateSet:
@@ -635,7 +607,7 @@ class CosmicRays:
         return dense.reshape(self.shape)
 
 
-def track_model(config: CosmicRayConfig, pixel_um: float) -> TrackModel:
+def track_model(config: CosmicRayConfig, pixel_um: float) -> "TrackModel":
     """Return the model of tracks that a configuration names, on pixels of a given size.
 
     Parameters

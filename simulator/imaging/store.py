@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
+from cpic_core import InputError, Keyed, NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
 from simulator.config import CoronagraphTable, Instrument, content_hash, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.metrics import PsfMetrics
@@ -279,25 +279,13 @@ def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> st
 
 
 @functools.lru_cache(maxsize=32)
-def _table_metrics(key: str, band: str, held: Unkeyed) -> PsfMetrics:
+def _table_metrics(keyed: Keyed[Instrument], band: str) -> PsfMetrics:
     from simulator.imaging.table_metrics import table_metrics
 
-    table = held.instrument.table(band)
+    instrument = keyed.value
+    table = instrument.table(band)
     assert table is not None
-    return table_metrics(held.instrument, band, table)
-
-
-class Unkeyed:
-    """An instrument that counts as equal to any other: the key beside it tells them apart."""
-
-    def __init__(self, instrument: Instrument) -> None:
-        self.instrument = instrument
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Unkeyed)
+    return table_metrics(instrument, band, table)
 
 
 @numeric_context()
@@ -317,7 +305,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     """
     key = metrics_key(instrument, band)
     if instrument.coronagraph.table is not None:
-        return _table_metrics(key, band, Unkeyed(instrument))
+        return _table_metrics(Keyed(key, instrument), band)
     path = _shipped("metrics", key, band)
     if path is not None:
         steps = math.lcm(len(configured_apodizer(instrument)), instrument.wavefront.samples)
@@ -431,7 +419,7 @@ def measured_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]
         hint = "of a table no states of a mirror are known, on which an ensemble of instruments draws the contrast"
         raise InputError("coronagraph.table", instrument.name, allowed="modelled optics", hint=hint)
     own = sensed_with(instrument, band, 0.0)
-    return _states(metrics_key(own, band), band, Unkeyed(own))
+    return _states(Keyed(metrics_key(own, band), own), band)
 
 
 def at_contrast(states: Sequence[PsfMetrics], contrast: float) -> PsfMetrics:
@@ -478,11 +466,11 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
 
 
 @functools.lru_cache(maxsize=32)
-def _states(key: str, band: str, held: Unkeyed) -> tuple[PsfMetrics, ...]:
-    own = psf_metrics(held.instrument, band)
+def _states(keyed: Keyed[Instrument], band: str) -> tuple[PsfMetrics, ...]:
+    own = psf_metrics(keyed.value, band)
     states = [own]
     for level in LEVELS[1:]:
-        instrument = sensed_with(held.instrument, band, level)
+        instrument = sensed_with(keyed.value, band, level)
         path = shipped_file("state", metrics_key(instrument, band), band)
         states.append(_of_file(read_npz(path), own) if path.is_file() else psf_metrics(instrument, band))
     return tuple(sorted(states, key=mean_contrast))

@@ -6,18 +6,17 @@ left out first.
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from cpic_core import InputError, Outcome, Reason, Status, check_number
-from simulator.config import Instrument, Scene, Timing
+from simulator.config import Instrument, Scene
 from simulator.detectors import VISIBLE, Sizes, rows_of
 from simulator.knobs import FIDELITIES, MAX_TOLERANCE, Dial, Knobs, Quantity
 from simulator.ledger.case import NOT_IN_SUMS
 from simulator.ledger.inventory import EffectRow
 from simulator.ledger.visit import MAX_EPOCHS, Forecast, forecast
-from simulator.signal import INTERLEAVED
 
 FRAME_S = {effect.switch: effect.frame_s for effect in rows_of(VISIBLE) if effect.frame_s}
 """Seconds a frame of each effect on the window around the hole (137 x 137)."""
@@ -484,19 +483,7 @@ def observation_choice(
     tolerance: float,
     quantity: Quantity | Sequence[Quantity] | None,
     finest: Knobs,
-    full: bool,
-    band: str,
-    exposure_s: float,
-    n_frames: int,
-    em_gain: float,
-    roll_deg: float,
-    star_offset_arcsec: tuple[float, float],
-    scene_model: str,
-    start_utc: str | None,
-    switches: Mapping[str, bool] | None,
-    max_epochs: int = MAX_EPOCHS,
-    visits: int = 1,
-    timing: Timing = INTERLEAVED,
+    **settings: Any,
 ) -> Choice:
     """Return what an observation leaves out; drawn frame by frame, on the window that was asked for.
 
@@ -508,30 +495,10 @@ def observation_choice(
         As `simulator.observing.observation.observe`.
     finest : Knobs
         Settings of the optics without a tolerance.
-    full, band, exposure_s, n_frames, em_gain, max_epochs
-        As `simulator.ledger.forecast`.
-    roll_deg, star_offset_arcsec, scene_model, start_utc, switches
-        As `simulator.observing.observation.observe`.
-    visits, timing
+    **settings
         As `simulator.ledger.forecast`.
     """
     asked = checked_quantities(quantity, planets=bool(scene.planets))
     dial = Dial(fidelity="custom", tolerance=dict.fromkeys(asked, tolerance), knobs=None)
-    predicted = forecast(
-        scene,
-        instrument,
-        band=band,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        roll_deg=roll_deg,
-        star_offset_arcsec=star_offset_arcsec,
-        scene_model=scene_model,
-        start_utc=start_utc,
-        switches=switches,
-        full=full,
-        max_epochs=max_epochs,
-        visits=visits,
-        timing=timing,
-    )
+    predicted = forecast(scene, instrument, **settings)
     return choose(predicted, dial, fixed=("summed_frames", "hole_region"), finest=finest)

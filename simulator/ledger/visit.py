@@ -507,6 +507,7 @@ class Visit:
 
     Attributes
     ----------
+    band : str
     sources : tuple of Source
         The central star first.
     measured : tuple of str
@@ -522,6 +523,7 @@ class Visit:
     optics : OpticsCase
     """
 
+    band: str
     sources: tuple[Source, ...]
     measured: tuple[str, ...]
     metrics: PsfMetrics
@@ -557,7 +559,36 @@ def visit_of(
     visits: int = 1,
     timing: Timing = INTERLEAVED,
 ) -> Visit:
-    """Return the light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
+    """Return the light, noise and optics of an observation.
+
+    Parameters
+    ----------
+    scene : Scene
+    instrument : Instrument
+    band : str
+    exposure_s, n_frames, em_gain
+        Of the sequence.
+    roll_deg, star_offset_arcsec, start_utc, switches
+        As `simulator.observing.observation.observe`.
+    planets : sequence of str, optional
+        Names of the planets that are measured; all of the scene by default.
+    reduced : bool
+        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
+        particles rejected.
+    full : bool
+        Whole frames, or the window around the hole.
+    max_epochs : int
+        Epochs of the visit without a ledger.
+    visits : int
+        Of the programme, with as many references: the SNR is that of all of them.
+    timing : Timing
+        Where in the orbit references are taken.
+
+    Raises
+    ------
+    InputError
+        If a planet that is named is not in the scene, or as `simulator.target.sources.scene_sources`.
+    """
     switched = instrument.switched(switches, camera=instrument.band(band).camera)
     start = instrument.mission.start_utc if start_utc is None else start_utc
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
@@ -655,6 +686,7 @@ def visit_of(
         star_radius_mas=_radius_mas(star),
     )
     return Visit(
+        band=band,
         sources=tuple(sources),
         measured=measured,
         metrics=figures,
@@ -808,50 +840,17 @@ class Forecast:
     measured: tuple[str, ...]
 
 
-def forecast(
-    scene: Scene,
-    instrument: Instrument,
-    *,
-    band: str,
-    exposure_s: float,
-    n_frames: int,
-    em_gain: float,
-    roll_deg: float = 0.0,
-    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
-    scene_model: str = "exact",
-    start_utc: str | None = None,
-    switches: Mapping[str, bool] | None = None,
-    planets: Sequence[str] | None = None,
-    reduced: bool = False,
-    full: bool = False,
-    max_epochs: int = MAX_EPOCHS,
-    visits: int = 1,
-    timing: Timing = INTERLEAVED,
-) -> Forecast:
+def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact", **settings: Any) -> Forecast:
     """Predict how much each effect changes what is asked of an observation.
 
     Parameters
     ----------
     scene : Scene
     instrument : Instrument
-    band : str
-    exposure_s, n_frames, em_gain
-        Of the sequence.
-    roll_deg, star_offset_arcsec, scene_model, start_utc, switches
-        As `simulator.observing.observation.observe`.
-    planets : sequence of str, optional
-        Names of the planets that are measured; all of the scene by default.
-    reduced : bool
-        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
-        particles rejected.
-    full : bool
-        Whole frames, or the window around the hole.
-    max_epochs : int
-        Epochs of the visit without a ledger.
-    visits : int
-        Of the programme, with as many references: the SNR is that of all of them.
-    timing : Timing
-        Where in the orbit references are taken.
+    scene_model : str
+        As of `simulator.observing.observation.observe`.
+    **settings
+        As of `visit_of`.
 
     Returns
     -------
@@ -868,28 +867,11 @@ def forecast(
     noise of the aperture sum over the visit, ``pixel_map`` the largest change of the mean or standard deviation of a
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
-    visit = visit_of(
-        scene,
-        instrument,
-        band=band,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        roll_deg=roll_deg,
-        star_offset_arcsec=star_offset_arcsec,
-        start_utc=start_utc,
-        switches=switches,
-        planets=planets,
-        reduced=reduced,
-        full=full,
-        max_epochs=max_epochs,
-        visits=visits,
-        timing=timing,
-    )
+    visit = visit_of(scene, instrument, **settings)
     case, optics, figures = visit.camera, visit.optics, visit.metrics
     sizes = camera_sizes(case)
     sizes |= _light_sizes(optics, case.light, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
-    for item in extended_rates(scene, instrument, band):
+    for item in extended_rates(scene, instrument, visit.band):
         pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
     knobs = _knob_sizes(optics, optics.n_epochs)
@@ -909,7 +891,7 @@ def forecast(
     rows = effect_ledger(
         scene,
         visit.switched,
-        band=band,
+        band=visit.band,
         scene_model=scene_model,
         hole_state=figures.hole_state,
         sky=visit.sky,
@@ -930,9 +912,9 @@ def forecast(
         knob_sizes=knobs,
         sources=kinds,
         sums=sums,
-        n_frames=n_frames,
+        n_frames=case.n_frames,
         max_epochs=optics.n_epochs,
-        full=full,
+        full=case.full,
         measured=visit.measured,
     )
 

@@ -283,8 +283,7 @@ class FrameSequence:
     @numeric_context()
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         exposure = self.prepared(self.mean_rate_map)
-        camera: Any = self.camera_chain
-        return exposure.mean_e, camera.expected_adu(exposure)
+        return exposure.mean_e, self.camera_chain.expected_adu(exposure)
 
     @property
     def calibration_files(self) -> list[str]:

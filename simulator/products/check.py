@@ -95,6 +95,11 @@ class Report:
         """
         self._note(Finding(self.path, hdu, keyword, message, "warning"))
 
+    def differs(self, value: Any, expected: Any, words: str, keyword: str, hdu: int) -> None:
+        """Note a breach where a value is there and is another than the one expected, which the words tell."""
+        if value is not None and expected is not None and value != expected:
+            self.error(f"is {value!r}, {words}", keyword, hdu)
+
     @property
     def full(self) -> bool:
         """Whether so much is wrong that the rest is not listed."""
@@ -385,9 +390,8 @@ def check_settings(report: Report, header: Header, first: Header, hdu: int) -> N
     if isinstance(unit, str) and unit.strip().lower() != "adu":
         report.error(f"is {unit!r}, not 'adu'", "BUNIT", hdu)
     for key in _SETTINGS:
-        value, other = table.value(header, key), table.value(first, key)
-        if None not in (value, other) and value != other:
-            report.error(f"is {value!r}, image 1 has {other!r}", key, hdu)
+        other = table.value(first, key)
+        report.differs(table.value(header, key), other, f"image 1 has {other!r}", key, hdu)
 
 
 def check_shared(report: Report, header: Header, first: Header, primary: Header, hdu: int) -> None:
@@ -419,8 +423,8 @@ def check_shared(report: Report, header: Header, first: Header, primary: Header,
                 say = report.warning if keyword.name in _MEASURED else report.error
                 say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
         said = table.value(primary, keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
-        if hdu == 1 and None not in (found, said) and found[1] != said:  # type: ignore[index]
-            report.error(f"is {found[1]!r}, the primary header says {said!r}", found[0], hdu)  # type: ignore[index]
+        if hdu == 1 and found is not None:
+            report.differs(found[1], said, f"the primary header says {said!r}", found[0], hdu)
 
 
 def check_primary(report: Report, header: Header, name: ProductName | None, n_images: int) -> None:
@@ -437,13 +441,9 @@ def check_primary(report: Report, header: Header, name: ProductName | None, n_im
     """
     table = load_keywords()
     for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
-        value = table.value(header, key)
-        if value is not None and value != expected:
-            report.error(f"is {value!r}, not {expected!r}", key, 0)
+        report.differs(table.value(header, key), expected, f"not {expected!r}", key, 0)
     for key in ("NEXTEND", "NFRAME"):
-        value = table.value(header, key)
-        if value is not None and value != n_images:
-            report.error(f"is {value!r}, the file has {n_images} images", key, 0)
+        report.differs(table.value(header, key), n_images, f"the file has {n_images} images", key, 0)
     obsid = table.value(header, "OBSID")
     if isinstance(obsid, str) and re.fullmatch(r"\d{11}", obsid, re.ASCII) is None:
         report.error(f"is {obsid!r}, not 11 digits", "OBSID", 0)
@@ -454,8 +454,8 @@ def check_primary(report: Report, header: Header, name: ProductName | None, n_im
         report.error(f"is {written!r}, not the name of this file", "FILENAME", 0)
     for key, expected in (("OBSID", name.obsid), ("OBSTYPE", name.kind), ("CAMERA", name.camera)):
         value = table.value(header, key)
-        if isinstance(value, str) and value != expected:
-            report.error(f"is {value!r}, the file name says {expected!r}", key, 0)
+        if isinstance(value, str):
+            report.differs(value, expected, f"the file name says {expected!r}", key, 0)
 
 
 def check_times(report: Report, header: Header, name: ProductName | None) -> None:
@@ -629,16 +629,14 @@ def _check_image(report: Report, units: Any, header: Header, number: int, facts:
     if header.get("EXTNAME") != "IMAGE":
         report.error(f"is {header.get('EXTNAME')!r}, not 'IMAGE'", "EXTNAME", number)
     for key in ("EXTVER", "FRAMEID"):
-        if header.get(key, number) != number:
-            report.error(f"is {header[key]!r}, this is image {number}", key, number)
+        report.differs(header.get(key), number, f"this is image {number}", key, number)
     if header.get("EXTVER") is None:
         report.error("is missing", "EXTVER", number)
     n_images = len(units) - 1
-    if header.get("NFRAME", n_images) != n_images:
-        report.error(f"is {header['NFRAME']!r}, the file has {n_images} images", "NFRAME", number)
-    camera = facts.name.camera if facts.name is not None else header.get("CAMERA")
-    if header.get("CAMERA", camera) != camera:
-        report.error(f"is {header['CAMERA']!r}, the file name says {camera!r}", "CAMERA", number)
+    report.differs(header.get("NFRAME"), n_images, f"the file has {n_images} images", "NFRAME", number)
+    if facts.name is not None:
+        camera = facts.name.camera
+        report.differs(header.get("CAMERA"), camera, f"the file name says {camera!r}", "CAMERA", number)
     bitpix = header.get("BITPIX")
     if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
         found = f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}"
@@ -695,8 +693,8 @@ def _check_frame_times(
     took = elapsed_s(begin, end)
     if abs(took - exposure) > TIME_TOLERANCE_S:
         report.error(f"comes {took:.3f} s after EXPBEG, EXPTIME is {exposure} s", "EXPEND", number)
-    if header.get("EXPTIME") != primary.get("EXPTIME", header.get("EXPTIME")):
-        report.error(f"is {exposure}, the primary header says {primary['EXPTIME']}", "EXPTIME", number)
+    said = primary.get("EXPTIME")
+    report.differs(exposure, said, f"the primary header says {said}", "EXPTIME", number)
     if earlier is not None and (begin - earlier) * 86400.0 < -TIME_TOLERANCE_S:
         report.error("comes before the end of the image before", "EXPBEG", number)
     first, last = primary.get("EXPSTART"), primary.get("EXPEND")
@@ -959,8 +957,8 @@ def _check_truth_units(report: Report, units: Any, facts: FileFacts) -> None:
             report.error(f"has shape {units[number].shape}, the images have {facts.shape}", "NAXIS1", number)
         for keyword in table:
             mine, other = headers[number].get(keyword.name), facts.image.get(keyword.name)
-            if keyword.name != "BUNIT" and None not in (mine, other) and mine != other:
-                report.error(f"is {mine!r}, that of image 1 is {other!r}", keyword.name, number)
+            if keyword.name != "BUNIT":
+                report.differs(mine, other, f"that of image 1 is {other!r}", keyword.name, number)
     masks = [number for number, name in enumerate(names) if name == "MASK"]
     if len(masks) != len(facts.datasums):
         report.error(f"has {len(masks)} masks for {len(facts.datasums)} images")
