@@ -118,10 +118,10 @@ from catalogs.table_files import (
 )
 from catalogs.user_tables import (
     OwnTables as OwnTables,
-    Taken as Taken,
+    TableReading as TableReading,
     possible_columns as possible_columns,
+    table_readings as table_readings,
     tables_read as tables_read,
-    taken_for as taken_for,
 )
 from catalogs.velocity_limits import (
     VELOCITY_AXES_AU as VELOCITY_AXES_AU,

@@ -266,7 +266,7 @@ atexit.register(_PROCESS.end)
 
 
 @functools.cache
-def asked_columns(table: str) -> Mapping[str, Mapping[str, str]]:
+def answer_columns(table: str) -> Mapping[str, Mapping[str, str]]:
     """Return the rows of ``archive_columns.csv`` on an answer, by the names of its columns."""
     return {row["column"]: row for row in shipped_rows("archive_columns.csv") if row["table"] == table}
 
@@ -277,7 +277,7 @@ def _answer_columns(table: str) -> Columns:
         low, high = float(row["low"] or -math.inf), float(row["high"] or math.inf)
         return Column(row["column"], "", row["kind"], row["unit"], row["headings"], low, high)
 
-    return Columns(*map(column, asked_columns(table).values()))
+    return Columns(*map(column, answer_columns(table).values()))
 
 
 def read_answer(answer: RawTable, table: str, *, unique: tuple[str, ...] = ()) -> tuple[list[Row], tuple[str, ...]]:
@@ -298,7 +298,7 @@ def read_answer(answer: RawTable, table: str, *, unique: tuple[str, ...] = ()) -
         If a column is missing, in a unit that is not understood, or holds what is none of its values; if a cell is
         missing that every row must have; or if two rows are one.
     """
-    columns, asked = _answer_columns(table), asked_columns(table)
+    columns, asked = _answer_columns(table), answer_columns(table)
     remedy = "the archive may have changed or the service is another one; tables already here stay as they are"
     try:
         known = [(item, meant) for item in answer.columns if (meant := columns.meant_by(item.heading).column)]

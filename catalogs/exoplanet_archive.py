@@ -23,8 +23,8 @@ from catalogs.archives import (
     Refresh,
     RefreshError,
     TapService,
+    answer_columns,
     ask,
-    asked_columns,
     ecsv_of,
     loss_refused,
     read_answer,
@@ -250,7 +250,7 @@ def settled(row: Mapping[str, Any], orbit: Mapping[str, Any], where: str) -> tup
         For a kind of mass that nobody knows.
     """
     numbers: dict[str, float] = {}
-    asked = asked_columns("ps")
+    asked = answer_columns("ps")
     for column, about in asked.items():
         given, quantity, limit = orbit if about["quantity"] in _ORBIT else row, about["quantity"], f"{column}lim"
         refused = limit in asked and not asked[limit]["quantity"] and float(given.get(limit) or 0.0)

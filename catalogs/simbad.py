@@ -39,8 +39,8 @@ from catalogs.archives import (
     Refresh,
     RefreshError,
     TapService,
+    answer_columns,
     ask,
-    asked_columns,
     ecsv_of,
     loss_refused,
     read_answer,
@@ -234,7 +234,7 @@ def read_stars(table: RawTable) -> list[Row]:
     if len(table) == 0:
         raise RefreshError("the answer holds no star", "check --v-mag-max and --parallax-min-mas, or the service")
     rows, _ = read_answer(table, "simbad_stars", unique=("oid", "main_id"))
-    blank = {name: math.nan if row["kind"] == "float" else "" for name, row in asked_columns("simbad_stars").items()}
+    blank = {name: math.nan if row["kind"] == "float" else "" for name, row in answer_columns("simbad_stars").items()}
     names = [[" ".join(name.split()) for name in row.get("ids", "").split("|")] for row in rows]
     return [blank | row | {"ids": tuple(filter(None, ids))} for row, ids in zip(rows, names, strict=True)]
 

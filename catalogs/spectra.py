@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, check_word
+from cpic_core import ArrayLike, InputError, check_finite, check_word
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
@@ -112,7 +112,7 @@ class StellarGrid:
         InputError
             If a temperature is not finite.
         """
-        (teff,) = _finite(("teff_k",), ("K",), teff_k)
+        teff = check_finite("teff_k", teff_k, "K")
         index, weight = bracket(self.teff_k, teff)
         result: np.ndarray = np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
         return result
@@ -233,7 +233,9 @@ class StellarGrid:
         return hats
 
     def _broadcast(self, *values: ArrayLike) -> tuple[np.ndarray, ...]:
-        return tuple(np.broadcast_arrays(*_finite(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), *values)))
+        names = (("teff_k", "K"), ("log_g", "dex"), ("metallicity", "dex"))
+        checked = (check_finite(name, value, unit) for (name, unit), value in zip(names, values, strict=True))
+        return tuple(np.broadcast_arrays(*checked))
 
 
 @functools.lru_cache(maxsize=64)
@@ -243,15 +245,6 @@ def _corners(grid: StellarGrid, *stars: bytes) -> tuple[np.ndarray, np.ndarray]:
     for part in found:
         part.flags.writeable = False
     return found
-
-
-def _finite(names: tuple[str, ...], units: tuple[str, ...], *values: ArrayLike) -> list[np.ndarray]:
-    arrays = [np.asarray(value, dtype=np.float64) for value in values]
-    for name, unit, array in zip(names, units, arrays, strict=True):
-        if not np.all(np.isfinite(array)):
-            bad = float(array[~np.isfinite(array)].flat[0])
-            raise InputError(name, bad, unit=unit, allowed="finite numbers")
-    return arrays
 
 
 #: Planets with a measured albedo.

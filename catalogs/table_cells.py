@@ -843,7 +843,7 @@ class Rows:
         key = f"{self.label} row {item.row}{who} column {item.column}"
         return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
-    def told(self) -> tuple[str, ...]:
+    def remarks(self) -> tuple[str, ...]:
         """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
         found = []
         for done, thing in ((ROW_OUT, "row"), (CELL_OUT, "cell")):

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -146,7 +146,7 @@ def tell(*remarks: str) -> None:
 
 
 @dataclass(frozen=True)
-class Taken:
+class TableReading:
     """The meaning of a file as a table of one kind.
 
     Parameters
@@ -178,7 +178,7 @@ class Taken:
         return reasons(self.left_out)
 
 
-def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[Taken]:
+def table_readings(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[TableReading]:
     """Return what a file is taken for: as a table of stars, of planets, or of both where both can be read from it.
 
     Parameters
@@ -196,18 +196,17 @@ def taken_for(source: str | Path, kind: TableKind | None = None, *, strict: bool
     """
     raw = parse_table(read_bytes(source, key="file", presets=""))
     made, refused = [], []
-    for one, read in _READERS.items():
-        if kind in (None, one):
-            with tables_read(apart=True):
-                try:
-                    made.append(read(raw, False))
-                except InputError as error:
-                    refused.append((_known(raw, one), error))
+    for one in get_args(TableKind) if kind is None else (kind,):
+        with tables_read(apart=True):
+            try:
+                made.append(_reading(raw, one, strict=False))
+            except InputError as error:
+                refused.append((_known(raw, one), error))
     if not made:
         raise max(refused, key=lambda item: item[0])[1]
     if strict:
-        for taken in made:
-            _READERS[taken.kind](raw, True)
+        for reading in made:
+            _reading(raw, reading.kind, strict=True)
     return made
 
 
@@ -235,21 +234,15 @@ def _known(raw: RawTable, kind: TableKind) -> int:
     return known
 
 
-def _stars(raw: RawTable, strict: bool) -> Taken:
-
-    found = user_table(raw, strict=strict)
-    return Taken("stars", raw.name, len(raw), len(found.table), found.uses, found.left_out, found.notes)
-
-
-def _planets(raw: RawTable, strict: bool) -> Taken:
+def _reading(raw: RawTable, kind: TableKind, *, strict: bool) -> TableReading:
+    if kind == "stars":
+        made = user_table(raw, strict=strict)
+        return TableReading(kind, raw.name, len(raw), len(made.table), made.uses, made.left_out, made.notes)
     from catalogs.known_planets import own_rows
 
     _, given = own_rows(raw, strict=strict)
-    notes = given.notes + given.told()
-    return Taken("planets", raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
-
-
-_READERS: dict[TableKind, Callable[[RawTable, bool], Taken]] = {"stars": _stars, "planets": _planets}
+    notes = given.notes + given.remarks()
+    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
 
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")
@@ -312,7 +305,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     _place_on_the_ecliptic(given.rows)
     given.make(lambda where, row: _filled(row, where, raw.name))
     table = _table(given.rows, raw.name, _own(raw, given))
-    notes = given.notes + given.told() + _companions_left_out(table)
+    notes = given.notes + given.remarks() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
 
 

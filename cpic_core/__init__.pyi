@@ -84,6 +84,7 @@ from cpic_core.runtime import (
     LOGGER as LOGGER,
     THREAD_VARIABLES as THREAD_VARIABLES,
     Advance as Advance,
+    Keyed as Keyed,
     PathPart as PathPart,
     announce as announce,
     load_kernels as load_kernels,

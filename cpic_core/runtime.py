@@ -31,16 +31,19 @@ import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass, field
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 
 from cpic_core.errors import InputError
 from cpic_core.quantities import NDArray
+
+T = TypeVar("T")
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -105,6 +108,21 @@ def private_folder() -> str:
     folder = tempfile.mkdtemp(prefix="cpic-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
+
+
+@dataclass(frozen=True)
+class Keyed(Generic[T]):
+    """A value that stands for all of the same key: what is kept in memory of one serves the others.
+
+    Attributes
+    ----------
+    key : hashable
+        All of the value that counts.
+    value : T
+    """
+
+    key: Hashable
+    value: T = field(compare=False)
 
 
 _LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM")

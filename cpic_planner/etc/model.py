@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status, digest_of, file_state
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, Keyed, NDArray, Reason, Status, digest_of, file_state
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import LibraryNoise
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2
-from simulator.imaging import PsfMetrics, Unkeyed, Zone, metrics_key, psf_metrics, zone_of
+from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw, Wells
 
@@ -250,17 +250,14 @@ def best_gain(
     return gain, variance
 
 
-_ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
-for _constant in (_ONE, _ZERO, _ENDLESS):
-    _constant.flags.writeable = False
+def _always(value: float) -> FloatArray:
+    """Return a number that nobody changes."""
+    array = np.array(value)
+    array.flags.writeable = False
+    return array
 
 
-def _one() -> FloatArray:
-    return _ONE
-
-
-def _zero() -> FloatArray:
-    return _ZERO
+_ONE, _ZERO, _ENDLESS = (_always(value) for value in (1.0, 0.0, np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,14 +279,14 @@ class Programme(CaseArrays):
         of the references (`cpic_planner.etc.noise`).
     """
 
-    visits: FloatArray = field(default_factory=_one)
-    reference_visits: FloatArray = field(default_factory=_one)
-    reference_length: FloatArray = field(default_factory=_one)
+    visits: FloatArray = field(default_factory=lambda: _ONE)
+    reference_visits: FloatArray = field(default_factory=lambda: _ONE)
+    reference_length: FloatArray = field(default_factory=lambda: _ONE)
     gap_s: FloatArray = field(default_factory=lambda: _ENDLESS)
-    n_modes: FloatArray = field(default_factory=_zero)
-    speckle: FloatArray = field(default_factory=_one)
-    white: FloatArray = field(default_factory=_one)
-    throughput: FloatArray = field(default_factory=_one)
+    n_modes: FloatArray = field(default_factory=lambda: _ZERO)
+    speckle: FloatArray = field(default_factory=lambda: _ONE)
+    white: FloatArray = field(default_factory=lambda: _ONE)
+    throughput: FloatArray = field(default_factory=lambda: _ONE)
 
     @classmethod
     def of(cls, strategy: Strategy, visits: ArrayLike | None = None, visit_time_s: ArrayLike = np.inf) -> Self:
@@ -551,7 +548,7 @@ def build_model(
     tree = instrument.model_dump(mode="json")
     tables = [found.sha256 for name in names if (found := instrument.table(name)) is not None]
     digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree))), "tables": tables})
-    return _model(digest, names, chosen, Unkeyed(instrument))
+    return _model(Keyed(digest, instrument), names, chosen)
 
 
 def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
@@ -567,8 +564,8 @@ def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
 
 
 @functools.lru_cache(maxsize=16)
-def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: Unkeyed) -> EtcModel:
-    instrument = held.instrument
+def _model(keyed: Keyed[Instrument], bands: tuple[str, ...], strategy: Strategy) -> EtcModel:
+    instrument = keyed.value
     metrics = {name: psf_metrics(instrument, name) for name in bands}
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, strategy)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cpic_core import InputError, differing_words, open_file, parse_json, read_file
-from cpic_planner.jobs.folder import LIST_NAME, DamagedListError, WrittenFiles, has_list
+from cpic_planner.jobs.folder import LIST_NAME, DamagedListError, RunFolder, has_list
 from cpic_planner.jobs.job import RECORD
 from simulator.products import Finding, check_level0
 
@@ -48,7 +48,7 @@ def check_tree(path: str | Path) -> list[Finding]:
     if not place.is_dir() or not has_list(place):
         return check_level0(place)
     try:
-        listed = WrittenFiles.read(place, mend=False)
+        listed = RunFolder.read(place, mend=False)
     except (DamagedListError, InputError) as error:
         return [*check_level0(place), Finding(place / LIST_NAME, None, "", f"cannot be read: {error}")]
     assert listed is not None
@@ -57,7 +57,7 @@ def check_tree(path: str | Path) -> list[Finding]:
     return [*level0, *findings]
 
 
-def _chain(root: Path, listed: WrittenFiles) -> Iterator[tuple[str, str]]:
+def _chain(root: Path, listed: RunFolder) -> Iterator[tuple[str, str]]:
     """Yield what is wrong by the name of the file."""
     for other in listed.fingerprints:
         if words := set(differing_words(listed.fingerprints[0], other)) - {"processor"}:
@@ -67,7 +67,7 @@ def _chain(root: Path, listed: WrittenFiles) -> Iterator[tuple[str, str]]:
     yield from _end(root, listed)
 
 
-def _of_file(path: Path, name: str, listed: WrittenFiles) -> Iterator[str]:
+def _of_file(path: Path, name: str, listed: RunFolder) -> Iterator[str]:
     try:
         if listed.standing(name) != "ours":
             yield f"has another sha256 than {LIST_NAME} says"
@@ -90,7 +90,7 @@ def _of_file(path: Path, name: str, listed: WrittenFiles) -> Iterator[str]:
         yield f"is of configuration {stated['config_hash']}, not {listed.config_hash} as {LIST_NAME} says"
 
 
-def _end(root: Path, listed: WrittenFiles) -> Iterator[tuple[str, str]]:
+def _end(root: Path, listed: RunFolder) -> Iterator[tuple[str, str]]:
     """Yield what a finished run lacks, and whether its list is the one that its record knows."""
     missing = listed.missing()
     if RECORD not in (*listed.names(), *missing):

@@ -79,30 +79,38 @@ class DamagedListError(RuntimeError):
     """The list of a run is not as it was written."""
 
 
-@dataclass
-class WrittenFiles:
-    """The list of the run that holds a folder; whoever uses it holds the lock of the folder.
+@dataclass(eq=False)
+class RunFolder:
+    """An output folder and the list of what its run wrote there; who writes into it holds its lock.
 
     Attributes
     ----------
-    root : Path
-        The folder.
+    path : Path
     kind, config_hash : str
         Kind and configuration of the run.
     fingerprints : list of str
         Of the process that began it, and of others that differ in the processor alone and took part.
+    fingerprint : str
+        Of the process that has it open.
+    resumed : bool
+        Whether it held work of the same configuration when it was opened.
+    temporary : Path
+        Folder for files that are not whole yet, in the same file system; `adopt` gives them their names.
     """
 
-    root: Path
+    path: Path
     kind: str
     config_hash: str
     fingerprints: list[str]
+    fingerprint: str = ""
+    resumed: bool = False
+    temporary: Path = Path()
     _contents: dict[str, set[tuple[int, str]]] = field(default_factory=dict)
     _folders: list[str] = field(default_factory=list)
-    _temporary: list[str] = field(default_factory=list)
+    _temporaries: list[str] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, root: Path, kind: str, config_hash: str, fingerprint: str) -> "WrittenFiles":
+    def begin(cls, root: Path, kind: str, config_hash: str, fingerprint: str) -> "RunFolder":
         """Begin an empty list; it takes the place of an earlier one, which must name nothing that still exists.
 
         What a run left that was killed in the middle of this is removed, if its content says that it is nothing else.
@@ -116,7 +124,7 @@ class WrittenFiles:
         return cls(root, kind, config_hash, [fingerprint])
 
     @classmethod
-    def read(cls, root: Path, *, mend: bool = True) -> "WrittenFiles | None":
+    def read(cls, root: Path, *, mend: bool = True) -> "RunFolder | None":
         """Read the list of a folder; None where there is none.
 
         A last line without an end is that of a file which never got its name: the run was killed. It is cut off,
@@ -155,8 +163,9 @@ class WrittenFiles:
         return listed
 
     def met(self, fingerprint: str) -> None:
-        """Note another processor that took part."""
+        """Note another processor that took part, and say what that means."""
         if fingerprint not in self.fingerprints:
+            _LOG.warning("%s: another processor takes part: %s, not %s", self.path, *PROMISES[::-1])
             self._add({"fingerprint": fingerprint})
 
     def standing(self, name: str) -> Standing:
@@ -182,7 +191,7 @@ class WrittenFiles:
 
     def names(self) -> list[str]:
         """Return the names of the listed files that stand in the folder, as they were written or not."""
-        return sorted(name for name in self._contents if os.path.lexists(self.root / name))
+        return sorted(name for name in self._contents if os.path.lexists(self.path / name))
 
     def missing(self) -> list[str]:
         """Return the names of the listed files that do not stand there; a run that was stopped lacks its last ones."""
@@ -200,196 +209,6 @@ class WrittenFiles:
         if name not in self._contents and os.path.lexists(path):
             hint = "the run writes a file of this name, and did not write the one that is there"
             raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
-
-    def install(self, temporary: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
-        """Give a file, whole under a temporary name in the same file system, its name below the folder.
-
-        One of ours that stands there is replaced; one that was changed since we wrote it is set aside.
-
-        Parameters
-        ----------
-        temporary : Path
-            File that is renamed.
-        name : str
-            Name of the file in the folder.
-        size_bytes : int
-            Its size, bytes.
-        sha256 : str
-            Hash of its content.
-
-        Raises
-        ------
-        InputError
-            If somebody else's file stands there.
-        """
-        self.refuse_foreign(name)
-        for folder in reversed(PurePosixPath(name).parents[:-1]):
-            if not (self.root / folder).exists():
-                self._add({"folder": folder.as_posix()})
-                (self.root / folder).mkdir()
-        if name in self._contents and self.standing(name) == "changed":
-            self._set_changed_aside(name)
-        if (size_bytes, sha256) not in self._contents.get(name, set()):
-            self._add({"file": name, "size_bytes": size_bytes, "sha256": sha256})
-        path = self.root / name
-        temporary.replace(path)
-        return path
-
-    def clear(self) -> None:
-        """Remove the listed files, and the folders made for them where they are empty; set aside what was changed."""
-        for name in sorted(self._contents):
-            try:
-                standing = self.standing(name)
-            except InputError:  # behind a link: not where we wrote it
-                continue
-            if standing == "ours":
-                (self.root / name).unlink()
-            elif standing == "changed":
-                self._set_changed_aside(name)
-        self.sweep()
-        for folder in sorted(self._folders, key=len, reverse=True):
-            with contextlib.suppress(OSError, InputError):  # not empty, or not a folder any more
-                self._place(folder).rmdir()
-
-    def sweep(self) -> None:
-        """Remove the temporary folders of runs that were killed."""
-        for name in self._temporary:
-            path = self.root / name
-            if not path.is_symlink() and path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-
-    @contextlib.contextmanager
-    def temporary_folder(self) -> Iterator[Path]:
-        """Make a listed folder for files that are not whole yet; removed at the end."""
-        name = f".cpic-{secrets.token_hex(4)}"
-        self._add({"temporary": name})
-        (self.root / name).mkdir()
-        try:
-            yield self.root / name
-        finally:
-            self.sweep()  # all: workers of a run that was killed go on for a moment, and write into theirs
-
-    def _place(self, name: str) -> Path:
-        """Return the path of a name below the folder; no folder on the way is a link."""
-        path = self.root
-        for part in PurePosixPath(name).parent.parts:
-            path = path / part
-            if path.is_symlink() or (path.exists() and not path.is_dir()):
-                hint = "the run needs a folder of this name, and this is a link or a file"
-                raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
-        return self.root / name
-
-    def _set_changed_aside(self, name: str) -> None:
-        kept = set_aside(self.root / name, "changed")
-        _LOG.warning("%s was changed after it was written: kept as %s", name, kept.name)
-
-    def _add(self, line: Mapping[str, Any]) -> None:
-        """Add a line; it is on the disk when this returns."""
-        flags = os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
-        handle = os.open(self.root / LIST_NAME, flags)
-        try:
-            size, data = os.fstat(handle).st_size, _line(line).encode()
-            if os.write(handle, data) < len(data):
-                os.ftruncate(handle, size)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.root / LIST_NAME))
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-        self._note(line)
-
-    def _note(self, line: Mapping[str, Any]) -> None:
-        if "file" in line:
-            facts = int(line["size_bytes"]), str(line["sha256"])
-            self._contents.setdefault(_below(line["file"]), set()).add(facts)
-        elif "fingerprint" in line:
-            self.fingerprints.append(str(line["fingerprint"]))
-        elif "folder" in line:
-            self._folders.append(_below(line["folder"]))
-        elif _TEMPORARY.fullmatch(line["temporary"]):
-            self._temporary.append(line["temporary"])
-        else:
-            raise ValueError("not the name of a temporary folder")
-
-
-def _below(name: str) -> str:
-    """Return a name of a list as it is; one that leads out of the folder is none of ours."""
-    if not name or name.startswith("/") or not {"", ".", ".."}.isdisjoint(name.split("/")):
-        raise ValueError("not a name below the folder")
-    return name
-
-
-def has_list(root: Path) -> bool:
-    """Return whether a folder holds a list, damaged or not.
-
-    Raises
-    ------
-    InputError
-        If a link, a folder or the like stands in its place.
-    """
-    path = root / LIST_NAME
-    if os.path.lexists(path) and (path.is_symlink() or not path.is_file()):
-        raise refused(path, _WITHOUT_IT, "it is no list of a run")
-    return path.exists()
-
-
-def set_aside(path: Path, word: str) -> Path:
-    """Rename a file, or a link, to the first free ``NAME.WORD-N`` beside it; returns the new path."""
-    number = 1
-    while os.path.lexists(new := path.with_name(f"{path.name}.{word}-{number}")):
-        number += 1
-    path.rename(new)
-    return new
-
-
-def _line(tree: Mapping[str, Any]) -> str:
-    return json.dumps(tree, ensure_ascii=False) + "\n"
-
-
-_MAX_PART_BYTES = 4_000_000_000
-_LOCK = "run.lock"
-_LOCK_TEXT = "in use by pid "
-_NO_LOCK = (errno.ELOOP, errno.EINVAL, errno.EISDIR, errno.ENXIO, errno.EACCES, errno.EPERM)
-_ANY_PART = "parts/-"  # is of no part: asks whether parts may be a folder of ours
-_OLD_LIST = "manifest.json"  # of versions that kept no list of their files
-
-
-class DamagedPartError(RuntimeError):
-    """A part is not as it was written, or belongs to another configuration, or to other code, data or libraries."""
-
-
-@dataclass(frozen=True)
-class RunFolder:
-    """An open, locked output folder.
-
-    Attributes
-    ----------
-    path : Path
-    config_hash : str
-    fingerprint : str
-        Of the process that has it open.
-    resumed : bool
-        Whether it holds work of the same configuration.
-    temporary : Path
-        Folder for files that are not whole yet, in the same file system; `adopt` gives them their names.
-    """
-
-    path: Path
-    config_hash: str
-    fingerprint: str
-    resumed: bool
-    temporary: Path
-    _files: WrittenFiles
-
-    @property
-    def fingerprints(self) -> list[str]:
-        """Of the process that began the run, and of others that differ in the processor alone and took part."""
-        return self._files.fingerprints
-
-    def met(self, fingerprint: str) -> None:
-        """Note another processor that took part, and say what that means."""
-        if fingerprint not in self.fingerprints:
-            _LOG.warning("%s: another processor takes part: %s, not %s", self.path, *PROMISES[::-1])
-            self._files.met(fingerprint)
 
     def part(self, key: str) -> dict[str, Any] | None:
         """Return the finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
@@ -427,7 +246,7 @@ class RunFolder:
 
     def blob_paths(self) -> list[Path]:
         """Return the files of all pieces that are bytes, whole or not, in the order of their names."""
-        return [self.path / name for name in self._files.names() if name.endswith(".blob")]
+        return [self.path / name for name in self.names() if name.endswith(".blob")]
 
     def read_blob(self, path: Path) -> tuple[str, bytes]:
         """Return the key and content of a finished piece of work.
@@ -476,25 +295,164 @@ class RunFolder:
         whole = write_bytes(self.temporary / "product", content)
         return self.adopt(whole, name, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
 
+    def _part_name(self, key: str, suffix: str) -> str:
+        safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
+        return f"parts/{safe}-{hashlib.sha256(utf8(key)).hexdigest()[:8]}{suffix}"
+
     def adopt(self, whole: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
-        """Make a whole file in `temporary` a product of the run; errors are those of `write_bytes`.
+        """Make a whole file, of a temporary name in the same file system, a product of the run.
+
+        One of ours that stands there is replaced; one that was changed since we wrote it is set aside.
 
         Parameters
         ----------
         whole : Path
-            File that is moved in.
+            File that is renamed.
         name : str
             Name of the file in the folder.
         size_bytes : int
             Its size, bytes.
         sha256 : str
             Hash of its content.
-        """
-        return self._files.install(whole, name, size_bytes=size_bytes, sha256=sha256)
 
-    def _part_name(self, key: str, suffix: str) -> str:
-        safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
-        return f"parts/{safe}-{hashlib.sha256(utf8(key)).hexdigest()[:8]}{suffix}"
+        Raises
+        ------
+        InputError
+            If somebody else's file stands there.
+        """
+        self.refuse_foreign(name)
+        for folder in reversed(PurePosixPath(name).parents[:-1]):
+            if not (self.path / folder).exists():
+                self._add({"folder": folder.as_posix()})
+                (self.path / folder).mkdir()
+        if name in self._contents and self.standing(name) == "changed":
+            self._set_changed_aside(name)
+        if (size_bytes, sha256) not in self._contents.get(name, set()):
+            self._add({"file": name, "size_bytes": size_bytes, "sha256": sha256})
+        path = self.path / name
+        whole.replace(path)
+        return path
+
+    def clear(self) -> None:
+        """Remove the listed files, and the folders made for them where they are empty; set aside what was changed."""
+        for name in sorted(self._contents):
+            try:
+                standing = self.standing(name)
+            except InputError:  # behind a link: not where we wrote it
+                continue
+            if standing == "ours":
+                (self.path / name).unlink()
+            elif standing == "changed":
+                self._set_changed_aside(name)
+        self.sweep()
+        for folder in sorted(self._folders, key=len, reverse=True):
+            with contextlib.suppress(OSError, InputError):  # not empty, or not a folder any more
+                self._place(folder).rmdir()
+
+    def sweep(self) -> None:
+        """Remove the temporary folders of runs that were killed."""
+        for name in self._temporaries:
+            path = self.path / name
+            if not path.is_symlink() and path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def temporary_folder(self) -> Iterator[Path]:
+        """Make a listed folder for files that are not whole yet; removed at the end."""
+        name = f".cpic-{secrets.token_hex(4)}"
+        self._add({"temporary": name})
+        (self.path / name).mkdir()
+        try:
+            yield self.path / name
+        finally:
+            self.sweep()  # all: workers of a run that was killed go on for a moment, and write into theirs
+
+    def _place(self, name: str) -> Path:
+        """Return the path of a name below the folder; no folder on the way is a link."""
+        path = self.path
+        for part in PurePosixPath(name).parent.parts:
+            path = path / part
+            if path.is_symlink() or (path.exists() and not path.is_dir()):
+                hint = "the run needs a folder of this name, and this is a link or a file"
+                raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
+        return self.path / name
+
+    def _set_changed_aside(self, name: str) -> None:
+        kept = set_aside(self.path / name, "changed")
+        _LOG.warning("%s was changed after it was written: kept as %s", name, kept.name)
+
+    def _add(self, line: Mapping[str, Any]) -> None:
+        """Add a line; it is on the disk when this returns."""
+        flags = os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
+        handle = os.open(self.path / LIST_NAME, flags)
+        try:
+            size, data = os.fstat(handle).st_size, _line(line).encode()
+            if os.write(handle, data) < len(data):
+                os.ftruncate(handle, size)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path / LIST_NAME))
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        self._note(line)
+
+    def _note(self, line: Mapping[str, Any]) -> None:
+        if "file" in line:
+            facts = int(line["size_bytes"]), str(line["sha256"])
+            self._contents.setdefault(_below(line["file"]), set()).add(facts)
+        elif "fingerprint" in line:
+            self.fingerprints.append(str(line["fingerprint"]))
+        elif "folder" in line:
+            self._folders.append(_below(line["folder"]))
+        elif _TEMPORARY.fullmatch(line["temporary"]):
+            self._temporaries.append(line["temporary"])
+        else:
+            raise ValueError("not the name of a temporary folder")
+
+
+def _below(name: str) -> str:
+    """Return a name of a list as it is; one that leads out of the folder is none of ours."""
+    if not name or name.startswith("/") or not {"", ".", ".."}.isdisjoint(name.split("/")):
+        raise ValueError("not a name below the folder")
+    return name
+
+
+def has_list(root: Path) -> bool:
+    """Return whether a folder holds a list, damaged or not.
+
+    Raises
+    ------
+    InputError
+        If a link, a folder or the like stands in its place.
+    """
+    path = root / LIST_NAME
+    if os.path.lexists(path) and (path.is_symlink() or not path.is_file()):
+        raise refused(path, _WITHOUT_IT, "it is no list of a run")
+    return path.exists()
+
+
+def set_aside(path: Path, word: str) -> Path:
+    """Rename a file, or a link, to the first free ``NAME.WORD-N`` beside it; returns the new path."""
+    number = 1
+    while os.path.lexists(new := path.with_name(f"{path.name}.{word}-{number}")):
+        number += 1
+    path.rename(new)
+    return new
+
+
+def _line(tree: Mapping[str, Any]) -> str:
+    return json.dumps(tree, ensure_ascii=False) + "\n"
+
+
+_MAX_PART_BYTES = 4_000_000_000
+_LOCK = "run.lock"
+_LOCK_TEXT = "in use by pid "
+_NO_LOCK = (errno.ELOOP, errno.EINVAL, errno.EISDIR, errno.ENXIO, errno.EACCES, errno.EPERM)
+_ANY_PART = "parts/-"  # is of no part: asks whether parts may be a folder of ours
+_OLD_LIST = "manifest.json"  # of versions that kept no list of their files
+
+
+class DamagedPartError(RuntimeError):
+    """A part is not as it was written, or belongs to another configuration, or to other code, data or libraries."""
 
 
 def check_run_folder(path: str | Path, *, products: Sequence[str] = (), force: bool = False) -> None:
@@ -561,7 +519,7 @@ def open_run_folder(
     with contextlib.ExitStack() as stack:
         stack.enter_context(_locked(folder))
         try:
-            files = WrittenFiles.read(folder)
+            files = RunFolder.read(folder)
         except DamagedListError as error:
             text = "the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed"
             _LOG.warning(text, LIST_NAME, error, set_aside(folder / LIST_NAME, "damaged").name)
@@ -585,12 +543,12 @@ def open_run_folder(
         if files is None or not resumed:
             if files is not None:
                 files.clear()
-            files = WrittenFiles.begin(folder, kind, config_hash, mine)
+            files = RunFolder.begin(folder, kind, config_hash, mine)
         files.sweep()
-        temporary = stack.enter_context(files.temporary_folder())
-        opened = RunFolder(folder, config_hash, mine, resumed, temporary, files)
-        opened.met(mine)
-        yield opened
+        files.fingerprint, files.resumed = mine, resumed
+        files.temporary = stack.enter_context(files.temporary_folder())
+        files.met(mine)
+        yield files
 
 
 def _other(one: str, other: str) -> list[str]:
@@ -635,9 +593,9 @@ def _refuse_foreign(folder: Path, products: Sequence[str], force: bool) -> None:
         if _OLD_LIST in held and "parts" in held:
             hint = f"it holds {_OLD_LIST} of a version that kept no list of its files, or somebody else's"
         raise refused(folder, "an empty folder or one of an earlier run", hint)
-    _refuse_names(WrittenFiles(folder, "", "", []), products)
+    _refuse_names(RunFolder(folder, "", "", []), products)
 
 
-def _refuse_names(files: WrittenFiles, products: Sequence[str]) -> None:
+def _refuse_names(files: RunFolder, products: Sequence[str]) -> None:
     for name in (*products, _ANY_PART):
         files.refuse_foreign(name)

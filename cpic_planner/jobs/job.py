@@ -176,13 +176,11 @@ def check_address(scheduler: str | None) -> str | None:
     """Refuse what can be no address of a scheduler, before anything slow is done with it; returns what it got."""
     if scheduler is None:
         return None
-    good = isinstance(scheduler, str)
-    if good:
-        try:
-            parts = urlsplit(scheduler)
-            good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
-        except ValueError:
-            good = False
+    try:
+        parts = urlsplit(scheduler)
+        good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
+    except (ValueError, TypeError, AttributeError):  # no text, or no port
+        good = False
     if not good:
         raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
     return scheduler
@@ -585,17 +583,18 @@ def run(
     if out is not None:
         check_run_folder(out, products=products, force=force)  # before the hash, for which some kinds work long
     runner = Runner(job.digest, workers, scheduler, advance)
-    if out is None:
-        return _finished(_worked(job, runner), runner)
-    with open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force) as folder:
-        runner.output = folder
+    with contextlib.ExitStack() as stack:
+        if out is not None:
+            opened = open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force)
+            runner.output = stack.enter_context(opened)
         result = _worked(job, runner)
-        folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
-        job.write(folder, result, runner.bodies)
-        times = {"started_utc": started.isoformat(timespec="seconds"), "wall_s": round(time.monotonic() - clock, 3)}
-        record = run_record(folder, runner, command=command or [], config_hash=job.digest, **times)
-        folder.write(RECORD, dump_json(record.model_dump(mode="json")))
-    return _finished(result, runner)
+        if (folder := runner.output) is not None:
+            folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
+            job.write(folder, result, runner.bodies)
+            times = {"started_utc": started.isoformat(timespec="seconds"), "wall_s": round(time.monotonic() - clock, 3)}
+            record = run_record(folder, runner, command=command or [], config_hash=job.digest, **times)
+            folder.write(RECORD, dump_json(record.model_dump(mode="json")))
+    return Finished(result, runner.bodies, runner.resumed_parts, runner.computed_parts)
 
 
 def _worked(job: Job[R], runner: Runner) -> R:
@@ -605,10 +604,6 @@ def _worked(job: Job[R], runner: Runner) -> R:
     if "fingerprint" not in type(result).model_fields:
         return result
     return result.model_copy(update={"fingerprint": str(fingerprint())})
-
-
-def _finished(result: R, runner: Runner) -> Finished[R]:
-    return Finished(result, runner.bodies, runner.resumed_parts, runner.computed_parts)
 
 
 def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:

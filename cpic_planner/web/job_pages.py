@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
@@ -15,7 +18,7 @@ from cpic_planner import report
 from cpic_planner.report import PANELS, Picture
 from cpic_planner.results import StarImagesResult
 from cpic_planner.web import pages
-from cpic_planner.web.asking import IMAGES, MOST_PARAMETERS, Pairs, form_fields, image_lines
+from cpic_planner.web.addresses import IMAGES, MOST_PARAMETERS, Pairs, form_fields, image_lines
 from cpic_planner.web.forms import image_form
 from cpic_planner.web.guard import Workers, line
 from cpic_planner.web.job_queue import RESULT, FullError, JobAnswer, JobQueue, State, expected
@@ -39,6 +42,7 @@ _SAID: Mapping[State, str] = {
     "failed": "It failed; what went wrong is in the log of the server. Asked again it is tried again.",
     "late": "It took longer than jobs may here. In Python it has no limit of time.",
 }
+_NO_FILE = HTTPException(404, "The job has no such file, or is not done.")
 
 
 class JobPages:
@@ -59,23 +63,17 @@ class JobPages:
         return [
             Route("/jobs", _form, methods=["GET"]),
             Route("/jobs", self._asked, methods=["POST"]),
-            Route("/jobs/{id}", self._of(self._told), methods=["GET"]),
-            Route("/jobs/{id}/cancel", self._of(self._cancelled), methods=["POST"]),
-            Route("/jobs/{id}/{name}", self._of(self._file), methods=["GET"]),
+            Route("/jobs/{id}", self._told, methods=["GET"]),
+            Route("/jobs/{id}/cancel", self._cancelled, methods=["POST"]),
+            Route("/jobs/{id}/{name}", self._file, methods=["GET"]),
         ]
 
-    def _of(
-        self, answer: Callable[[Request, JobAnswer], Awaitable[Response]]
-    ) -> Callable[[Request], Awaitable[Response]]:
-        """Answer about a job that there is: what a request calls a job is looked up, never opened."""
-
-        async def answered(request: Request) -> Response:
-            standing = self._queue.standing(request.path_params["id"])
-            if standing is None:
-                return line("There is no such job: it was never asked for, was cancelled, or is long ago.", 404)
-            return await answer(request, standing)
-
-        return answered
+    def _job(self, request: Request) -> JobAnswer:
+        """Return the job of a request, which is looked up and never opened by its name."""
+        found = self._queue.standing(request.path_params["id"])
+        if found is None:
+            raise HTTPException(404, "There is no such job: it was never asked for, was cancelled, or is long ago.")
+        return found
 
     async def _asked(self, request: Request) -> Response:
         """Put a question into the queue, or refuse it as the calculator does."""
@@ -84,15 +82,14 @@ class JobPages:
         try:
             given = await _fields(request)
             form = next((text for name, text in given if name == "format"), "")
+            form = "" if form == "html" else form
             pages.page_or_json(form)
             pairs = IMAGES.canonical((name, text) for name, text in given if name != "format")
             if sum(name == "target" for name, _ in pairs) != 1:
                 raise InputError("target", "not one", allowed="one star")
             standing, token = await self._workers.do(self._ask, pairs)
         except InputError as error:
-            if form == "json":
-                return pages.data(pages.Problem.of(error), 400)
-            return pages.html(pages.page(_TITLE, _ABOUT, image_form(given, error)), 400)
+            return pages.refused(error, form, partial(_question_page, given, error))
         except FullError:
             text = f"{self._queue.waiting()} jobs wait, as many as may; ask again later."
             return line(text, 503, **{"Retry-After": "300"})
@@ -115,37 +112,37 @@ class JobPages:
         assert standing is not None
         return standing, token
 
-    async def _told(self, request: Request, standing: JobAnswer) -> Response:
+    async def _told(self, request: Request) -> Response:
         """Say how far a job is, or what it found."""
+        standing = self._job(request)
         token = request.query_params.get("token", "")[:64]
         if pages.page_or_json(request.query_params.get("format", "")):
             return pages.data(standing)
         folder = self._queue.run_folder(standing.id)
         if folder is None:
-            return pages.html(_progress_page(f"{_star(standing)}: {_TITLE}", standing, token))
+            star = dict(standing.pairs).get("target", "")
+            return pages.html(_progress_page(f"{star}: {_TITLE}", standing, token))
         body = await run_in_threadpool(_read, folder / RESULT)
         result = StarImagesResult.model_validate_json(body)
         return pages.html(_result_page(standing, result))
 
-    async def _cancelled(self, request: Request, standing: JobAnswer) -> Response:
+    async def _cancelled(self, request: Request) -> Response:
         """Withdraw an asker."""
+        standing = self._job(request)
         token = next((text for name, text in await _fields(request) if name == "token"), "")
         if not self._queue.withdraw(standing.id, token[:64]):
             return line("Only who asked for a job, with its token and before it has ended, can cancel it.", 403)
         text = "It is cancelled for you; it goes on where others asked for it too."
-        return pages.html(pages.told_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
+        return pages.html(pages.plain_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
 
-    async def _file(self, request: Request, standing: JobAnswer) -> Response:
+    async def _file(self, request: Request) -> Response:
         """Send one of the files that every job leaves, by its name among them."""
-        name, folder = request.path_params["name"], self._queue.run_folder(standing.id)
+        name, folder = request.path_params["name"], self._queue.run_folder(self._job(request).id)
         images = [PANELS.format(band=band) for band in _bands()]
         known = {name: name for name in (RESULT, _TABLE, *images)} | {_drawing(name): name for name in images}
         if folder is None or name not in known:
-            return line("The job has no such file, or is not done.", 404)
-        try:
-            body = await run_in_threadpool(_read, folder / known[name])
-        except InputError:
-            return line("The job has no such file.", 404)
+            raise _NO_FILE
+        body = await run_in_threadpool(_read, folder / known[name])
         headers, ending = {"Cache-Control": "private"}, name[name.rindex(".") :]
         if ending == ".svg":
             body, headers["Content-Security-Policy"] = report.in_both_lights(body), _DRAWING_POLICY
@@ -154,7 +151,11 @@ class JobPages:
 
 async def _form(request: Request) -> Response:
     given = [(name, text.strip()) for name, text in request.query_params.multi_items()][:MOST_PARAMETERS]
-    return pages.html(pages.page(_TITLE, _ABOUT, image_form(given)))
+    return pages.html(_question_page(given))
+
+
+def _question_page(given: Sequence[tuple[str, str]], error: InputError | None = None) -> str:
+    return pages.page(_TITLE, _ABOUT, image_form(given, error))
 
 
 async def _fields(request: Request) -> list[tuple[str, str]]:
@@ -172,12 +173,11 @@ def _bands() -> Sequence[str]:
     return tuple(load_instrument().bands)
 
 
-def _star(standing: JobAnswer) -> str:
-    return next((text for name, text in standing.pairs if name == "target"), "")
-
-
-def _read(path: Any) -> bytes:
-    return read_file(path, key="job", allowed="a file of the job", max_bytes=_MOST_BYTES)
+def _read(path: Path) -> bytes:
+    try:
+        return read_file(path, key="job", allowed="a file of the job", max_bytes=_MOST_BYTES)
+    except InputError:
+        raise _NO_FILE from None
 
 
 def _progress_page(title: str, standing: JobAnswer, token: str) -> str:
@@ -199,7 +199,7 @@ def _progress_page(title: str, standing: JobAnswer, token: str) -> str:
     if going and token:
         blocks.append(report.Paragraph("This address can cancel the job; the one in the note above cannot.", "note"))
         more["cancel"] = (f"/jobs/{standing.id}/cancel", token)
-    return pages.told_page(title, _ABOUT, "Job", blocks, **more)
+    return pages.plain_page(title, _ABOUT, "Job", blocks, **more)
 
 
 def _result_page(standing: JobAnswer, result: StarImagesResult) -> str:
@@ -214,4 +214,4 @@ def _result_page(standing: JobAnswer, result: StarImagesResult) -> str:
     blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
     blocks += pages.elsewhere((), pages.cited(result), image_lines(standing.pairs))
     sources = [("JSON", f"{address}/{RESULT}"), ("CSV", f"{address}/{_TABLE}")]
-    return pages.told_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)
+    return pages.plain_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)

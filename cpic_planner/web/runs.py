@@ -253,7 +253,7 @@ class RunPages:
             heads = tuple(report.Cell(text, "left") for text in ("Title", "Kind", "State", "Ended (UTC)", "Hash"))
             rows = tuple(tuple(map(report.Cell, _cells(run), ["left"] * 5, [True] + [False] * 4)) for run in runs)
             blocks = [report.Table("Runs", "Runs, the latest first.", heads, rows)]
-        return pages.html(pages.told_page(_TITLE, _ABOUT, "Runs", blocks))
+        return pages.html(pages.plain_page(_TITLE, _ABOUT, "Runs", blocks))
 
     async def _one(self, request: Request) -> Response:
         run = await self._run(request)
@@ -264,7 +264,7 @@ class RunPages:
         facts.append(("Configuration", report.code(run.config_hash)))
         links = [report.page_link(address, address.rpartition("/")[2]) for address in run.files]
         blocks: list[report.Block] = [report.Facts(facts), report.Items(links)]
-        return pages.html(pages.told_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
+        return pages.html(pages.plain_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
 
     async def _file(self, request: Request) -> Response:
         name, run = request.path_params["name"], await self._run(request)
@@ -300,31 +300,16 @@ def costs() -> dict[str, Mapping[str, float]]:
     }
 
 
-class Commands:
-    """The page of long runs.
-
-    Parameters
-    ----------
-    workers : Workers
-        Who works the costs out.
-    """
-
-    def __init__(self, workers: Workers) -> None:
-        self._workers = workers
-
-    def routes(self) -> list[Route]:
-        """Return the addresses that are answered."""
-        return [Route("/commands", self._told)]
-
-    async def _told(self, request: Request) -> Response:
-        as_data = pages.page_or_json(request.query_params.get("format", ""))
-        found = await self._workers.do(costs)
-        if as_data:
-            return JSONResponse({command: dict(cost) for command, cost in found.items()})
-        facts: list[tuple[Any, Any]] = [(report.code(command), _cost_text(cost)) for command, cost in found.items()]
-        note = "Each says what a run of your own would cost with --dry-run; --workers shares the work."
-        blocks: list[report.Block] = [report.Facts(facts), report.Paragraph(note, "note")]
-        return pages.html(pages.told_page(_LONGER, _ABOUT_LONGER, "Commands and their expected cost", blocks))
+async def commands(workers: Workers, request: Request) -> Response:
+    """Answer with the commands of longer runs, whose costs are worked out by ``workers``."""
+    as_data = pages.page_or_json(request.query_params.get("format", ""))
+    found = await workers.do(costs)
+    if as_data:
+        return JSONResponse({command: dict(cost) for command, cost in found.items()})
+    facts: list[tuple[Any, Any]] = [(report.code(command), _cost_text(cost)) for command, cost in found.items()]
+    note = "Each says what a run of your own would cost with --dry-run; --workers shares the work."
+    blocks: list[report.Block] = [report.Facts(facts), report.Paragraph(note, "note")]
+    return pages.html(pages.plain_page(_LONGER, _ABOUT_LONGER, "Commands and their expected cost", blocks))
 
 
 def _cost_text(cost: Mapping[str, float]) -> str:

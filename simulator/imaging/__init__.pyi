@@ -9,7 +9,7 @@ from simulator.imaging.annuli import (
     APART_RADII as APART_RADII,
     STEP_PIXELS as STEP_PIXELS,
     AnnulusLight as AnnulusLight,
-    ByGeometry as ByGeometry,
+    by_geometry as by_geometry,
     error_halo as error_halo,
     light_around as light_around,
     mean_over as mean_over,
@@ -31,7 +31,7 @@ from simulator.imaging.frame import (
     star_column_light as star_column_light,
     window_of as window_of,
 )
-from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager, centred_axis as centred_axis
+from simulator.imaging.imager import FocalGrid as FocalGrid, Imager as Imager
 from simulator.imaging.light_expansion import (
     LARGEST_NM as LARGEST_NM,
     RMS_ERROR as RMS_ERROR,
@@ -42,9 +42,8 @@ from simulator.imaging.light_expansion import (
 from simulator.imaging.measure import matched_kernel as matched_kernel, visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
-from simulator.imaging.sampling import pixel_axis as pixel_axis
+from simulator.imaging.sampling import centred_axis as centred_axis, pixel_axis as pixel_axis
 from simulator.imaging.store import (
-    Unkeyed as Unkeyed,
     at_contrast as at_contrast,
     mean_contrast as mean_contrast,
     measured_states as measured_states,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, IntArray
+from cpic_core import ArrayLike, FloatArray, IntArray, Keyed
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.sampling import bilinear
 from simulator.imaging.table_metrics import TableMetrics
@@ -37,25 +37,17 @@ def quadrant_of(x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> IntArray:
     return (np.asarray(x_arcsec) < 0).astype(np.int64) + 2 * (np.asarray(y_arcsec) < 0)
 
 
-class ByGeometry:
-    """Figures of a band, equal to those of all dark holes of one geometry that share the light without the mask.
+def by_geometry(metrics: PsfMetrics) -> Keyed[PsfMetrics]:
+    """Return the figures of a band, equal to those of all dark holes of one geometry that share the unmasked light.
 
     Parameters
     ----------
     metrics : PsfMetrics
     """
-
-    def __init__(self, metrics: PsfMetrics) -> None:
-        self.metrics = metrics
-        maps = (metrics.wing_map, metrics.aperture_map, metrics.column_profile)
-        steps = metrics.wing_map_step_arcsec, metrics.aperture_map_step_arcsec
-        self._key = (metrics.geometry, *steps, *map(id, maps))  # no other map has that id while this one lives
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByGeometry) and self._key == other._key
+    maps = (metrics.wing_map, metrics.aperture_map, metrics.column_profile)
+    steps = metrics.wing_map_step_arcsec, metrics.aperture_map_step_arcsec
+    # No other map has that id while this one lives.
+    return Keyed((metrics.geometry, *steps, *map(id, maps)), metrics)
 
 
 class Apertures(NamedTuple):
@@ -78,20 +70,21 @@ class Apertures(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def noise_apertures(figures: ByGeometry, annulus_lambda_d: float, step_pixels: float = STEP_PIXELS) -> Apertures:
+def noise_apertures(figures: Keyed[PsfMetrics], annulus_lambda_d: float, step_pixels: float = STEP_PIXELS) -> Apertures:
     """Return the apertures whole in the zone and in the annulus, beside the planet.
 
     Cells that an edge of the annulus or of a disc cuts count with the part inside.
 
     Parameters
     ----------
-    figures : ByGeometry
+    figures : Keyed of PsfMetrics
+        From `by_geometry`.
     annulus_lambda_d : float
         Half width of the annulus, lambda/D.
     step_pixels : float
         Pixels from one to the next.
     """
-    metrics = figures.metrics
+    metrics = figures.value
     pixel, radius = metrics.pixel_scale_arcsec, metrics.aperture_radius_arcsec
     x, y, step = metrics.zone.cells(step_pixels * pixel, radius, pixel)
     separation = np.hypot(x, y)
@@ -181,7 +174,7 @@ def _tables(
     metrics: PsfMetrics, annulus_lambda_d: float, psd_slope: float, wavelength_nm: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return separations of planets on the diagonals, and the fields of `AnnulusLight` there, ``(3, 4, s)``."""
-    x, y, separation_arcsec, share = noise_apertures(ByGeometry(metrics), annulus_lambda_d)
+    x, y, separation_arcsec, share = noise_apertures(by_geometry(metrics), annulus_lambda_d)
     light = np.stack([metrics.halo_aperture(x, y), error_halo(metrics, x, y, psd_slope, wavelength_nm)])
     seen = mean_over(light, share) / share.sum(axis=0)
     left = _planet_left(metrics, annulus_lambda_d, separation_arcsec)

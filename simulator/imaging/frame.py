@@ -18,14 +18,14 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, compute_once
+from cpic_core import FloatArray, InputError, Keyed, NDArray, compute_once
 from simulator.config import DiscSource, ExtendedSource, ImageSource, Instrument, RingSource, content_hash
 from simulator.config.map_files import SCALE_TOLERANCE, pixel_scale, read_maps, real_map
 from simulator.imaging.build import build_imager
 from simulator.imaging.external import ExternalPsf
-from simulator.imaging.imager import Imager, centred_axis
+from simulator.imaging.imager import Imager
 from simulator.imaging.psf import Psf, wide_on_axis
-from simulator.imaging.sampling import pixel_axis
+from simulator.imaging.sampling import centred_axis, overlap, pixel_axis
 from simulator.imaging.scene_image import (
     BandTransfer,
     KernelTransfer,
@@ -310,12 +310,9 @@ class Window:
 
     def stamp(self, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
         """Return where a stamp centred on the mask lies in the window, and the part of it that does."""
-        spans, parts = [], []
-        for middle, length in zip(self.centre, self.shape, strict=True):
-            low, high = max(middle - side // 2, 0), min(middle + side // 2 + 1, length)
-            spans.append(slice(low, high))
-            parts.append(slice(low - middle + side // 2, high - middle + side // 2))
-        return spans[0], spans[1], (parts[0], parts[1])
+        places = zip(self.centre, self.shape, strict=True)
+        (rows, above), (columns, beside) = (overlap(middle, side // 2, length) for middle, length in places)
+        return rows, columns, (above, beside)
 
 
 def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
@@ -471,7 +468,7 @@ def off_axis_light(
     stars = np.array([source.kind == "star" for source in sources], dtype=bool)
     total = np.zeros(window.shape)
     if stars.any():
-        total += _starlight(_Stars(psf, window, *(part[stars] for part in (nodes, x, y, rates))))
+        total += _starlight(_Stars(psf, window, nodes[stars], (x[stars], y[stars], rates[stars])).keyed)
     grids = [_grid(psf, window, item, roll_deg, star_arcsec) for item in extended]
     if grids or not stars.all():
         # Beside the light of stars the image of a planet would keep only their rounding.
@@ -479,28 +476,29 @@ def off_axis_light(
     return total
 
 
-class _Stars:
-    """Stars behind some optics on a window, equal to any others of the same content."""
+class _Stars(NamedTuple):
+    """Stars behind some optics on a window."""
 
-    def __init__(self, psf: AnyPsf, window: Window, nodes: NDArray[np.int_], *points: FloatArray) -> None:
-        self.psf, self.window, self.nodes, self.points = psf, window, nodes, points
-        arrays: list[NDArray[Any]] = [window.rows, window.columns, nodes, *points]
+    psf: AnyPsf
+    window: Window
+    nodes: NDArray[np.int_]
+    points: tuple[FloatArray, ...]
+
+    @property
+    def keyed(self) -> "Keyed[_Stars]":
+        """The same, equal to any others of the same content."""
+        psf, arrays = self.psf, [self.window.rows, self.window.columns, self.nodes, *self.points]
         optics = psf.content_hash if isinstance(psf, ExternalPsf) else psf.imager.content_key
         if isinstance(psf, Psf) and psf.spectrum is not None:
             # With other wavelengths than its own the model is built anew, with the same spectrum.
             arrays += [psf.spectrum.wavelength_nm, psf.spectrum.photlam]
-        self._key = (optics, psf.instrument.content_hash, *(array.tobytes() for array in arrays))
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Stars) and other._key == self._key
+        return Keyed((optics, psf.instrument.content_hash, *(array.tobytes() for array in arrays)), self)
 
 
 @functools.lru_cache(maxsize=N_KEPT)
-def _starlight(stars: _Stars) -> FloatArray:
+def _starlight(keyed: Keyed[_Stars]) -> FloatArray:
     """Return electrons per second and pixel of all stars but the central one; kept, as two visits see the same."""
+    stars = keyed.value
     total = np.zeros(stars.window.shape)
     for count in np.unique(stars.nodes).tolist():
         part = stars.nodes == count

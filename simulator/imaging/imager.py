@@ -16,7 +16,7 @@ holds both together to 1e-12 of the peak.
 import functools
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -25,7 +25,7 @@ from cpic_core import FloatArray, InputError, NDArray, load_quietly
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging import pupil_symmetry as parity
 from simulator.imaging.pupil import Aberrations
-from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
+from simulator.imaging.sampling import PixelAxis, centred_axis, integrate_pixels, pixel_axis
 from simulator.imaging.zones import BandGeometry, HoleZone
 from simulator.knobs import Knobs
 
@@ -35,22 +35,6 @@ Waves = tuple[parity.HalfWaves, ...]  # of one axis, one for each wavelength
 KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB
 KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next one with the same nodes: 4 MB
 N_KEPT_GRIDS = 24
-
-
-def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
-    """Return the pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
-
-    Parameters
-    ----------
-    n_pixels : int
-        Pixels a side.
-    pixel_arcsec : float
-        Side of a pixel, arcsec.
-    centre : float, optional
-        Pixel of the star; ``n_pixels // 2`` by default.
-    """
-    star = n_pixels // 2 if centre is None else centre
-    return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +95,7 @@ class Imager:
     @property
     def geometry(self) -> BandGeometry:
         """Lengths and hole of the band."""
-        return BandGeometry(
-            lambda_d_arcsec=self.lambda_d_arcsec,
-            pixel_scale_arcsec=self.pixel_scale_arcsec,
-            aperture_radius_arcsec=self.aperture_radius_arcsec,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            zone=self.zone,
-            stamp_pixels=self.knobs.stamp_pixels,
-        )
+        return BandGeometry.like(self, self.knobs.stamp_pixels)
 
     @property
     def hole_arcsec(self) -> tuple[float, float]:
@@ -308,19 +285,6 @@ class Imager:
         values = (y.size + x.size) * len(self.transmission) * self.wavelengths_m.size
         waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
         return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
-
-
-@dataclass(frozen=True)
-class Optics:
-    """An optical model that equals any other with the same content: a key to what is kept of it."""
-
-    key: str
-    imager: Imager = field(compare=False)
-
-    @classmethod
-    def of(cls, imager: Imager) -> "Optics":
-        """Return the key of a model."""
-        return cls(imager.content_key, imager)
 
 
 @dataclass(frozen=True, eq=False)

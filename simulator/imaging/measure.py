@@ -34,9 +34,9 @@ import numpy as np
 from cpic_core import ComplexArray, FloatArray, InputError, NDArray, overlap_weights, stream
 from simulator.imaging.aperture import aperture_sums, core_cells, cumulative_table, figures_of_stamps
 from simulator.imaging.drift import ScreenModel, screen_model
-from simulator.imaging.imager import FocalGrid, Imager, centred_axis
+from simulator.imaging.imager import FocalGrid, Imager
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.sampling import PixelAxis, pixel_axis
+from simulator.imaging.sampling import PixelAxis, centred_axis, pixel_axis
 
 Aperture = tuple[int, int, FloatArray]
 FAINT = 1e-3  # light of a mode that does not count, over that of the brightest

@@ -81,14 +81,7 @@ class StampMetrics:
     @functools.cached_property
     def geometry(self) -> BandGeometry:
         """What holds at any numerical settings."""
-        return BandGeometry(
-            lambda_d_arcsec=self.lambda_d_arcsec,
-            pixel_scale_arcsec=self.pixel_scale_arcsec,
-            aperture_radius_arcsec=self.aperture_radius_arcsec,
-            mask_half_width_arcsec=self.mask_half_width_arcsec,
-            zone=self.zone,
-            stamp_pixels=len(self.raw_contrast),
-        )
+        return BandGeometry.like(self, len(self.raw_contrast))
 
     @property
     def hole(self) -> NDArray[np.bool_]:

@@ -8,12 +8,13 @@ from typing import get_args
 import numpy as np
 
 from catalogs import Spectrum
-from cpic_core import FloatArray, InputError, check_word, numeric_context, overlap_weights
+from cpic_core import FloatArray, InputError, Keyed, check_word, numeric_context, overlap_weights
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
-from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
+from simulator.imaging.imager import Engine, Imager
 from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.sampling import centred_axis
 from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.imaging.zones import BandGeometry, HoleStatus
 from simulator.knobs import FIDELITIES, Knobs
@@ -243,7 +244,7 @@ def single_band_psf(
         raise InputError("stamp_pixels", built.knobs.stamp_pixels, unit="px", allowed="an odd number")
     kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
     stamps = _stamps if kept else _stamps.__wrapped__
-    imager, on_axis, off_axis = stamps(Optics.of(built), engine)
+    imager, on_axis, off_axis = stamps(Keyed(built.content_key, built), engine)
     return Psf(
         band=band,
         on_axis=on_axis,
@@ -257,9 +258,9 @@ def single_band_psf(
 
 
 @functools.lru_cache(maxsize=N_KEPT)
-def _stamps(optics: Optics, engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
+def _stamps(optics: Keyed[Imager], engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
     """Return both stamps and the model behind them, the first of its content: what it keeps serves all scenes alike."""
-    imager = optics.imager
+    imager = optics.value
     on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))
     on_axis.flags.writeable = off_axis.flags.writeable = False
     return imager, on_axis, off_axis

@@ -152,9 +152,50 @@ MARGIN_PIXELS = 32
 """Rim around a stamp, in which it fades out before it is shifted."""
 
 
-def centred_offsets(n_pixels: int) -> FloatArray:
-    """Return the offsets of pixel centres from the centre pixel ``n // 2``, in pixels."""
-    return np.arange(n_pixels, dtype=np.float64) - n_pixels // 2
+def centred_axis(n_pixels: int, pixel_arcsec: float = 1.0, centre: float | None = None) -> FloatArray:
+    """Return the pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
+
+    Parameters
+    ----------
+    n_pixels : int
+        Pixels a side.
+    pixel_arcsec : float
+        Side of a pixel, arcsec; by default offsets are in pixels.
+    centre : float, optional
+        Pixel of the star; ``n_pixels // 2`` by default.
+    """
+    star = n_pixels // 2 if centre is None else centre
+    return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
+
+
+def overlap(middle: int, half: int, length: int) -> tuple[slice, slice]:
+    """Return the pixels of an axis that a stamp around one of them reaches, and the part of the stamp that lies there.
+
+    Parameters
+    ----------
+    middle : int
+        Pixel of the axis on which the centre of the stamp lies; it may lie beyond the axis.
+    half : int
+        Pixels of the stamp to either side of its centre.
+    length : int
+        Pixels of the axis.
+    """
+    low, high = max(middle - half, 0), min(middle + half + 1, length)
+    return slice(low, high), slice(low - middle + half, high - middle + half)
+
+
+def separations(n_pixels: int, pixel_arcsec: float) -> FloatArray:
+    """Return the distance of every pixel of a square stamp from its centre pixel, shape (n_pixels, n_pixels).
+
+    Parameters
+    ----------
+    n_pixels : int
+        Pixels a side.
+    pixel_arcsec : float
+        Side of a pixel, arcsec.
+    """
+    offset = centred_axis(n_pixels, pixel_arcsec)
+    return np.hypot(offset[:, None], offset)
 
 
 def unpixelled(kernel: FloatArray, offsets_pixels: FloatArray) -> FloatArray:
@@ -241,7 +282,7 @@ def open_pixels(n_pixels: int, pixel_arcsec: float, half_width_arcsec: float) ->
     half_width_arcsec : float
         Half width of the mask's arms, arcsec.
     """
-    centre, width = centred_offsets(n_pixels), half_width_arcsec / pixel_arcsec
+    centre, width = centred_axis(n_pixels), half_width_arcsec / pixel_arcsec
     part = 1.0 - np.clip(np.minimum(centre + 0.5, width) - np.maximum(centre - 0.5, -width), 0.0, 1.0)
     return np.outer(part, part)
 

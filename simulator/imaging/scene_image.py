@@ -32,11 +32,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, NDArray
+from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, Keyed, NDArray
 from simulator.config import ARCSEC_PER_RAD
-from simulator.imaging.imager import Imager, Optics
+from simulator.imaging.imager import Imager
 from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded
-from simulator.imaging.sampling import PixelAxis, pixel_axis
+from simulator.imaging.sampling import PixelAxis, overlap, pixel_axis
 
 BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
 # (half width of the bell) x (frequency from which its transform stays below the leakage)
@@ -707,23 +707,17 @@ def paper_scene_image(
         inside &= (cell >= -CELLS * reach) & (cell < CELLS * (n_pixels + reach))
     if not inside.any():
         return image
-    kernels = _binned_kernels(Optics.of(imager), reach)
+    kernels = _binned_kernels(Keyed(imager.content_key, imager), reach)
     cells = np.stack([cell[inside] for cell in places], axis=1).astype(np.intp)
     for (row, column), flux in zip(cells, sources.arrays[2][inside], strict=True):
-        spans = [_overlap(int(cell) // CELLS, reach, n) for cell, n in zip((row, column), image.shape, strict=True)]
+        spans = [overlap(int(cell) // CELLS, reach, n) for cell, n in zip((row, column), image.shape, strict=True)]
         kernel = kernels[row % CELLS, column % CELLS]
         image[spans[0][0], spans[1][0]] += flux * kernel[spans[0][1], spans[1][1]]
     return image
 
 
-def _overlap(pixel: int, reach: int, n_pixels: int) -> tuple[slice, slice]:
-    """Return the pixels of a window that a kernel around a pixel reaches, and the kernel's part that falls on them."""
-    low, high = max(pixel - reach, 0), min(pixel + reach + 1, n_pixels)
-    return slice(low, high), slice(low - pixel + reach, high - pixel + reach)
-
-
 @functools.lru_cache(maxsize=N_KEPT)
-def _binned_kernels(optics: Optics, reach: int) -> FloatArray:
+def _binned_kernels(optics: Keyed[Imager], reach: int) -> FloatArray:
     """Return the light in every pixel for a source on each cell of the middle one, without the mask.
 
     Returns
@@ -731,7 +725,7 @@ def _binned_kernels(optics: Optics, reach: int) -> FloatArray:
     ndarray, shape (4, 4, 2 reach + 1, 2 reach + 1)
         By row and column of the cell.
     """
-    imager, half, side = optics.imager, CELLS * reach, 2 * reach + 1
+    imager, half, side = optics.value, CELLS * reach, 2 * reach + 1
     cell = imager.pixel_scale_arcsec / CELLS
     place = np.arange(-half, half + 1)
     centres: FloatArray = place.astype(np.float64) * cell

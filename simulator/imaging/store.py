@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
+from cpic_core import InputError, Keyed, NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
 from simulator.config import CoronagraphTable, Instrument, content_hash, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.metrics import PsfMetrics
@@ -46,7 +46,7 @@ from simulator.imaging.zones import zone_of
 from simulator.knobs import Knobs
 
 if TYPE_CHECKING:  # the model of the optics: what is stored of it is used without it
-    from simulator.imaging.dark_hole import ControlSettings, HoleMethod, HoleResult
+    from simulator.imaging.dark_hole import ControlSettings, DarkHole, HoleMethod
     from simulator.imaging.deformable_mirror import DeformableMirror
     from simulator.imaging.imager import Imager
 
@@ -126,11 +126,11 @@ def _shipped_metrics(path: Path, pupil_steps: int) -> PsfMetrics:
     return replace(PsfMetrics.from_arrays(unpacked(read_npz(path))), pupil_steps=pupil_steps)
 
 
-def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
+def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
     """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
-    star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
+    star some minutes; it is announced. A hole that was not `reached` brings one warning.
     """
     key = hole_key(instrument, solver)
     path = _shipped("hole", key, solver.band)
@@ -139,9 +139,7 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
     else:
         found = functools.partial(from_arrays, solver=solver)
         state = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)), found)
-    from simulator.imaging.dark_hole import UnreachedHole
-
-    if isinstance(state, UnreachedHole):
+    if not state.reached:
         _warn(key, state.reason)
     return state
 
@@ -152,7 +150,7 @@ def _warn(key: str, reason: str) -> None:
     _LOG.warning("dark hole not reached: %s", reason)
 
 
-def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
+def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> DarkHole:
     """Dig the hole of one band now."""
     from simulator.imaging.dark_hole import solve_dark_hole
 
@@ -163,7 +161,7 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
 
 
-def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
+def to_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
     """Return everything that an npz file needs to hold a state."""
     scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
     return {
@@ -177,7 +175,7 @@ def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
     }
 
 
-def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResult:
+def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> DarkHole:
     """Return the inverse of `to_arrays`.
 
     Parameters
@@ -186,7 +184,7 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
         Arrays by name.
     solver : Imager
     """
-    from simulator.imaging.dark_hole import DarkHole, HoleScore, Search, UnreachedHole
+    from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
 
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
@@ -194,9 +192,8 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
     strong = tuple(map(bool, arrays["strong"]))
     search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
     before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
-    limit = float(arrays["limit_contrast"])
-    kind = DarkHole if wide.mean <= limit else UnreachedHole
-    return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
+    limit, method = float(arrays["limit_contrast"]), str(arrays["method"])
+    return DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]
 
 
 SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks
@@ -279,25 +276,13 @@ def _table_key(instrument: Instrument, band: str, table: CoronagraphTable) -> st
 
 
 @functools.lru_cache(maxsize=32)
-def _table_metrics(key: str, band: str, held: Unkeyed) -> PsfMetrics:
+def _table_metrics(keyed: Keyed[Instrument], band: str) -> PsfMetrics:
     from simulator.imaging.table_metrics import table_metrics
 
-    table = held.instrument.table(band)
+    instrument = keyed.value
+    table = instrument.table(band)
     assert table is not None
-    return table_metrics(held.instrument, band, table)
-
-
-class Unkeyed:
-    """An instrument that counts as equal to any other: the key beside it tells them apart."""
-
-    def __init__(self, instrument: Instrument) -> None:
-        self.instrument = instrument
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Unkeyed)
+    return table_metrics(instrument, band, table)
 
 
 @numeric_context()
@@ -317,7 +302,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     """
     key = metrics_key(instrument, band)
     if instrument.coronagraph.table is not None:
-        return _table_metrics(key, band, Unkeyed(instrument))
+        return _table_metrics(Keyed(key, instrument), band)
     path = _shipped("metrics", key, band)
     if path is not None:
         steps = math.lcm(len(configured_apodizer(instrument)), instrument.wavefront.samples)
@@ -431,7 +416,7 @@ def measured_states(instrument: Instrument, band: str) -> tuple[PsfMetrics, ...]
         hint = "of a table no states of a mirror are known, on which an ensemble of instruments draws the contrast"
         raise InputError("coronagraph.table", instrument.name, allowed="modelled optics", hint=hint)
     own = sensed_with(instrument, band, 0.0)
-    return _states(metrics_key(own, band), band, Unkeyed(own))
+    return _states(Keyed(metrics_key(own, band), own), band)
 
 
 def at_contrast(states: Sequence[PsfMetrics], contrast: float) -> PsfMetrics:
@@ -478,11 +463,11 @@ def mixed(first: PsfMetrics, second: PsfMetrics, share: float) -> PsfMetrics:
 
 
 @functools.lru_cache(maxsize=32)
-def _states(key: str, band: str, held: Unkeyed) -> tuple[PsfMetrics, ...]:
-    own = psf_metrics(held.instrument, band)
+def _states(keyed: Keyed[Instrument], band: str) -> tuple[PsfMetrics, ...]:
+    own = psf_metrics(keyed.value, band)
     states = [own]
     for level in LEVELS[1:]:
-        instrument = sensed_with(held.instrument, band, level)
+        instrument = sensed_with(keyed.value, band, level)
         path = shipped_file("state", metrics_key(instrument, band), band)
         states.append(_of_file(read_npz(path), own) if path.is_file() else psf_metrics(instrument, band))
     return tuple(sorted(states, key=mean_contrast))

@@ -17,7 +17,7 @@ from cpic_core.runtime import special
 from simulator.config import CoronagraphTable, Instrument
 from simulator.detectors import aperture_noise_pixels
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.sampling import centred_offsets
+from simulator.imaging.sampling import separations
 from simulator.imaging.zones import BandGeometry
 
 _WAVELENGTHS = 24
@@ -206,8 +206,7 @@ class TableMetrics(PsfMetrics):
     @property
     def median_contrast(self) -> float:
         """Median raw contrast of the places of the zone, as the table has it."""
-        offset = centred_offsets(len(self.raw_contrast)) * self.pixel_scale_arcsec
-        separation = np.hypot(offset[:, None], offset)[self.hole]
+        separation = separations(len(self.raw_contrast), self.pixel_scale_arcsec)[self.hole]
         return self.contrast_factor * float(np.median(self.table.at("raw_contrast", separation)))
 
     def brightened(self, factor: float) -> Self:
@@ -258,8 +257,7 @@ def table_metrics(instrument: Instrument, band: str, table: CoronagraphTable) ->
         peak = min(float(core.max()) * pupil.pop("peak_over_core"), 1.0)
     pupil.pop("peak_over_core", None)
     light = table.columns["raw_contrast"] * core / geometry.aperture_pixels
-    offset = centred_offsets(geometry.stamp_pixels) * geometry.pixel_scale_arcsec
-    separation = np.hypot(offset[:, None], offset)
+    separation = separations(geometry.stamp_pixels, geometry.pixel_scale_arcsec)
     starlight = np.exp(np.interp(separation, table.separation_arcsec, np.log(np.maximum(light, 1e-300))))
     brightest = float(light.max())
     said = {

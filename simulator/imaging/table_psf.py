@@ -34,7 +34,7 @@ from cpic_core import (
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.annuli import light_around
 from simulator.imaging.external import ExternalPsf, load_psf
-from simulator.imaging.sampling import centred_offsets
+from simulator.imaging.sampling import centred_axis, separations
 from simulator.imaging.store import psf_metrics
 from simulator.imaging.table_metrics import TableMetrics
 
@@ -72,8 +72,7 @@ class TablePsf(ExternalPsf):
 
     @functools.cached_property
     def _separation(self) -> FloatArray:
-        offset = centred_offsets(len(self.on_axis)) * self.pixel_scale_arcsec
-        return np.hypot(offset[:, None], offset)
+        return separations(len(self.on_axis), self.pixel_scale_arcsec)
 
     @functools.cached_property
     def field(self) -> FloatArray:
@@ -153,7 +152,7 @@ def core_coherence(radius_arcsec: float, lambda_d_arcsec: float, pixel_arcsec: f
     from scipy.special import j1
 
     weights = overlap_weights(radius_arcsec / pixel_arcsec)
-    axis = centred_offsets(len(weights)) * pixel_arcsec / lambda_d_arcsec
+    axis = centred_axis(len(weights), pixel_arcsec) / lambda_d_arcsec
     x, y, w = (part.ravel() for part in (*np.meshgrid(axis, axis), weights))
     apart = np.pi * np.hypot(x[:, None] - x, y[:, None] - y)
     correlation = np.where(apart > 0, 2.0 * j1(apart) / np.maximum(apart, 1e-12), 1.0)
@@ -195,8 +194,7 @@ def psf_of_table(instrument: Instrument, band: str) -> TablePsf | None:
     # Pixels widen the image, and exact apertures by as much again.
     held = -math.expm1(-(radius**2) / (2.0 * (sigma**2 + 1.0 / 6.0)))
     line = _pixel_integrals(side, sigma)
-    offset = centred_offsets(side)
-    ring = np.rint(np.hypot(offset[:, None], offset) * (_RINGS / side)).astype(int)
+    ring = np.rint(separations(side, 1.0) * (_RINGS / side)).astype(int)
     level = np.bincount(ring.ravel(), np.abs(pattern.ravel()) ** 2) / np.maximum(np.bincount(ring.ravel()), 1)
     return TablePsf(
         band=band,

@@ -6,14 +6,14 @@ Whoever asks where a planet may stand asks the zone, and needs not know which it
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, check_word
 from simulator.config import Instrument
-from simulator.imaging.sampling import centred_offsets
+from simulator.imaging.sampling import centred_axis, separations
 
 HoleMode = Literal["4q", "2q"]
 HoleSide = Literal["right", "left", "top", "bottom"]
@@ -383,6 +383,19 @@ class BandGeometry:
             stamp_pixels=stamp_pixels,
         )
 
+    @classmethod
+    def like(cls, optics: Any, stamp_pixels: int) -> "BandGeometry":
+        """Return the geometry of optics, or of their figures, that have its lengths and zone by the same names.
+
+        Parameters
+        ----------
+        optics : Imager or StampMetrics
+        stamp_pixels : int
+            Pixels of the stamp a side.
+        """
+        names = (field.name for field in fields(cls) if field.name != "stamp_pixels")
+        return cls(**{name: getattr(optics, name) for name in names}, stamp_pixels=stamp_pixels)
+
     def figures(self) -> dict[str, Any]:
         """Return the lengths and hole as fields of `simulator.imaging.metrics.StampMetrics`."""
         lengths = {name: value for name, value in vars(self).items() if name.endswith("_arcsec")}
@@ -392,7 +405,7 @@ class BandGeometry:
     @property
     def hole(self) -> NDArray[np.bool_]:
         """Pixels whose centres lie in the zone; shape (n, n)."""
-        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
+        offset = centred_axis(self.stamp_pixels, self.pixel_scale_arcsec)
         return self.zone.covers(offset, offset)
 
     @property
@@ -410,7 +423,7 @@ class BandGeometry:
         half_width_lambda_d : float
             Half width of the annulus, in lambda/D of the band.
         """
-        distance = np.abs(self._separations() - separation_arcsec)
+        distance = np.abs(separations(self.stamp_pixels, self.pixel_scale_arcsec) - separation_arcsec)
         return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)
 
     def annulus_pixels(self, separation_arcsec: FloatArray, half_width_lambda_d: float) -> IntArray:
@@ -421,15 +434,13 @@ class BandGeometry:
         separation_arcsec : ndarray
         half_width_lambda_d : float
         """
-        width, inside = half_width_lambda_d * self.lambda_d_arcsec, np.sort(self._separations()[self.hole])
+        width, inside = (
+            half_width_lambda_d * self.lambda_d_arcsec,
+            np.sort(separations(self.stamp_pixels, self.pixel_scale_arcsec)[self.hole]),
+        )
         first = np.searchsorted(inside, separation_arcsec - width, side="left")
         last = np.searchsorted(inside, separation_arcsec + width, side="right")
         return np.asarray(last - first)
-
-    def _separations(self) -> FloatArray:
-        """Return the distance of every pixel from the star, arcsec."""
-        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
-        return np.hypot(offset[:, None], offset)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Return the non-overlapping lambda/D-wide apertures on the arcs inside the zone, a real number (>= 0)."""

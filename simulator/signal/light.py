@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, InputError, Keyed, checked_array, checked_scalar
 from simulator.config import DiscSource
 from simulator.imaging import (
     APART_RADII,
     STEP_PIXELS,
-    ByGeometry,
     PsfMetrics,
+    by_geometry,
     mean_over,
     noise_apertures,
     quadrant_of,
@@ -345,7 +345,7 @@ def companion_tables(
     the science frames do. With ``W`` the light in an aperture and the references' ``R``, what is left is
     ``var(W - R)``; beyond the map that resolves the wings ``0.4^2 mean(W^2 + R^2)`` is added for their structure.
     """
-    kept = _kept(ByGeometry(metrics), annulus_lambda_d, place[0].shape[1], len(difference), rows)
+    kept = _kept(by_geometry(metrics), annulus_lambda_d, place[0].shape[1], len(difference), rows)
     every = np.stack([part for one in (place, *difference) for part in one], axis=1, dtype=np.float64)
     keys = [companion.tobytes() for companion in every]
     new = [number for number, key in enumerate(keys) if key not in kept]
@@ -359,7 +359,7 @@ def companion_tables(
         kept.update({keys[number]: row for number, row in zip(new, zip(*found, strict=True), strict=True)})
     tables, brightest, quadrants = (np.array(part) for part in zip(*(kept[key] for key in keys), strict=True))
     step = STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    separation_arcsec = noise_apertures(ByGeometry(metrics), annulus_lambda_d, step).separation_arcsec
+    separation_arcsec = noise_apertures(by_geometry(metrics), annulus_lambda_d, step).separation_arcsec
     return CompanionTables(separation_arcsec, tables, brightest, quadrants)
 
 
@@ -368,7 +368,7 @@ Row = tuple[FloatArray, FloatArray, FloatArray]
 
 @functools.lru_cache(maxsize=64)
 def _kept(
-    figures: ByGeometry, annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
+    figures: Keyed[PsfMetrics], annulus_lambda_d: float, n_places: int, n_difference: int, rows: tuple[float, float]
 ) -> dict[bytes, Row]:
     """Return the tables, brightest pixel and quadrants of single companions, by their places."""
     return {}
@@ -378,7 +378,7 @@ def _tables(metrics: PsfMetrics, annulus_lambda_d: float, places: Sequence[Place
     """Return the same of ``k`` companions at once, which stand at the first of the places."""
     place, *difference = places
     step = STEP_PIXELS if place[0].shape[1] == 1 else _ROUGH_STEP_PIXELS
-    x, y, separations, share = noise_apertures(ByGeometry(metrics), annulus_lambda_d, step)
+    x, y, separations, share = noise_apertures(by_geometry(metrics), annulus_lambda_d, step)
     light, apart = _apart(metrics, x, y, place)
     column_x, index = np.unique(x, return_inverse=True)
     columns = metrics.source_column_aperture(column_x - place[0][..., None])[..., index]

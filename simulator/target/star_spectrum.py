@@ -29,9 +29,12 @@ from catalogs import (
     read_curve,
     stellar_parameters,
 )
-from cpic_core import InputError, bounded_fits, check_number, is_file, numeric_context, open_file, read_file
+from cpic_core import InputError, bounded_fits, check_number, file_state, is_file, numeric_context, open_file, read_file
 from simulator.passbands import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
+
+if TYPE_CHECKING:
+    from synphot import SourceSpectrum
 
 _MAX_TABLE_BYTES = 200_000_000
 _SPEED_OF_LIGHT_NM_S = 2.99792458e17
@@ -113,10 +116,6 @@ def _by_astropy(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: st
     else:
         unit, hint = "not stated", "name it in the heading, such as 'wavelength_nm photlam'"
     raise InputError(f"{name} flux unit", unit, allowed="photlam, flam, fnu, Jy, or a flux density", hint=hint)
-
-
-if TYPE_CHECKING:
-    from synphot import SourceSpectrum
 
 
 _LETTERS = "OBAFGKM"
@@ -270,7 +269,7 @@ def tree_photlam(
         missing or damaged.
     """
     file = find_tree(path)
-    catalogue = _catalogue(str(file), *_stamp(file))
+    catalogue = _catalogue(str(file), *file_state(file))
     asked = np.array([teff_k, metallicity, log_g])
     cells = _weights(catalogue, np.arange(len(catalogue.places)), asked, 0)
     spectra = [(_model(file.parent, catalogue, row), weight) for row, weight in cells]
@@ -303,7 +302,7 @@ def _model(folder: Path, catalogue: _Catalogue, row: int) -> tuple[np.ndarray, n
     name, column = catalogue.places[row]
     file = folder.joinpath(*name.split("/"))
     try:
-        stamp = _stamp(file)
+        stamp = file_state(file)
     except OSError as error:
         raise InputError("model file", str(file), allowed="a readable file", hint=error.strerror or "") from None
     wavelength, flux = _column(str(file), *stamp, column)
@@ -312,11 +311,6 @@ def _model(folder: Path, catalogue: _Catalogue, row: int) -> tuple[np.ndarray, n
         cell, hint = f"Teff {teff:g} K, log g {log_g:g}, [M/H] {metallicity:g}", f"{name}[{column}] is all zero"
         raise InputError("model cell", cell, allowed="models that exist", hint=hint)
     return wavelength, flux
-
-
-def _stamp(file: Path) -> tuple[int, int]:
-    status = file.stat()
-    return status.st_mtime_ns, status.st_size
 
 
 @functools.lru_cache(maxsize=8)

@@ -1,12 +1,24 @@
-"""The relations that fill star tables, against published values and their own definitions."""
+"""The relations that fill star tables, against published values and their own definitions.
+
+Spectral types: reading and mean sequences.
+"""
 
 import functools
+import itertools
 import math
 
 import numpy as np
 import pytest
+from hypothesis import example, given, strategies as st
 
-from catalogs import load_johnson_v, load_stars, load_stellar_grid, luminosity_from_v
+from catalogs import (
+    load_johnson_v,
+    load_stars,
+    load_stellar_grid,
+    luminosity_from_v,
+    parse_spectral_type,
+    stellar_parameters,
+)
 from catalogs.stars import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     bolometric_correction,
@@ -20,6 +32,7 @@ from catalogs.stellar_physics import (
     spectral_subtype,
     subtype_medians,
 )
+from cpic_core import InputError
 
 #: V, apparent bolometric magnitude (0 is the Sun's 4.74 at 10 pc), temperature (K) and [Fe/H] of dwarfs: Casagrande et
 #: al. 2006, MNRAS 373, 13, table 1 (fluxes from B to Ks, the rest by models); every star hotter than 5600 K or poorer
@@ -228,3 +241,41 @@ def test_what_is_known_of_a_star_counts_before_what_is_derived():
     assert known["radius_rsun"] == pytest.approx(2.0, rel=1e-9), "four suns at the temperature of the Sun"
     poor = bulk_columns(row | {"metallicity": -1.0}, {"log_g": (2.5, "c"), "mass_msun": None})
     assert poor["luminosity_lsun"] == luminosity_from_v(4.0, 10.0, 5772.0, -1.0, 2.5)
+
+
+def test_gravities() -> None:
+    assert stellar_parameters("G2V").log_g == pytest.approx(4.44, abs=0.02)
+    assert stellar_parameters("K0III").log_g == pytest.approx(2.14)
+    dwarf, subgiant, giant = (stellar_parameters(f"K0{c}") for c in ("V", "IV", "III"))
+    assert dwarf.log_g > subgiant.log_g > giant.log_g
+    assert subgiant.teff_k == pytest.approx((dwarf.teff_k + giant.teff_k) / 2)
+
+
+def test_temperature_falls_along_the_sequence() -> None:
+    names = [f"{letter}{n}V" for letter in "AFGK" for n in range(10)] + [f"M{n}V" for n in range(7)]
+    values = [stellar_parameters(name).teff_k for name in names]
+    assert all(a > b for a, b in itertools.pairwise(values))
+
+
+@given(st.one_of(st.text(), st.text("OBAFGKMLDWIVabdegkmhns0123456789.:+-/()? ", max_size=20)))
+@example("K0" + "-" * 150)
+@example("kA0" * 60)
+@example("x" * 999)
+def test_any_text_is_read_or_refused(text: str) -> None:
+    try:
+        found = stellar_parameters(text)
+    except InputError:
+        return
+    assert 2000.0 < found.teff_k < 35000.0
+    assert -1.0 < found.log_g < 6.0
+
+
+def test_every_type_of_the_catalogue_is_read() -> None:
+    from catalogs import load_stars
+
+    types = {str(text) for text in load_stars().column("sp_type")}
+    assert len(types) > 300
+    for text in types:
+        found = parse_spectral_type(text)
+        assert found.position // 10 == "OBAFGKM".index(text[0])
+        assert 3500.0 < stellar_parameters(text).teff_k < 8000.0

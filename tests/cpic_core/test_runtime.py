@@ -1,4 +1,7 @@
-"""One numeric context: a BLAS thread, whatever the machine, the environment and the order of imports say."""
+"""One numeric context: a BLAS thread, whatever the machine, the environment and the order of imports say.
+
+Functions that load alone are those of `scipy.special`, which works as ever once somebody asks for it.
+"""
 
 import json
 import os
@@ -9,9 +12,10 @@ import warnings
 
 import numpy as np
 import pytest
+import scipy.special
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cpic_core import THREAD_VARIABLES, load_kernels, numeric_context
+from cpic_core import THREAD_VARIABLES, load_kernels, numeric_context, special, stream
 
 LATE = """
 import json, sys
@@ -132,3 +136,77 @@ def test_kernels_are_compiled_where_nothing_can_be_kept(tmp_path, monkeypatch):
     assert kernels.twice(21) == 42
     assert os.stat(folder).st_mode & 0o777 == 0o700
     assert any(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
+
+
+ALONE = """
+import sys
+from cpic_core import special
+assert special().ndtr(0.0) == 0.5
+from scipy.special import gammaln, hyp2f1
+assert (gammaln, hyp2f1) == (special().gammaln, special().hyp2f1)
+loaded = {"scipy.linalg", "scipy.special._orthogonal", "numpy.f2py"} & set(sys.modules)
+assert not loaded, loaded
+"""
+LATER = """
+import threading
+import scipy.special
+found = []
+ask = [threading.Thread(target=lambda: found.append(scipy.special.logsumexp([0.0, 0.0]))) for _ in range(4)]
+[one.start() for one in ask]
+[one.join() for one in ask]
+assert [round(value, 12) for value in found] == [0.693147180560] * 4, found
+from scipy.special import ndtr
+assert ndtr is special().ndtr
+assert not hasattr(scipy.special, "no_such_function")
+import scipy.stats
+assert scipy.stats.norm.cdf(0.0) == 0.5
+"""
+
+
+def run(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_loads_nothing_beside_them():
+    run(ALONE)
+
+
+def test_the_package_loads_once_it_is_asked_for():
+    run(ALONE + LATER)
+
+
+def test_the_package_may_be_there_already():
+    run("import scipy.special\n" + ALONE.partition("loaded =")[0] + LATER)
+
+
+def test_same_functions():
+    for name in ("ndtr", "ndtri", "stdtrit", "j0", "j1", "betainc", "betaincinv"):
+        assert getattr(special(), name) is getattr(scipy.special, name)
+
+
+def test_same_path_same_numbers_in_another_process():
+    here = stream(7, "HIP 71681", "science", 3, "photons").integers(2**62, size=4).tolist()
+    draw = "stream(7,'HIP 71681','science',3,'photons').integers(2**62,size=4).tolist()"
+    code = f"from cpic_core.runtime import stream; print({draw})"
+    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert there.strip() == str(here)
+
+
+def test_paths_that_look_alike_are_different():
+    paths = [("a", "bc"), ("ab", "c"), ("abc",), ("a", "b", "c"), (1,), ("1",), (1, 1), (11,), ("a|s1:b",), ("a", "b")]
+    first = [stream(0, *path).integers(2**62) for path in paths]
+    assert len(set(first)) == len(paths)
+    assert stream(0, "a").integers(2**62) != stream(1, "a").integers(2**62)
+
+
+def test_streams_are_uncorrelated():
+    draws = np.array([stream(1, "frame", index).standard_normal(4000) for index in range(40)])
+    correlation = np.corrcoef(draws)[np.triu_indices(40, 1)]
+    # 780 pairs of variance 1/4000: four standard errors of the mean square.
+    assert abs(np.mean(correlation**2) * 4000 - 1) < 4 * np.sqrt(2 / correlation.size)
+    assert abs(draws.mean()) < 4 / np.sqrt(draws.size)
+
+
+def test_bad_path_parts_are_refused(refused):
+    refused("stream path", stream, 1, 2.5)

@@ -1,9 +1,10 @@
-"""Targets x dates against an astropy-only computation, analytic shares of the sky, and what is refused."""
+"""When stars can be seen: rolls, limb of the Earth, calendars and results, against geometry worked out otherwise."""
 
 import itertools
 import socket
 import tracemalloc
 import warnings
+from dataclasses import replace
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -12,17 +13,400 @@ from astropy import units as u
 from astropy.coordinates import GCRS, BarycentricMeanEcliptic, SkyCoord, get_body
 from astropy.time import Time
 from astropy.utils import iers
+from hypothesis import given, strategies as st
+from matplotlib.path import Path as Outline
 
-from cpic_core import InputError
-from cpic_planner.survey.visibility import BLOCKS, Visibility, _geometry, load_visibility, slew_s, visibility
-from cpic_planner.targets import rank_sample
+from cpic_core import InputError, load_yaml
+from cpic_planner.results import VisibilityResult
+from cpic_planner.survey.visibility import (
+    BLOCKS,
+    PACKAGE,
+    Geometry,
+    Visibility,
+    VisibilityConfig,
+    _flank,
+    _geometry,
+    clear_arcs,
+    load_visibility,
+    roll_half_range_deg,
+    slew_s,
+    visibility,
+    visibility_result,
+)
+from cpic_planner.targets import Targets, find_target, rank_sample
 from simulator import load_instrument
+from simulator.config import preset_names, preset_path
+from simulator.products import CircularOrbit, earth_radius_deg
+
+
+@pytest.mark.parametrize("name", preset_names("visibility", package="cpic_planner"))
+def test_presets_are_complete_and_sourced(name):
+    config = load_visibility(name)
+    assert config.name == name
+    assert config.description
+    tree = load_yaml(preset_path("visibility", name, package=PACKAGE))
+    numbers = set(VisibilityConfig.model_fields) - {"name", "description"}
+    # The Sun's limit is said in the instrument's preset alone.
+    assert set(tree) - {"kind", "name", "description"} | {"sun_deg"} == numbers == set(config.provenance)
+    for key, standing in config.provenance.items():
+        assert standing.source, key
+        assert standing.confidence in ("P", "I", "A"), key
+        if standing.confidence == "A":
+            low, high = standing.range
+            assert low <= getattr(config, key) <= high, key
+
+
+def test_default_values():
+    config = load_visibility()
+    assert load_visibility("default") == config
+    assert load_visibility(config) is config
+    assert (config.sun_deg, config.moon_deg, config.dark_limb_deg, config.bright_limb_deg) == (50, 20, 10, 30)
+    assert config.sun_deg == load_instrument().sky.sun_limit_deg
+    assert config.provenance["sun_deg"] == load_instrument().provenance["sky.sun_limit_deg"]
+    assert (config.panel, config.panel_deg, config.roll_deg, config.saa_fraction) == ("one_axis", 25, 15, 0.08)
+    assert (config.settle_s, config.thermal_settle_orbits) == (180, 1)
+
+
+def test_share_of_the_anomaly_is_that_of_the_quoted_polygon_and_a_margin():
+    # Corners (longitude, latitude) of the survey planning's polygon; over days an orbit passes every longitude alike.
+    outline = Outline([(-13, -42.5), (-72, -42.5), (-81, -25), (-54, -15), (5, -32)])
+    orbit = CircularOrbit(load_instrument().mission.orbit)
+    position, _ = orbit.state(np.linspace(0, orbit.period_s, 4000, endpoint=False))
+    latitude = np.degrees(np.arcsin(position[:, 2] / orbit.radius_km))
+    longitude = np.linspace(-180, 180, 720, endpoint=False)
+    points = np.stack(np.meshgrid(longitude, latitude), axis=-1).reshape(-1, 2)
+    share = outline.contains_points(points).mean()
+    assert share == pytest.approx(0.062, abs=0.0005)
+    assert "6.2 %" in load_visibility().provenance["saa_fraction"].source
+    assert share < load_visibility().saa_fraction
+
+
+def test_slews_follow_the_quoted_times(refused):
+    survey = load_visibility({"settle_s": 68})
+    # Angle (deg) and time (s) of the survey planning.
+    for angle, time_s in ((20, 127), (45, 196), (180, 581)):
+        assert float(slew_s(angle, survey)) == pytest.approx(time_s, abs=2)
+    assert slew_s([0.0, 35.0, 180.0], load_visibility()).tolist() == pytest.approx([0.0, 280.0, 180 / 0.35 + 180])
+    for angle in (-1.0, 181.0, float("nan"), "far"):
+        refused("angle_deg", slew_s, angle, survey)
+
+
+def test_changes_are_laid_over_the_base(tmp_path):
+    near = load_visibility({"moon": 40})
+    assert near.moon_deg == 40
+    assert near.name == "default+changes"
+    assert near.sun_deg == load_visibility().sun_deg
+    assert "moon_deg" not in near.provenance
+    assert near.provenance["sun_deg"] == load_visibility().provenance["sun_deg"]
+    path = tmp_path / "strict.yaml"
+    path.write_text(
+        'kind: visibility\nbase: default\nbright_limb_deg: {value: 70, unit: deg, source: "survey", confidence: P}\n'
+    )
+    strict = load_visibility(str(path))
+    assert (strict.name, strict.bright_limb_deg) == ("strict", 70)
+    assert strict.provenance["bright_limb_deg"].confidence == "P"
+    assert load_visibility(path).content() == strict.content() != load_visibility().content()
+    assert load_visibility({"name": "other words"}).content() == load_visibility().content()
+    assert load_visibility({}) == load_visibility().model_copy(update={"description": ""})
+
+
+def test_a_file_that_is_no_mapping_is_refused(refused, tmp_path):
+    path = tmp_path / "list.yaml"
+    path.write_text("- 1\n")
+    refused("a YAML mapping of kind visibility", load_visibility, path)
+
+
+def limits(**values):
+    return load_visibility({"roll_deg": 90} | values)
+
+
+def smallest_angle_deg(theta, psi, turn, steps=801):
+    """Angle from the Sun of the best of many normals, for a boresight along z and panels that turn about y."""
+    theta, psi = np.radians(theta), np.radians(psi)
+    sun = np.array([np.sin(theta) * np.cos(psi), np.sin(theta) * np.sin(psi), np.cos(theta)])
+    turned = np.radians(np.linspace(-turn, turn, steps))
+    normals = np.stack([np.cos(turned), np.zeros(steps), np.sin(turned)], axis=-1)
+    return np.degrees(np.arccos(np.clip(normals @ sun, -1, 1))).min()
+
+
+@given(st.floats(0.5, 179.5), st.floats(0, 90), st.floats(1, 80))
+def test_at_the_end_of_the_range_the_best_normal_is_at_its_limit(theta, turn, limit):
+    (half,) = roll_half_range_deg(np.array([theta]), limits(panel_turn_deg=turn, panel_deg=limit))
+    at_rest = smallest_angle_deg(theta, 0.0, turn)
+    if np.isnan(half):
+        assert at_rest > limit - 1e-6
+    else:
+        assert 0 <= half <= 90
+        assert at_rest <= limit + 0.1
+        assert smallest_angle_deg(theta, half, turn) <= limit + 0.1
+        if half < 89:
+            # A little more roll is too much.
+            assert smallest_angle_deg(theta, half + 0.5, turn) >= limit - 0.1
+            assert smallest_angle_deg(theta, half * 0.5, turn) <= limit + 0.1
+
+
+def test_free_panels_follow_their_rule():
+    theta = np.linspace(0, 180, 181)
+    half = roll_half_range_deg(theta, limits(panel_turn_deg=90))
+    rolled = np.sin(np.radians(theta)) * np.sin(np.radians(half))
+    assert np.all(rolled <= np.sin(np.radians(25)) + 1e-12)
+    # Whatever is less than all around stands at the limit.
+    inside = half < 90 - 1e-9
+    assert rolled[inside] == pytest.approx(np.sin(np.radians(25)))
+    assert np.sin(np.radians(theta[~inside])).max() <= np.sin(np.radians(25)) + 1e-9
+
+
+def test_fixed_panels_follow_their_rule():
+    theta = np.linspace(0, 180, 361)
+    half = roll_half_range_deg(theta, limits(panel="fixed"))
+    seen = np.isfinite(half)
+    assert theta[seen].tolist() == np.linspace(65, 115, 101).tolist()
+    assert np.sin(np.radians(theta[seen])) * np.cos(np.radians(half[seen])) == pytest.approx(np.cos(np.radians(25)))
+    # What panels of one axis may turn by is nothing to fixed ones.
+    other = roll_half_range_deg(theta, limits(panel="fixed", panel_turn_deg=60))
+    np.testing.assert_array_equal(half, other)
+    np.testing.assert_allclose(roll_half_range_deg(theta, limits(panel_turn_deg=0)), half)
+
+
+def test_default_reaches_from_40_to_140_degrees_with_the_roll_that_is_free():
+    config = load_visibility()
+    theta = np.array([39.9, 40.0, 90.0, 140.0, 140.1])
+    half = roll_half_range_deg(theta, config)
+    assert np.isnan(half).tolist() == [True, False, False, False, True]
+    assert half[1:4].tolist() == pytest.approx([0.0, 15.0, 0.0], abs=1e-4)
+    assert np.nanmax(roll_half_range_deg(np.linspace(0, 180, 200), config)) == 15.0
+
+
+def test_no_limit():
+    half = roll_half_range_deg(np.linspace(0, 180, 50), limits(panel_deg=90, panel_turn_deg=90))
+    assert half == pytest.approx(90.0)
+
+
+CIRCLE = CircularOrbit(load_instrument().mission.orbit)
+RADIUS_DEG = float(earth_radius_deg(CIRCLE.radius_km))
+
+
+# Minutes per orbit of a target in the plane of the orbit, by the limit at any limb; from a radius of 70.2 deg.
+IN_PLANE = {5: 53.9, 10: 51.3, 15: 48.8, 20: 46.2, 30: 41.0, 40: 35.9, 50: 30.8, 70: 20.5}
+FRACTIONS = {5: 0.58, 10: 0.55, 15: 0.53, 20: 0.50, 30: 0.44, 40: 0.39, 50: 0.33, 70: 0.22}
+
+
+def unit(values):
+    vector = np.asarray(values, float)
+    return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+
+
+def geometry(target, sun):
+    """Of unit vectors whose third component is along the pole of the orbit."""
+    in_plane = np.hypot(target[:, 0], target[:, 1])
+    one, other = target[:, 0] / in_plane, target[:, 1] / in_plane
+    return Geometry(
+        in_plane,
+        one * sun[:, 0] + other * sun[:, 1],
+        one * sun[:, 1] - other * sun[:, 0],
+        np.sum(target * sun, axis=-1),
+    )
+
+
+def by_force(target, sun, radius_deg, dark, bright, places=36000):
+    """Fraction and longest piece from many places, each with the point of the limb in three dimensions."""
+    along = 2 * np.pi * np.arange(places) / places
+    zenith = np.stack([np.cos(along), np.sin(along), np.zeros(places)], axis=-1)
+    up = zenith @ target
+    level = unit(target - up[:, None] * zenith)
+    rho = np.radians(radius_deg)
+    point = np.sin(rho) * zenith + np.cos(rho) * level
+    limb = 180 - radius_deg - np.degrees(np.arccos(np.clip(up, -1, 1)))
+    clear = (limb >= dark) & ((limb >= bright) | (point @ sun <= 0))
+    if clear.all() or not clear.any():
+        return clear.mean(), float(clear.all())
+    turned = np.roll(clear, -np.flatnonzero(~clear)[0]).astype(int)
+    edges = np.diff(np.concatenate([[0], turned, [0]]))
+    return clear.mean(), (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)).max() / places
+
+
+@pytest.mark.parametrize("limit", IN_PLANE)
+def test_targets_in_the_plane_of_the_orbit(limit):
+    some = Geometry(*(np.array([value]) for value in (1.0, 0.3, -0.2, 0.3)))
+    fraction, longest = clear_arcs(some, RADIUS_DEG, limit, limit)
+    assert fraction[0] == pytest.approx(FRACTIONS[limit], abs=0.005)
+    assert fraction[0] * CIRCLE.period_s / 60 == pytest.approx(IN_PLANE[limit], abs=0.08)
+    assert fraction[0] == pytest.approx((180 - RADIUS_DEG - limit) / 180, abs=1e-12)
+    assert longest[0] == fraction[0]
+
+
+@pytest.mark.parametrize("limit", [5.0, 12.0, 19.7])
+def test_continuous_viewing_zone(limit):
+    # Around the pole of the orbit, as wide as what the limb is below the horizon (19.8 deg) less the limit.
+    width = 90 - RADIUS_DEG - limit
+    assert abs(RADIUS_DEG + 19.8 - 90) < 0.05
+    from_pole = np.radians([0.0, 0.98 * width, 1.02 * width])
+    some = Geometry(np.sin(from_pole), np.zeros(3), np.zeros(3), np.cos(from_pole))
+    fraction, longest = clear_arcs(some, RADIUS_DEG, limit, limit)
+    assert fraction[:2].tolist() == longest[:2].tolist() == [1.0, 1.0]
+    assert fraction[2] < 0.97
+    assert clear_arcs(some, RADIUS_DEG, 19.9, 19.9)[0][0] == 0.0
+
+
+def test_limbs_that_are_all_dark_or_all_sunlit():
+    # The Sun behind the target lights the limb below it, the Sun in front of it does not, wherever on the orbit.
+    rng = np.random.default_rng(3)
+    target = unit(rng.normal(size=(200, 3)))
+    for sun, limit in ((target, 30.0), (-target, 10.0)):
+        fraction, _ = clear_arcs(geometry(target, sun), RADIUS_DEG, 10.0, 30.0)
+        plain, _ = clear_arcs(geometry(target, sun), RADIUS_DEG, limit, limit)
+        np.testing.assert_allclose(fraction, plain, atol=1e-12)
+
+
+@pytest.mark.parametrize(("dark", "bright", "radius"), [(10, 30, RADIUS_DEG), (0, 90, 62.0), (2, 180, 50.0)])
+def test_fractions_and_windows_agree_with_many_places(dark, bright, radius):
+    rng = np.random.default_rng(17)
+    target, sun = unit(rng.normal(size=(120, 3))), unit(rng.normal(size=(120, 3)))
+    # Some near the pole of the orbit, where the flanks are wide.
+    target[:40, 2] *= 8
+    target = unit(target)
+    fraction, longest = clear_arcs(geometry(target, sun), radius, dark, bright)
+    forced = np.array([by_force(*pair, radius, dark, bright) for pair in zip(target, sun, strict=True)])
+    # Of the orbit: 0.02 deg, two of the places.
+    assert np.abs(fraction - forced[:, 0]).max() * 360 < 0.02
+    assert np.abs(longest - forced[:, 1]).max() * 360 < 0.02
+    assert len(np.unique(forced[:, 0])) > 60
+    # Windows that are only a part of what is clear are among them.
+    assert np.sum(forced[:, 1] < forced[:, 0] - 0.005) > 3
+
+
+@pytest.mark.parametrize("near", ["anywhere", "plane", "pole", "sun"])
+def test_any_orbit_and_any_limits_agree_with_many_places(near):
+    rng = np.random.default_rng(23)
+    for _ in range(12):
+        target, sun = unit(rng.normal(size=(2, 6, 3)))
+        if near == "plane":
+            target[:, 2], sun[:, 2] = 10 ** rng.uniform(-9, -1, (2, 6))
+        elif near == "pole":
+            target[:, :2] = 10 ** rng.uniform(-9, -1, (6, 2))
+        elif near == "sun":
+            sun = rng.choice([-1, 1], (6, 1)) * target + 10 ** rng.uniform(-9, -1, (6, 1)) * sun
+        target, sun = unit(target), unit(sun)
+        radius, limits = rng.uniform(1, 89), np.sort(rng.uniform(0, 180, 2) * rng.choice([0, 0.3, 1], 2))
+        found = np.stack(clear_arcs(geometry(target, sun), radius, *limits), axis=-1)
+        forced = np.array([by_force(*pair, radius, *limits, places=7200) for pair in zip(target, sun, strict=True)])
+        assert np.abs(found - forced).max() * 360 < 0.15
+        assert found.max() <= 1.0
+
+
+def test_dark_runs_of_a_flank_are_those_of_its_parabolas():
+    """Parabolas through all small whole numbers and some others, looked at in 4000 places and at both ends."""
+    rng = np.random.default_rng(29)
+    whole = list(itertools.product((-2, -1, 0, 1, 2), repeat=3))
+    straight = np.outer(rng.normal(size=50), (-1.0, 0.3, 1.6))
+    samples = np.array([*whole, *rng.normal(size=(150, 3)), *(rng.normal(size=(50, 3)) ** 3), *straight]).T
+    samples[:, -20:] += 1e-15 * rng.normal(size=(3, 20))
+    step = rng.uniform(0.001, 2.0, samples.shape[1])
+    x = np.concatenate([[-1.0], (np.arange(4000) + 0.5) / 2000 - 1, [1.0]])
+    values = np.einsum("kn,kx->nx", samples, [x * (x - 1) / 2, 1 - x**2, x * (x + 1) / 2])
+    # A second piece, on which the flank returns to where it came from, is the mirror image of the first.
+    pieces = _flank(samples[[0, 1, 2, 1, 0]], step)
+    assert len(pieces) == 2
+    for n, dark in enumerate(values <= 0):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], dark, [0]])))
+        begin, end = (len(x) if dark.all() else np.argmin(side) for side in (dark, dark[::-1]))
+        expected = [dark.sum(), begin, end, max(edges[1::2] - edges[::2], default=0)]
+        for piece, order in zip(pieces, ((0, 1, 2, 3), (0, 2, 1, 3)), strict=True):
+            runs = np.array([getattr(piece, name)[n] for name in ("total", "begin", "end", "longest")])
+            assert runs / step[n] * 2000 == pytest.approx([expected[k] for k in order], abs=3.01), samples[:, n]
+            assert piece.length[n] == 2 * step[n]
+
+
+def test_a_limb_on_the_terminator_is_dark():
+    # The Sun at the pole of the orbit and a target in its plane: the nearest point of the limb never leaves it.
+    some = Geometry(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1))
+    assert clear_arcs(some, 70.0, 10.0, 30.0)[0].tolist() == pytest.approx([100 / 180], abs=1e-12)
+
+
+def test_orbits_that_count_as_a_whole_are_one_revolution():
+    # Targets about the pole of the orbit, over a limb that is dark all around; rounding may not make more of it.
+    rng = np.random.default_rng(31)
+    tilt = np.radians(rng.uniform(0, 15, 3000))
+    for sun_up in (-1.0, 1.0):
+        some = Geometry(np.sin(tilt), sun_up * np.sin(tilt), np.zeros(3000), sun_up * np.cos(tilt))
+        fraction, longest = clear_arcs(some, 70.0, 5.0, rng.uniform(6, 30))
+        if sun_up < 0:
+            assert fraction.min() >= 1 - 1e-12
+            assert longest.min() >= 1 - 1e-12
+        assert fraction.max() <= 1.0
+        assert longest.max() <= 1.0
+
+
+def test_many_targets_need_little_memory():
+    rng = np.random.default_rng(37)
+    some = Geometry(np.full(6000, 0.1), *rng.uniform(-0.7, 0.7, (3, 6000)))
+    tracemalloc.start()
+    try:
+        clear_arcs(some, 70.0, 0.0, 90.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # All samples along the 6000 orbits at once would be 5.8 MB an array, and there are dozens of arrays.
+    assert peak < 30e6
+
+
+def test_limbs_that_the_sun_just_grazes():
+    # Suns that are moved until a dark piece of a flank is about to vanish: the worst for anything that goes by samples.
+    rng = np.random.default_rng(5)
+    worst = 0.0
+    for _ in range(12):
+        target, sun, pole = unit(rng.normal(size=(3, 3)))
+        share = np.linspace(0, 1, 400)
+        suns = unit(np.outer(1 - share, sun) + np.outer(share, pole))
+        some = geometry(np.broadcast_to(target, (400, 3)), suns)
+        fraction, _ = clear_arcs(some, RADIUS_DEG, 5.0, 45.0)
+        bends = np.abs(np.diff(fraction, 2))
+        at = int(np.argmax(bends)) + 1
+        forced, _ = by_force(target, suns[at], RADIUS_DEG, 5.0, 45.0)
+        worst = max(worst, abs(fraction[at] - forced) * 360)
+    assert worst < 0.1
+
+
+COSINES = st.floats(-1, 1)
+
+
+@given(st.floats(0, 1), COSINES, COSINES, COSINES, st.floats(45, 75), st.floats(0, 60), st.floats(0, 60))
+def test_bounds_and_order(in_plane, ahead, aside, pole, radius, one, other):
+    sun = unit([ahead, aside, pole if abs(pole) > 0.01 else 0.5])
+    dark, bright = sorted((one, other))
+    target_up = np.sqrt(1 - in_plane**2)
+
+    sun_target = np.array([in_plane * sun[0] + target_up * sun[2]])
+
+    def arcs(dark, bright, side=1.0):
+        some = Geometry(np.array([in_plane]), sun[:1], side * sun[1:2], sun_target)
+        return [float(part[0]) for part in clear_arcs(some, radius, dark, bright)]
+
+    fraction, longest = arcs(dark, bright)
+    assert 0 <= longest <= fraction + 1e-12
+    assert fraction <= 1
+    assert arcs(dark, bright, -1.0) == pytest.approx([fraction, longest], abs=1e-9)
+    (easy, _), (hard, _) = arcs(dark, dark), arcs(bright, bright)
+    assert hard - 1e-12 <= fraction <= easy + 1e-12
+    # A bright limit below the dark one changes nothing.
+    assert arcs(bright, dark) == pytest.approx(arcs(bright, bright), abs=1e-12)
+
+
+def test_a_target_at_the_pole_of_the_orbit():
+    some = Geometry(np.zeros(2), np.array([1.0, 0.0]), np.zeros(2), np.array([0.0, 1.0]))
+    fraction, longest = clear_arcs(some, RADIUS_DEG, 10.0, 30.0)
+    # Sun in the plane: the limb point below the target is lit for half of the orbit; Sun at the pole: always.
+    assert fraction.tolist() == pytest.approx([0.5, 0.0], abs=1e-4)
+    assert longest.tolist() == pytest.approx([0.5, 0.0], abs=1e-4)
+
 
 ORBIT = load_instrument().mission.orbit
 CONFIG = load_visibility()
 NO_MOON = load_visibility({"moon_deg": 0})
 EARTH_ALONE = load_visibility({"sun_deg": 0, "moon_deg": 0, "panel_deg": 90, "panel_turn_deg": 90, "saa_fraction": 0})
 GM, EARTH, J2 = 398600.4418, 6378.137, 1.08262668e-3
+
+
 # Past the table of leap seconds, before it, and the mission's own.
 STARTS = ("2045-03-10", pytest.param("1999-06-01", marks=pytest.mark.long))
 
@@ -453,3 +837,80 @@ def test_refusals(refused, changes, text):
     asked = {"ra_deg": [1.0], "dec_deg": [2.0], "start_utc": "2028-01-01", "n_days": 10} | changes
     message = refused("", visibility, asked.pop("ra_deg"), asked.pop("dec_deg"), CONFIG, ORBIT, **asked)
     assert message.startswith(text)
+
+
+YEAR = {"start_utc": "2028-01-01", "n_days": 366}
+
+
+@pytest.fixture(scope="module")
+def stars():
+    return Targets.joined([find_target(name)[0] for name in ("tau Cet", "rho1 Cnc", "bet Hyi")])
+
+
+@pytest.fixture(scope="module")
+def result(stars):
+    return visibility_result(stars, CONFIG, ORBIT, **YEAR, catalogue="test")
+
+
+def test_numbers_are_those_of_the_calendar(stars, result):
+    seen = visibility(stars.ra_deg, stars.dec_deg, CONFIG, ORBIT, **YEAR)
+    assert result.mjd == seen.mjd.tolist()
+    assert result.period_s == seen.period_s
+    for row, target in enumerate(result.targets):
+        assert target.days.visible_s == seen.visible_s[row].tolist()
+        assert target.days.window_s == seen.window_s[row].tolist()
+        assert [BLOCKS.index(name) for name in target.days.blocked_by] == seen.blocked_by[row].tolist()
+        usable = seen.observable[row]
+        assert target.observable_days == usable.sum()
+        assert sum(target.blocked_days.values()) + target.observable_days == 366
+        assert target.visible_s == np.median(seen.visible_s[row, usable])
+        assert target.best_visible_s == seen.visible_s[row].max()
+        assert target.longest_window_s == seen.window_s[row].max()
+        best = int(np.argmax(seen.visible_s[row]))
+        assert target.best_utc == seen.windows(row)[0][0] if best == 0 else target.best_utc > result.start_utc
+        assert sum(season.days for season in target.seasons) == target.observable_days
+        assert 0 < target.roll_half_range_deg <= 15
+
+
+def test_known_stars(result):
+    tau_cet, rho_cnc, beta_hyi = result.targets
+    assert (tau_cet.hip, rho_cnc.hip, beta_hyi.hip) == (8102, 43587, 2021)
+    # Beyond 50 deg from the ecliptic nothing blocks; beside it the Sun does twice as long as the panels' 40 deg.
+    assert beta_hyi.ecliptic_latitude_deg == pytest.approx(-64.8, abs=0.1)
+    assert beta_hyi.observable_days == 366
+    assert len(beta_hyi.seasons) == 1
+    assert rho_cnc.ecliptic_latitude_deg == pytest.approx(10.4, abs=0.1)
+    assert 98 <= rho_cnc.blocked_days["sun"] <= 106
+    assert rho_cnc.blocked_days["moon"] > 10
+    assert tau_cet.blocked_days["moon"] == 0
+    # Opposite the Sun in early October: the season before ends, the one behind begins 140 deg from the Sun.
+    assert [season.end_utc[:7] for season in tau_cet.seasons] == ["2028-02", "2028-09", "2029-01"]
+
+
+def test_round_trip_and_hash(stars, result):
+    assert VisibilityResult.model_validate_json(result.model_dump_json()) == result
+    again = visibility_result(stars, CONFIG, ORBIT, **YEAR, catalogue="other words")
+    assert again.config_hash == result.config_hash
+    month = {"start_utc": "2028-01-01", "n_days": 31}
+    hashes = {
+        visibility_result(stars, CONFIG, ORBIT, **month).config_hash,
+        visibility_result(stars, load_visibility({"moon_deg": 30}), ORBIT, **month).config_hash,
+        visibility_result(stars, CONFIG, ORBIT.model_copy(update={"node_deg": 10.0}), **month).config_hash,
+        visibility_result(stars, CONFIG, ORBIT, start_utc="2028-01-02", n_days=31).config_hash,
+        visibility_result(stars.select([0]), CONFIG, ORBIT, **month).config_hash,
+        result.config_hash,
+    }
+    assert len(hashes) == 6
+
+
+def test_a_star_that_is_never_seen(stars):
+    never = visibility_result(stars.select([0]), load_visibility({"sun_deg": 179}), ORBIT, **YEAR)
+    (target,) = never.targets
+    assert (target.observable_days, target.seasons) == (0, [])
+    assert target.visible_s is target.best_utc is target.longest_window_s is target.roll_half_range_deg is None
+    assert target.blocked_days["sun"] == 366
+
+
+def test_a_star_without_coordinates_is_refused_by_name(refused, stars):
+    bare = replace(stars, ra_deg=np.array([1.0, np.nan, 2.0]))
+    refused(r"ra_deg, dec_deg = missing deg: .* has none of rho1 Cnc", visibility_result, bare, CONFIG, ORBIT, **YEAR)

@@ -11,7 +11,6 @@ from scipy.special import erf
 from simulator.imaging import centred_axis, pixel_axis
 from simulator.imaging.sampling import (
     box_gauss_rule,
-    centred_offsets,
     displaced,
     integrate_pixels,
     open_pixels,
@@ -156,11 +155,11 @@ def test_shift_is_exact_for_what_the_pixels_sample(place):
 @pytest.mark.parametrize("place", [(3.3, -7.45), (0.0, 11.5), (-18.2, 19.9)])
 def test_placing_adds_whole_pixels(place):
     image = displaced(gaussian(41), *place)
-    known = np.abs(np.add.outer(np.zeros(41), centred_offsets(41)) - place[1]) < 20
-    known &= (np.abs(centred_offsets(41) - place[0]) < 20)[:, None]
+    known = np.abs(np.add.outer(np.zeros(41), centred_axis(41)) - place[1]) < 20
+    known &= (np.abs(centred_axis(41) - place[0]) < 20)[:, None]
     np.testing.assert_allclose(image[known], gaussian(41, *place)[known], atol=1e-6)
     assert image.min() >= 0
-    assert not image[~(np.abs(centred_offsets(41) - place[0]) <= 21)].any()
+    assert not image[~(np.abs(centred_axis(41) - place[0]) <= 21)].any()
 
 
 def test_whole_pixels_move_bit_for_bit():

@@ -1,14 +1,28 @@
+""""""
+
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from cpic_core import InputError
-from simulator.config import load_instrument
+from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging import build_imager, centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.scene_image import BandTransfer, KernelTransfer, PointSources, SourceGrid, scene_image
+from simulator.imaging.scene_image import (
+    BELL,
+    BandTransfer,
+    KernelTransfer,
+    PointSources,
+    SourceGrid,
+    _bell_integral,
+    _intensity,
+    _odd_fast_length,
+    paper_scene_image,
+    scene_image,
+)
 from simulator.knobs import Knobs
 
 NONE = PointSources([], [], [])
@@ -271,3 +285,273 @@ def test_a_kernel_of_another_pixel_is_refused():
 )
 def test_unusable_sources_are_refused_by_name(refused, sources, named):
     refused(named, sources)
+
+
+def lopsided_of_transfer(band="F520", **knobs):
+    """An imager whose PSF has no symmetry: coma, random screens, and a pupil dark on one side."""
+    bare = bare_imager(load_instrument(), band, Knobs(**({"wavelength_nodes": 2} | knobs)))
+    n = len(bare.transmission)
+    u = (np.arange(n) + 0.5) / n * 2 - 1
+    screens = draw_aberrations(5, samples=n).plus_opd(60 * (3 * u**2 - 2) * u + 25 * (u**2)[:, None] * u[:, None])
+    amplitude = screens.amplitude * (1 - 0.4 * (u[:, None] > 0.2))
+    return dataclasses.replace(bare, static=dataclasses.replace(screens, amplitude=amplitude), jitter_arcsec=0.0)
+
+
+def resynthesised(transfer, y_arcsec, x_arcsec, y_axis, x_axis):
+    """Intensity per steradian from all harmonics, by a plain sum."""
+    values = transfer.values(y_axis, x_axis)
+    ky = np.fft.fftfreq(y_axis.count) * y_axis.count / y_axis.period_arcsec
+    rows = np.exp(2j * np.pi * np.outer(y_arcsec - y_axis.centre_arcsec, ky))
+    columns = np.exp(2j * np.pi * np.outer(x_arcsec - x_axis.centre_arcsec, x_axis.frequencies))
+    columns[:, 1:] *= 2
+    area = y_axis.period_arcsec * x_axis.period_arcsec / ARCSEC_PER_RAD**2
+    return (rows @ values @ columns.T).real / area
+
+
+def test_harmonics_give_back_the_intensity_wherever_the_axes_promise_it():
+    imager = lopsided_of_transfer()
+    transfer = BandTransfer(imager)
+    rng = np.random.default_rng(0)
+    peak = imager.intensity(np.zeros(1), np.zeros(1)).max() / imager.pixel_solid_angle_sr
+    for low, high in ((-1.0, 1.0), (-0.1, 3.0), (-0.01, 0.01), (7.0, 9.0), (-60.0, -59.0)):
+        y_axis, x_axis = transfer.axis(low, high), transfer.axis(-0.4, 0.7)
+        y = np.r_[low, rng.uniform(low, high, 30), high]
+        x = np.r_[-0.4, rng.uniform(-0.4, 0.7, 30), 0.7]
+        ours = resynthesised(transfer, y, x, y_axis, x_axis)
+        exact = imager.intensity(y, x) / imager.pixel_solid_angle_sr
+        assert np.abs(ours - exact).max() < 1e-11 * peak
+        assert np.abs(ours - exact).max() < 1e-6 * exact.max()  # the window follows the level of the wings
+
+
+def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
+    imager = lopsided_of_transfer(wavelength_nodes=1)
+    transfer = BandTransfer(imager)
+    axis = transfer.axis(-9.0, 9.0)
+    values = transfer.values(axis, axis)
+    pupil = imager.pupil(0)
+    n = len(pupil)
+    padded = np.zeros((2 * n, 2 * n), dtype=complex)
+    padded[:n, :n] = pupil
+    spectrum = np.fft.fft2(padded)
+    lags = np.fft.ifft2(np.abs(spectrum) ** 2) * (2.0 / n) ** 2 / np.pi  # sum of P(r + m) conj P(r)
+    # The transform of |E|^2 at frequency k is the overlap of the pupil with itself shifted by -lambda k.
+    sample = imager.wavelengths_m[0] * ARCSEC_PER_RAD / (2.0 / n)
+    for row, column in ((0, 0), (3, 40), (60, 10), (-50, 90), (120, 200), (-200, 30)):
+        shift = -np.array([row, column]) / axis.period_arcsec * sample
+        corner = np.floor(shift).astype(int)
+        part = shift - corner
+        bilinear = sum(
+            lags[(corner[0] + i) % (2 * n), (corner[1] + j) % (2 * n)]
+            * (part[0] if i else 1 - part[0])
+            * (part[1] if j else 1 - part[1])
+            for i in (0, 1)
+            for j in (0, 1)
+        )
+        assert values[row, column] == pytest.approx(bilinear, abs=5e-3 * lags[0, 0].real)
+    assert np.abs(values[3, 40].imag) > 2e-2 * lags[0, 0].real  # where the mirror image would have the other sign
+
+
+def test_fast_intensity_is_the_imagers():
+    for knobs, tolerance in (({}, 1e-14), ({"precision": "single"}, 1e-6)):
+        imager = lopsided_of_transfer(**knobs)
+        transfer = BandTransfer(imager)
+        for y, x in (((-0.5, 0.7), (2.0, 3.1)), ((-0.5, 0.7), (-0.3, 0.8)), ((-0.4, 0.4), (-0.4, 0.4))):
+            rows, columns = transfer.axis(*y), transfer.axis(*x)
+            places = [axis.centre_arcsec + axis.samples_arcsec for axis in (rows, columns)]
+            exact = imager.intensity(*places) / imager.pixel_solid_angle_sr
+            # Far out the phases themselves are known to their rounding.
+            phase = np.pi * max(np.abs(place).max() for place in places) / imager.lambda_d_arcsec
+            allowed = tolerance + 2 * np.finfo(float).eps * phase
+            assert np.abs(_intensity(imager, rows, columns) - exact).max() < allowed * exact.max()
+
+
+def test_jitter_is_a_gaussian_factor():
+    still = lopsided_of_transfer()
+    moving = dataclasses.replace(still, jitter_arcsec=0.012)
+    axis = BandTransfer(moving).axis(-0.5, 0.5)
+    ky = np.abs(np.fft.fftfreq(axis.count) * axis.count / axis.period_arcsec)
+    factor = np.exp(-2 * np.pi**2 * 0.012**2 * (ky[:, None] ** 2 + axis.frequencies**2))
+    np.testing.assert_allclose(
+        BandTransfer(moving).values(axis, axis), BandTransfer(still).values(axis, axis) * factor, rtol=1e-12
+    )
+    assert axis.low_arcsec < -0.5 - 6 * 0.012  # room for what the jitter brings in
+
+
+def test_window_is_one_where_it_must_be_and_gone_at_the_end_of_the_period():
+    axis = BandTransfer(lopsided_of_transfer()).axis(-1.0, 2.0)
+    samples, window = axis.samples_arcsec, axis.window
+    assert axis.count % 2 == 1
+    assert samples[0] == 0.0
+    assert np.ptp(samples) < axis.period_arcsec
+    assert (window[np.abs(samples) <= 1.5] == 1.0).all()
+    assert window[np.abs(samples) > axis.period_arcsec / 2 * 0.98].max() < 1e-6
+    order = np.argsort(np.abs(samples))
+    assert (np.diff(window[order]) <= 1e-15).all()
+
+
+def test_bell_integral_against_quadrature():
+    from scipy.integrate import quad
+    from scipy.special import i0
+
+    def bell(t):
+        return i0(BELL * np.sqrt(1 - t * t))
+
+    whole = quad(bell, -1, 1, epsabs=0, epsrel=1e-12)[0]
+    points = np.array([-1.3, -1.0, -0.99, -0.5, -0.1, 0.0, 0.3, 0.8, 1.0, 2.0])
+    exact = [quad(bell, -1, min(max(u, -1), 1), epsabs=0, epsrel=1e-12)[0] / whole for u in points]
+    np.testing.assert_allclose(_bell_integral(points), exact, rtol=1e-9, atol=1e-15)
+
+
+def test_cutoff_and_lengths(refused):
+    imager = lopsided_of_transfer()
+    assert BandTransfer(imager).cutoff_per_arcsec == pytest.approx(
+        2.0 / imager.wavelengths_m.min() * np.pi / 180 / 3600, rel=1e-12
+    )
+    assert [_odd_fast_length(value) for value in (1, 2, 12.2, 13, 101)] == [1, 3, 15, 15, 105]
+    refused(r"scene = .* arcsec .*one by one", BandTransfer(imager).axis, -100.0, 100.0)
+
+
+def test_kernel_transfer_is_the_fourier_sum_of_the_kernel_without_its_pixel():
+    kernel = np.random.default_rng(2).random((7, 7))
+    transfer = KernelTransfer(kernel, 0.02)
+    y_axis, x_axis = transfer.axis(-0.3, 0.1), transfer.axis(-0.05, 0.05)
+    values = transfer.values(y_axis, x_axis)
+    offsets = (np.arange(7) - 3) * 0.02
+    ky = np.fft.fftfreq(y_axis.count, 0.02)
+    kx = x_axis.frequencies
+    exact = np.exp(-2j * np.pi * np.outer(ky, offsets)) @ kernel @ np.exp(-2j * np.pi * np.outer(kx, offsets)).T
+    exact /= np.sinc(ky * 0.02)[:, None] * np.sinc(kx * 0.02)
+    np.testing.assert_allclose(values, exact, atol=1e-13 * kernel.sum())
+    assert y_axis.count * 0.02 >= 0.3 + 3 * 0.02  # nothing folds
+    assert kx.max() < transfer.cutoff_per_arcsec
+
+
+@pytest.mark.parametrize(
+    ("kernel", "scale", "named"),
+    [
+        (np.ones((4, 4)), 0.02, "kernel = shape"),
+        (np.ones((3, 5)), 0.02, "kernel = shape"),
+        (np.full((3, 3), np.nan), 0.02, "9 bad pixels"),
+        (-np.eye(3), 0.02, "3 bad pixels"),
+        (np.ones((3, 3)), 0.0, "pixel_scale_arcsec"),
+        (np.ones((3, 3)), np.nan, "pixel_scale_arcsec"),
+    ],
+)
+def test_unusable_kernels_are_refused_by_name(refused, kernel, scale, named):
+    refused(named, KernelTransfer, kernel, scale)
+
+
+def test_a_kernel_far_larger_than_memory_is_refused(refused):
+    refused("scene", KernelTransfer(np.ones((3, 3)), 0.001).axis, -9.0, 9.0)
+
+
+IMAGER_OF_PAPER_SCENE = dataclasses.replace(
+    bare_imager(load_instrument(), "F520", Knobs(pupil_samples=64, wavelength_nodes=2)), jitter_arcsec=0.0
+)
+PIXEL_OF_PAPER_SCENE = IMAGER_OF_PAPER_SCENE.pixel_scale_arcsec
+AXIS = centred_axis(41, PIXEL_OF_PAPER_SCENE)
+CELL = PIXEL_OF_PAPER_SCENE / 4
+
+
+def both(x, y, **options):
+    sources = PointSources(x, y, np.ones(np.size(x)))
+    paper = paper_scene_image(IMAGER_OF_PAPER_SCENE, AXIS, AXIS, sources, kernel_half_pixels=48, **options)
+    return paper, scene_image(BandTransfer(IMAGER_OF_PAPER_SCENE), AXIS, AXIS, PIXEL_OF_PAPER_SCENE, sources)
+
+
+def test_a_source_on_the_centre_of_a_cell_is_right():
+    paper, exact = both([0.5 * CELL], [1.5 * CELL])
+    assert np.abs(paper - exact).max() < 2e-6 * exact.max()
+
+
+def test_a_source_between_cells_is_misplaced_by_up_to_five_per_cent_of_its_peak():
+    # A pixel's centre is the corner of four cells: the worst place of all.
+    corner, exact = both([0.0], [0.0])
+    worst = np.abs(corner - exact).max() / exact.max()
+    assert 0.03 < worst < 0.06
+    shift = [float((image * AXIS).sum() / image.sum()) for image in (corner, exact)]
+    assert shift[0] - shift[1] == pytest.approx(CELL / 2, rel=0.15)  # 2 mas along each axis
+    rng = np.random.default_rng(3)
+    errors = []
+    for place in rng.uniform(-0.5, 0.5, (12, 2)) * PIXEL_OF_PAPER_SCENE:
+        paper, exact = both([place[0]], [place[1]])
+        errors.append(np.abs(paper - exact).max() / exact.max())
+    assert max(errors) <= worst * 1.05
+    assert np.mean(errors) > 0.01
+
+
+def test_error_is_linear_in_the_distance_from_the_cell():
+    errors = []
+    for part in (0.1, 0.2, 0.4):
+        paper, exact = both([(0.5 + part) * CELL], [0.5 * CELL])
+        errors.append(np.abs(paper - exact).max() / exact.max())
+    assert errors[1] / errors[0] == pytest.approx(2.0, rel=0.05)
+    assert errors[2] / errors[0] == pytest.approx(4.0, rel=0.05)
+
+
+def test_it_is_the_convolution_of_the_cells():
+    rng = np.random.default_rng(7)
+    n, reach, s = 9, 3, 12
+    axis = centred_axis(n, PIXEL_OF_PAPER_SCENE)
+    sources = PointSources(
+        rng.uniform(-8.0, 8.0, s) * PIXEL_OF_PAPER_SCENE,
+        rng.uniform(-8.0, 8.0, s) * PIXEL_OF_PAPER_SCENE,
+        rng.uniform(0, 1, s),
+    )
+    half = 4 * reach
+    cells = pixel_axis(np.arange(-half, half + 1) * CELL, CELL, 2, 0.0, 0.0)
+    kernel = IMAGER_OF_PAPER_SCENE.image(cells, cells) / 16
+    expected = np.zeros((4 * n, 4 * n))
+    for x, y, flux in zip(*sources.arrays, strict=True):
+        column, row = (int(np.floor((place - axis[0] + PIXEL_OF_PAPER_SCENE / 2) / CELL)) for place in (x, y))
+        for i in range(4 * n):
+            for j in range(4 * n):
+                if abs(i - row) <= half and abs(j - column) <= half:
+                    expected[i, j] += flux * kernel[i - row + half, j - column + half]
+    expected = expected.reshape(n, 4, n, 4).sum(axis=(1, 3))
+    found = paper_scene_image(IMAGER_OF_PAPER_SCENE, axis, axis, sources, kernel_half_pixels=reach)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15 * expected.max())
+
+
+def test_a_whole_frame_takes_little_memory():
+    rows, columns = centred_axis(1050, PIXEL_OF_PAPER_SCENE), centred_axis(1080, PIXEL_OF_PAPER_SCENE)
+    tracemalloc.start()
+    image = paper_scene_image(IMAGER_OF_PAPER_SCENE, rows, columns, PointSources([0.4, 8.0], [0.5, -7.0], [1.0, 2.0]))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert image.shape == (1050, 1080)
+    assert peak < 1e8
+
+
+def test_a_source_behind_the_mask_keeps_all_its_light():
+    place = PointSources([0.5 * CELL], [16.5 * CELL], [1.0])
+    paper = paper_scene_image(IMAGER_OF_PAPER_SCENE, AXIS, AXIS, place, kernel_half_pixels=48)
+    masked = scene_image(
+        BandTransfer(IMAGER_OF_PAPER_SCENE), AXIS, AXIS, PIXEL_OF_PAPER_SCENE, place, mask_half_width_arcsec=0.155
+    )
+    assert masked[14:28, 14:28].sum() == 0.0
+    assert paper.sum() > 20 * masked.sum()
+
+
+def test_light_is_conserved_and_places_beyond_the_kernel_are_left_out():
+    inside = paper_scene_image(
+        IMAGER_OF_PAPER_SCENE, AXIS, AXIS, PointSources([0.1], [0.0], [1.0]), kernel_half_pixels=48
+    )
+    assert 0.9 * IMAGER_OF_PAPER_SCENE.apodizer_energy < inside.sum() < IMAGER_OF_PAPER_SCENE.apodizer_energy
+    beside = paper_scene_image(
+        IMAGER_OF_PAPER_SCENE, AXIS, AXIS, PointSources([0.6], [0.0], [1.0]), kernel_half_pixels=48
+    )
+    assert 0 < beside.sum() < inside.sum()
+    beyond = PointSources([-2.0, 50.0], [0.0, 0.0], [1.0, 1.0])
+    assert not paper_scene_image(IMAGER_OF_PAPER_SCENE, AXIS, AXIS, beyond, kernel_half_pixels=48).any()
+    rectangle = paper_scene_image(
+        IMAGER_OF_PAPER_SCENE, AXIS[:10], AXIS, PointSources([], [], []), kernel_half_pixels=4
+    )
+    assert rectangle.shape == (10, 41)
+    assert not rectangle.any()
+
+
+def test_what_it_cannot_do_is_refused_by_name(refused):
+    one = PointSources([0.0], [0.0], [1.0])
+    refused("y_centres_arcsec", paper_scene_image, IMAGER_OF_PAPER_SCENE, AXIS * 2, AXIS, one)
+    refused("kernel_half_pixels", paper_scene_image, IMAGER_OF_PAPER_SCENE, AXIS, AXIS, one, kernel_half_pixels=0)

@@ -1,4 +1,7 @@
-""""""
+"""
+
+Dark holes between measured states of the mirror.
+"""
 
 import dataclasses
 import logging
@@ -10,7 +13,9 @@ from simulator.config import load_instrument, preset_names
 from simulator.imaging import (
     BandGeometry,
     PsfMetrics,
+    at_contrast,
     build_imager,
+    mean_contrast,
     measure,
     metrics_key,
     psf_metrics,
@@ -18,9 +23,20 @@ from simulator.imaging import (
     store,
 )
 from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
-from simulator.imaging.dark_hole import DarkHole, HoleScore, Search, UnreachedHole
+from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
 from simulator.imaging.measure import stamp_figures
-from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_file, to_arrays
+from simulator.imaging.store import (
+    LEVELS,
+    SHARED,
+    _states,
+    configured_apodizer,
+    from_arrays,
+    hole_key,
+    measured_states,
+    sensed_with,
+    shipped_file,
+    to_arrays,
+)
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
@@ -242,7 +258,7 @@ def solver(instrument, band="F662"):
 def test_shipped_states_load_without_a_search(no_search, preset, band):
     instrument = load_instrument(preset)
     state = dark_hole_of(instrument, band)
-    assert type(state) is DarkHole
+    assert state.reached
     assert (state.band, state.zone.mode) == (band, instrument.dark_hole.mode)
     allowed = instrument.dark_hole.sensing_contrast_of(band) / 2
     assert state.limit_contrast == pytest.approx(MODE_LIMIT[preset] + allowed, rel=1e-12)
@@ -364,7 +380,7 @@ def test_arrays_there_and_back():
     for name in ("history", "strong", "ended"):
         assert getattr(again.search, name) == getattr(state.search, name)
     brighter = to_arrays(state) | {"limit_contrast": np.asarray(1e-11)}
-    assert type(from_arrays(brighter, solver(instrument, "F720"))) is UnreachedHole
+    assert not from_arrays(brighter, solver(instrument, "F720")).reached
 
 
 def test_any_other_hole_is_searched_once_and_kept(tmp_path, monkeypatch, caplog):
@@ -376,14 +392,15 @@ def test_any_other_hole_is_searched_once_and_kept(tmp_path, monkeypatch, caplog)
         commands = np.full((32, 32), 1.5)
         score = HoleScore(3e-9, 1e-9, 4e-9, 5e-9, 0.9, 0.13)
         found = Search(commands, (1e-5, 3e-9), (False,), "iterations")
-        return UnreachedHole(imager.band, imager.zone, "relinearised", commands, found, score, score, score, 2e-9)
+        return DarkHole(imager.band, imager.zone, "relinearised", commands, found, score, score, score, 2e-9)
 
     monkeypatch.setattr(store, "search", search)
     other = load_instrument({"wavefront": {"seed": 77}})
     with caplog.at_level(logging.WARNING):
         first, second = dark_hole_of(other, "F850"), dark_hole_of(other, "F850")
     assert calls == ["F850"]
-    assert type(first) is type(second) is UnreachedHole
+    assert not first.reached
+    assert not second.reached
     np.testing.assert_array_equal(second.commands_nm, np.full((32, 32), 1.5))
     assert [record.getMessage() for record in caplog.records] == [
         "dark hole not reached: F850 4q: mean contrast 3e-09 after 1 iterations (iterations), asked 2e-09"
@@ -401,3 +418,68 @@ def test_configured_apodizer_is_the_map_as_it_is_named(tmp_path):
     )
     np.testing.assert_allclose(configured_apodizer(lab), steps, atol=1e-12)
     assert dataclasses.is_dataclass(build_imager(load_instrument({"dark_hole": {"control": "off"}}), "F662"))
+
+
+@pytest.mark.parametrize("band", INSTRUMENT.visible_bands())
+def test_the_states_of_the_default_instrument_ship(tmp_path, monkeypatch, band):
+    """From an empty cache nothing is dug or measured; the holes go from the darkest known to beyond the published."""
+
+    def refuse(*_):
+        raise AssertionError(f"a state of {band} dug or measured anew: run python -m tools.dig_holes --states-only")
+
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(store, "measure", refuse)
+    monkeypatch.setattr(store, "search", refuse)
+    _states.cache_clear()
+    states = measured_states(INSTRUMENT, band)
+    contrasts = [mean_contrast(state) for state in states]
+    assert len(states) == len(LEVELS) >= 6
+    assert contrasts == sorted(contrasts)
+    assert contrasts[0] == mean_contrast(psf_metrics(INSTRUMENT, band)) < 1.2e-9
+    assert contrasts[-1] > 3e-8
+    assert {state.hole_state for state in states} == {"reached"}
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_published_instrument_is_one_of_the_states():
+    published = psf_metrics(load_instrument("as_published"), "F720")
+    (state,) = [state for state in measured_states(INSTRUMENT, "F720") if 9e-9 < mean_contrast(state) < 1.1e-8]
+    np.testing.assert_array_equal(state.raw_contrast, published.raw_contrast)
+    np.testing.assert_array_equal(state.floor_linear, published.floor_linear)
+
+
+@pytest.mark.parametrize("contrast", [1.3e-9, 7e-9, 1.9e-8])
+def test_a_mixture_has_the_mean_contrast_and_stays_between_its_states(contrast):
+    states = measured_states(INSTRUMENT, "F520")
+    found = at_contrast(states, contrast)
+    assert mean_contrast(found) == pytest.approx(contrast, rel=1e-12)
+    above = next(i for i, state in enumerate(states) if mean_contrast(state) > contrast)
+    below, over = (mean_contrast(states[i]) for i in (above - 1, above))
+    share = (contrast - below) / (over - below)
+    for name in ("raw_contrast", "halo_map", "floor_linear", "column_light"):
+        low, high = (getattr(states[i], name) for i in (above - 1, above))
+        np.testing.assert_allclose(getattr(found, name), low + share * (high - low), rtol=1e-9)
+    assert found.zone == states[0].zone
+    assert found.geometry == states[0].geometry
+
+
+def test_a_contrast_of_a_state_is_that_state_and_darker_than_the_darkest_is_the_darkest():
+    states = measured_states(INSTRUMENT, "F850")
+    found = at_contrast(states, mean_contrast(states[3]))
+    np.testing.assert_allclose(found.raw_contrast, states[3].raw_contrast, rtol=1e-12)
+    assert at_contrast(states, 1e-12) is states[0]
+
+
+def test_files_of_states_leave_the_far_wings_to_the_own_state():
+    states = measured_states(INSTRUMENT, "F662")
+    own = psf_metrics(INSTRUMENT, "F662")
+    for name in SHARED:
+        np.testing.assert_array_equal(getattr(states[1], name), getattr(own, name))
+    assert not np.array_equal(states[1].core_table, own.core_table)
+
+
+def test_refusals(refused):
+    states = measured_states(INSTRUMENT, "F520")
+    refused("contrast", at_contrast, states, 1e-6)
+    refused("contrast", at_contrast, states, 0.0)
+    refused("contrast", sensed_with, INSTRUMENT, "F940", 1.0)

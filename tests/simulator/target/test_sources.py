@@ -1,13 +1,21 @@
-"""Tables of sources: positions as pictures, spectra against synphot, rates against the spectra."""
+"""Tables of sources: positions as pictures, spectra against synphot, rates against the spectra.
+
+The table of a scene's sources, and that of many scenes.
+
+Sky and detector: absolute pictures, because a round trip cannot see a mirror.
+"""
+
+import pickle
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from catalogs import HC_ERG_ANGSTROM, load_albedo
+from cpic_core import InputError
 from simulator import load_instrument, load_scene, planet_contrast, scenes_from_table, spectrum_generator
 from simulator.passbands import Passbands, band_integral
-from simulator.target import extended_rates, scene_sources
+from simulator.target import detector_to_sky, extended_rates, scene_sources, sky_to_detector, wcs_keywords
 
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "pa_deg": 315}
@@ -364,3 +372,187 @@ def test_extended_light_is_a_share_of_the_stars(refused):
         assert [item.contrast for item in found] == pytest.approx([1e-5, 1e-6])
     assert extended_rates(load_scene("paper_example"), instrument, "F662") == ()
     refused("band", extended_rates, scene, instrument, "F999")
+
+
+def scene_of_source_table(**parts):
+    return load_scene({"name": "s", "cstar": STAR} | parts)
+
+
+def test_table_is_read_by_row_by_name_and_by_column():
+    table = spectrum_generator(
+        scene_of_source_table(planets=[PLANET], stars=[{"v_mag": 9, "teff_k": 4000, "separation": 2, "pa": 180}])
+    )
+    assert len(table) == 3
+    assert [row.name for row in table] == list(table.name) == ["s", "b", "star 1"]
+    assert table.kind == table["kind"] == ("cstar", "planet", "star")
+    assert table["b"] is table[1]
+    assert table[1:] == (table[1], table[2])
+    assert table[1]["x_arcsec"] == table.x_arcsec[1]
+    assert {"name", "kind", "x_arcsec", "y_arcsec", "spectrum"} <= set(table.columns)
+    assert all(np.shape(table[column])[0] == 3 for column in ("x_arcsec", "y_arcsec", "distance_au"))
+    assert len(table.spectrum) == 3
+    with pytest.raises(InputError, match="x_arcsec"):
+        table["z"]
+    with pytest.raises(InputError, match="x_arcsec"):
+        table[0]["z"]
+    with pytest.raises(IndexError):
+        table[3]
+
+
+def test_table_in_pandas_and_astropy():
+    import astropy.units as u
+
+    table = spectrum_generator(scene_of_source_table(planets=[PLANET]))
+    frame = table.to_pandas()
+    assert list(frame.name) == ["s", "b"]
+    np.testing.assert_array_equal(frame.x_arcsec, table.x_arcsec)
+    quantities = table.to_table()
+    assert quantities["distance_au"][1].to_value(u.km) == pytest.approx(0.8775 * 149597870.7)
+    batch = spectrum_generator([scene_of_source_table(planets=[PLANET]), scene_of_source_table()])
+    assert list(batch.to_pandas().scene) == ["s", "s", "s"]
+    assert len(batch.to_table()) == 3
+
+
+def test_a_batch_is_its_scenes_one_by_one():
+    trees = [
+        {"name": f"s{n}", "cstar": STAR | {"v_mag": float(n)}, "planet": PLANET | {"pa_deg": 10.0 * n}}
+        for n in range(5)
+    ]
+    batch = spectrum_generator([*trees[:4], load_scene(trees[4])])
+    assert len(batch) == 5
+    assert batch["s3"] is batch[3]
+    assert [table.scene for table in batch[1:3]] == ["s1", "s2"]
+    for tree, table in zip(trees, batch, strict=True):
+        alone = spectrum_generator(tree)
+        np.testing.assert_array_equal(alone.x_arcsec, table.x_arcsec)
+        np.testing.assert_array_equal(alone["b"].photlam, table["b"].photlam)
+    assert len(spectrum_generator([])) == 0
+    with pytest.raises(InputError, match="allowed: the name of a scene of the batch"):
+        batch["s9"]
+
+
+def test_faults_found_late_name_the_scene_of_the_batch(refused):
+    cold = {"name": "cold", "cstar": {"v_mag": 3, "teff_k": 2500}}
+    batch = spectrum_generator([{"name": "a", "cstar": STAR}, cold])
+    with pytest.raises(InputError, match=r"scenes.1.cstar.teff_k = 2500"):
+        _ = batch["cold"][0].photlam
+    refused(r"scene.cstar.teff_k = 2500", scene_sources, load_scene(cold), INSTRUMENT, "F520")
+
+
+def test_tables_travel_to_other_processes():
+    table = spectrum_generator(scene_of_source_table(planets=[PLANET]))
+    again = pickle.loads(pickle.dumps(table))
+    np.testing.assert_array_equal(again["b"].photlam, table["b"].photlam)
+
+
+@pytest.mark.parametrize(
+    ("pa_deg", "parity", "x", "y"),
+    [
+        (0.0, -1, 0.0, 1.0),  # north is up
+        (90.0, -1, -1.0, 0.0),  # east is left
+        (180.0, -1, 0.0, -1.0),
+        (270.0, -1, 1.0, 0.0),
+        (0.0, 1, 0.0, 1.0),
+        (90.0, 1, 1.0, 0.0),  # the mirrored figures: east is right
+        (270.0, 1, -1.0, 0.0),
+    ],
+)
+def test_pictures_at_roll_zero(pa_deg: float, parity: int, x: float, y: float) -> None:
+    np.testing.assert_allclose(sky_to_detector(1.0, pa_deg, parity=parity), (x, y), atol=1e-15)
+
+
+def test_planet_of_the_paper_sits_in_the_upper_right() -> None:
+    # PA 315 (north-west): x > 0, y > 0 with east to the left; upper left in the mirrored figures.
+    x, y = sky_to_detector(0.65, 315.0)
+    assert x == pytest.approx(0.65 * np.sqrt(0.5))
+    assert y == pytest.approx(0.65 * np.sqrt(0.5))
+    assert sky_to_detector(0.65, 315.0, parity=1)[0] == pytest.approx(-0.65 * np.sqrt(0.5))
+
+
+def test_roll_turns_the_sky() -> None:
+    # Rolled by 90, a source at PA 90 appears where north was.
+    np.testing.assert_allclose(sky_to_detector(1.0, 90.0, roll_deg=90.0), (0.0, 1.0), atol=1e-15)
+    np.testing.assert_allclose(sky_to_detector(1.0, 0.0, roll_deg=90.0), (1.0, 0.0), atol=1e-15)
+
+
+def test_default_orientation_is_that_of_the_sky() -> None:
+    # Oracle: tangent-plane offsets of astropy; east is +lon, drawn to the left (-x).
+    import astropy.units as u
+    from astropy.coordinates import SkyCoord
+
+    star = SkyCoord(ra=10.0 * u.deg, dec=20.0 * u.deg)
+    for pa in (10.0, 100.0, 200.0, 300.0):
+        source = star.directional_offset_by(pa * u.deg, 1.0 * u.arcsec)
+        east, north = (offset.to_value(u.arcsec) for offset in star.spherical_offsets_to(source))
+        x, y = sky_to_detector(1.0, pa)
+        assert x == pytest.approx(-east, abs=1e-5)
+        assert y == pytest.approx(north, abs=1e-5)
+
+
+@given(st.floats(1e-3, 60.0), st.floats(0.0, 359.999), st.floats(-360.0, 360.0), st.sampled_from([-1, 1]))
+def test_round_trip(separation: float, pa: float, roll: float, parity: int) -> None:
+    found, angle = detector_to_sky(
+        *sky_to_detector(separation, pa, roll_deg=roll, parity=parity), roll_deg=roll, parity=parity
+    )
+    assert found == pytest.approx(separation, rel=1e-13)
+    assert 0.0 <= angle < 360.0
+    assert abs((angle - pa + 180.0) % 360.0 - 180.0) < 1e-10
+
+
+def test_arrays_and_the_star_itself() -> None:
+    x, y = sky_to_detector([0.4, 0.65], [[45.0], [135.0], [225.0]])
+    assert x.shape == y.shape == (3, 2)
+    separation, pa = detector_to_sky(0.0, 0.0)
+    assert separation == 0.0
+    assert pa == 0.0
+    assert detector_to_sky(1e-300, 1.0)[1] < 360.0
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: sky_to_detector(-1.0, 0.0),
+        lambda: sky_to_detector(np.nan, 0.0),
+        lambda: sky_to_detector(1.0, np.inf),
+        lambda: sky_to_detector(1.0, 0.0, roll_deg=np.nan),
+        lambda: sky_to_detector(1.0, 0.0, parity=0),
+        lambda: detector_to_sky(np.nan, 0.0),
+        lambda: detector_to_sky(1.0, 0.0, parity=2),
+    ],
+)
+def test_bad_input_is_refused(refused, call) -> None:
+    refused("", call)
+
+
+@pytest.mark.parametrize("parity", [-1, 1])
+@pytest.mark.parametrize("roll_deg", [0.0, 30.0, -125.0])
+def test_written_world_coordinates_say_the_same(parity, roll_deg):
+    from astropy.coordinates import SkyCoord
+    from astropy.io import fits
+    from astropy.wcs import WCS
+
+    star = SkyCoord(219.9, -60.8, unit="deg")
+    keywords = wcs_keywords(0.016153, (536.0, 514.0), (219.9, -60.8), roll_deg=roll_deg, parity=parity)
+    wcs = WCS(fits.Header(keywords))
+    for separation, pa in ((0.7, 90.0), (0.5, 215.0), (3.0, 0.0)):
+        x, y = sky_to_detector(separation, pa, roll_deg=roll_deg, parity=parity)
+        place = wcs.pixel_to_world(536.0 + x / 0.016153, 514.0 + y / 0.016153)
+        assert star.separation(place).arcsec == pytest.approx(separation, rel=1e-6)
+        assert star.position_angle(place).deg % 360 == pytest.approx(pa, abs=1e-3)
+
+
+def test_a_source_in_the_east_has_the_larger_right_ascension_and_stands_left():
+    from astropy.io import fits
+    from astropy.wcs import WCS
+
+    wcs = WCS(fits.Header(wcs_keywords(0.016153, (100.0, 100.0), (10.0, 20.0))))
+    x, y = sky_to_detector(0.65, 90.0)
+    assert x < 0
+    assert float(wcs.pixel_to_world(100.0 + x / 0.016153, 100.0 + y / 0.016153).ra.deg) > 10.0
+
+
+def test_world_coordinates_of_a_star_without_a_place_are_offsets():
+    keywords = wcs_keywords(0.016153, (68.0, 68.0), (None, None))
+    assert (keywords["CTYPE1"], keywords["CRVAL1"]) == ("EAST", 0.0)
+    east = keywords["CD1_1"] * (sky_to_detector(0.65, 90.0)[0] / 0.016153)
+    assert east * 3600 == pytest.approx(0.65)

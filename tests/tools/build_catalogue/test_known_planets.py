@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from catalogs.archives import asked_columns
+from catalogs.archives import answer_columns
 from tools.build_catalogue.builders import known_planets as builder
 
-COLUMNS = [column for column, row in asked_columns("ps").items() if row["quantity"]]
+COLUMNS = [column for column, row in answer_columns("ps").items() if row["quantity"]]
 
 
 def row(**given):
