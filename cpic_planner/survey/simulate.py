@@ -554,8 +554,7 @@ class _Simulation:
             star.checks[looked | false] += 1
             star.doubts[looked | false] = 0
             mine = np.flatnonzero(true & looked[star.planets.universe])
-            odds, snr = self._ahead(i, star, mine, setting, slot)
-            shows = self._luck(i, star, mine, f"check {slot}") < odds
+            shows, snr = self._visit(i, star, mine, setting, slot, f"check {slot}")
             star.confirmed[mine[shows]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
@@ -574,8 +573,7 @@ class _Simulation:
             if not (seen := np.flatnonzero(star.found & go[star.planets.universe])).size:
                 continue
             self._spend(star, go, cost, clock.follow)
-            odds, snr = self._ahead(i, star, seen, setting, slot)
-            shows = self._luck(i, star, seen, f"orbit {slot}") < odds
+            shows, snr = self._visit(i, star, seen, setting, slot, f"orbit {slot}")
             star.confirmed[seen[shows]] = True
             star.orbit_visits[go], star.orbit_day[go] = star.orbit_visits[go] + 1, survey.calendar.day[i, slot]
             star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
@@ -601,10 +599,13 @@ class _Simulation:
             table[:, slots[:, None], able] = odds, snr
         return np.asarray(star.ahead[setting][:, slot, some])
 
-    def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
-        """Return the uniform numbers of some planets of a star in a visit of that name."""
-        name, mine = str(self.survey.targets.name[i]), star.planets.select(some)
-        return uniform_draws(mine, self.seed, name, self.block, visit, self.n)
+    def _visit(
+        self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int, visit: str
+    ) -> tuple[BoolArray, FloatArray]:
+        """Return which planets at their known place a visit of that name detects in a slot, and their SNR."""
+        odds, snr = self._ahead(i, star, some, setting, slot)
+        mine, name = star.planets.select(some), str(self.survey.targets.name[i])
+        return uniform_draws(mine, self.seed, name, self.block, visit, self.n) < odds, snr
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
         """Follow up one star in one slot: every band that a found planet still lacks, once it is confirmed."""
@@ -617,7 +618,7 @@ class _Simulation:
             mine = np.flatnonzero(lacking & go[star.planets.universe])
             if not mine.size:
                 continue
-            odds, snr = self._ahead(i, star, mine, setting, slot)
+            shows, snr = self._visit(i, star, mine, setting, slot, f"follow {setting.band} {slot}")
             if rule.snr is not None:
                 left = np.maximum(rule.attempts - star.tried[f, mine], 0)
                 go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
@@ -625,7 +626,7 @@ class _Simulation:
             self._spend(star, go, cost, clock.follow)
             star.tried[f, mine[made]] += 1
             star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
-            shows = made & (self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds)
+            shows &= made
             enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
             star.shown[f, mine[enough]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
