@@ -92,7 +92,9 @@ from cpic_planner.etc.programmes import (
     SearchMotion as SearchMotion,
     Span as Span,
     motion_factor as motion_factor,
+    programme_columns as programme_columns,
     programme_days as programme_days,
+    programme_fields as programme_fields,
 )
 from cpic_planner.etc.questions import (
     TRIAL_CONTRAST as TRIAL_CONTRAST,

@@ -13,7 +13,7 @@ open. A question for a time that has no answer gets 1e9 s, the longest time that
 """
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,17 +34,10 @@ _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
 
 
-@dataclass(frozen=True)
-class Binding:
-    """The limits that bind the exposure and the gain of one case, and the gain that each limit allows."""
-
-    exposure: str
-    gain: str
-    caps: dict[str, float]
-
-
-def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameChoice, index: tuple[int, ...]) -> Binding:
-    """Return the limits of one chosen setting.
+def binding_limits(
+    problem: FrameProblem, rates: ApertureRates, choice: FrameChoice, index: tuple[int, ...]
+) -> dict[str, Any]:
+    """Return the limits that bind the exposure and the gain of one case, and the gain that each limit allows.
 
     Parameters
     ----------
@@ -57,11 +50,11 @@ def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameCho
 
     Returns
     -------
-    Binding
-        ``exposure``: ``exposure_max``, ``exposure_min``, a saturation reason (``pixel_full_well``,
+    dict
+        ``exposure_limited_by``: ``exposure_max``, ``exposure_min``, a saturation reason (``pixel_full_well``,
         ``register_full_well``, ``adc_range``), or empty: the optimum, what whole frames leave of the time, or what was
         asked for.
-        ``gain``: ``em_gain_max``, ``register_full_well``, ``adc_range``, or empty.
+        ``gain_limited_by``: ``em_gain_max``, ``register_full_well``, ``adc_range``, or empty. ``gain_caps``: by limit.
     """
     camera = problem.camera
     exposure, gain = float(choice.exposure_s[index]), float(choice.em_gain[index])
@@ -83,7 +76,8 @@ def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameCho
     if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
         gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else _output_limit(hole, tail, exposure, camera)
     frame = float(spread(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
-    return Binding(bound, gain_bound, gain_caps(hole, tail, frame, exposure, camera))
+    caps = gain_caps(hole, tail, frame, exposure, camera)
+    return {"exposure_limited_by": bound, "gain_limited_by": gain_bound, "gain_caps": caps}
 
 
 def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, gain: float) -> str:

@@ -585,25 +585,31 @@ def cases_by_camera(
     bands: Sequence[str] | None,
     planets: Planets | Mapping[str, Planets],
     fixed: FixedFrames,
-    objective: Objective,
-    value: float | None,
+    snr: float | None = None,
+    sigma: float | None = None,
+    *,
     offsets_arcsec: tuple[float, float] | None = None,
 ) -> list[Cases]:
     """Return the cases of every camera.
 
     Parameters
     ----------
-    model, targets, planets, fixed, objective, value, offsets_arcsec
+    model, targets, planets, fixed, offsets_arcsec
         As of `cases_of`.
     bands : sequence of str, optional
         All of the model by default.
+    snr, sigma : float, optional
+        Photometric SNR or plain significance to reach; by default a detection.
     """
     if len(targets) < 1:
         raise InputError("target", len(targets), allowed="at least one star")
     cameras = {band: _fixed_camera(model, band, fixed) for band in model.named(bands)}
     alike = [[band for band in cameras if cameras[band] == one] for one in dict.fromkeys(cameras.values())]
-    shared: dict[str, Any] = {"objective": objective, "value": value, "offsets_arcsec": offsets_arcsec}
-    return [cases_of(model, targets, same, planets, fixed, **shared) for same in alike]
+    level: dict[str, Any] = {
+        "objective": "significance" if snr is None else "snr",
+        "value": sigma if snr is None else snr,
+    }
+    return [cases_of(model, targets, same, planets, fixed, **level, offsets_arcsec=offsets_arcsec) for same in alike]
 
 
 def _fixed_camera(model: EtcModel, band: str, fixed: FixedFrames) -> FrameCamera:

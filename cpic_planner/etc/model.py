@@ -250,17 +250,14 @@ def best_gain(
     return gain, variance
 
 
-_ONE, _ZERO, _ENDLESS = np.array(1.0), np.array(0.0), np.array(np.inf)
-for _constant in (_ONE, _ZERO, _ENDLESS):
-    _constant.flags.writeable = False
+def _always(value: float) -> FloatArray:
+    """Return a number that nobody changes."""
+    array = np.array(value)
+    array.flags.writeable = False
+    return array
 
 
-def _one() -> FloatArray:
-    return _ONE
-
-
-def _zero() -> FloatArray:
-    return _ZERO
+_ONE, _ZERO, _ENDLESS = (_always(value) for value in (1.0, 0.0, np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,14 +279,14 @@ class Programme(CaseArrays):
         of the references (`cpic_planner.etc.noise`).
     """
 
-    visits: FloatArray = field(default_factory=_one)
-    reference_visits: FloatArray = field(default_factory=_one)
-    reference_length: FloatArray = field(default_factory=_one)
+    visits: FloatArray = field(default_factory=lambda: _ONE)
+    reference_visits: FloatArray = field(default_factory=lambda: _ONE)
+    reference_length: FloatArray = field(default_factory=lambda: _ONE)
     gap_s: FloatArray = field(default_factory=lambda: _ENDLESS)
-    n_modes: FloatArray = field(default_factory=_zero)
-    speckle: FloatArray = field(default_factory=_one)
-    white: FloatArray = field(default_factory=_one)
-    throughput: FloatArray = field(default_factory=_one)
+    n_modes: FloatArray = field(default_factory=lambda: _ZERO)
+    speckle: FloatArray = field(default_factory=lambda: _ONE)
+    white: FloatArray = field(default_factory=lambda: _ONE)
+    throughput: FloatArray = field(default_factory=lambda: _ONE)
 
     @classmethod
     def of(cls, strategy: Strategy, visits: ArrayLike | None = None, visit_time_s: ArrayLike = np.inf) -> Self:

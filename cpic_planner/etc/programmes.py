@@ -15,15 +15,16 @@ A blind search goes through orbits of planets that move, and its threshold pays 
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray
-from cpic_planner.etc.frames import FrameProblem, best_exposure_s, peak_visit_s, smooth_least_visit_s
+from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, peak_visit_s, smooth_least_visit_s
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme, check_range
+from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays, around_lowest, first_root, lowest_whole, spread
 from cpic_planner.planets import OrbitSearch, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
@@ -135,6 +136,77 @@ _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
+
+
+_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
+_FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
+
+
+def programme_columns(
+    model: EtcModel,
+    rates: ApertureRates,
+    motion: SearchMotion | None,
+    programme: Programme,
+    choice: FrameChoice,
+    time_s: float | None = None,
+    given_s: float | None = None,
+) -> dict[str, FloatArray]:
+    """Return what answers state of programmes and their frames, by the names of columns, in the shape of the frames.
+
+    Parameters
+    ----------
+    model, rates, motion, programme, choice
+        Of the cases.
+    time_s : float, optional
+        Wall time that was given; visits never take more, not even by rounding.
+    given_s : float, optional
+        Wall time that may be used, of which visits of a given length can leave some.
+
+    Returns
+    -------
+    dict of str to ndarray
+        NaN where there is nothing: no time was given, or orbits are followed.
+    """
+    visit_s, visits, wall_s = choice.visit_s, programme.visits, model.time_s(choice.visit_s)
+    if time_s is not None:
+        wall_s = np.minimum(wall_s, time_s / visits)
+    columns = {
+        "exposure_s": choice.exposure_s,
+        "em_gain": choice.em_gain,
+        "visits": visits,
+        "reference_visits": programme.reference_visits,
+        "independent_visits": rates.speckle.independent(visits, programme.gap_s),
+        "frames_per_visit": choice.n_frames,
+        "n_frames": choice.n_frames * visits,
+        "visit_time_s": wall_s,
+        "time_s": wall_s * visits,
+        "unused_s": np.nan if given_s is None else np.maximum(given_s - wall_s * visits, 0.0),
+        "orbits_searched": np.nan if motion is None else motion.orbits(programme, visit_s),
+        "motion_factor": motion_factor(motion, programme, visit_s),
+    }
+    return {name: spread(np.asarray(part, float), visit_s.shape) for name, part in columns.items()}
+
+
+def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> dict[str, float | int | None]:
+    """Return the same of one case as plain numbers, with the time on the star and the days that the programme spans.
+
+    All are None where there is no frame.
+
+    Parameters
+    ----------
+    model : EtcModel
+    columns : mapping
+        Of `programme_columns`.
+    case : int or tuple of int
+    """
+    found: dict[str, Any] = dict.fromkeys((*_FLOATS, *_COUNTS, "integration_s", "span_days"))
+    if columns["n_frames"][case] < 1:
+        return found
+    for name in (*_FLOATS, *_COUNTS):
+        value = float(columns[name][case])
+        found[name] = None if not math.isfinite(value) else int(value) if name in _COUNTS else value
+    found["integration_s"] = found["n_frames"] * found["exposure_s"]
+    return found | {"span_days": float(programme_days(model, found["visits"], found["time_s"]))}
 
 
 Modes = Callable[[Programme, FloatArray, FloatArray, FloatArray], Programme]

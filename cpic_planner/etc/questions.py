@@ -20,7 +20,6 @@ from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, 
 from cpic_planner.etc.model import EtcModel, Programme, check_range
 from cpic_planner.etc.noise import (
     MODES_LIMITED,
-    Objective,
     StackNoise,
     error_noise,
     modes_obstacle,
@@ -28,7 +27,7 @@ from cpic_planner.etc.noise import (
     snr_paper,
     stack_noise,
 )
-from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_days
+from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_columns, programme_fields
 from cpic_planner.etc.rates import planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet
@@ -99,24 +98,10 @@ class _Answers:
         factors = budget.remedies(cases, choice, noise)
         setting, ratio = (choice.exposure_s, choice.n_frames, choice.em_gain), strategy.reference_ratio
         paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
-        visits, others, used = (
-            spread(number, choice.visit_s.shape)
-            for number in (programme.visits, programme.reference_visits, programme.n_modes)
-        )
-        wall, left_s = model.time_s(choice.visit_s), np.zeros_like(choice.visit_s)
-        if time_s is not None:  # never more than what was given, not even by rounding
-            left_s = model.visit_s(time_s / visits) - choice.visit_s
-            wall = np.minimum(wall, time_s / visits)
-        paid, alone = (
-            spread(part, choice.visit_s.shape)
-            for part in (
-                motion_factor(cases.motion, programme, choice.visit_s),
-                cases.rates.speckle.independent(programme.visits, programme.gap_s),
-            )
-        )
-        orbits = None if cases.motion is None else cases.motion.orbits(programme, choice.visit_s)
-        shown = {"exposure_s": choice.exposure_s, "em_gain": choice.em_gain, "visit_time_s": wall, "snr_paper": paper}
-        shown |= {"snr": noise.snr, "significance": noise.significance}
+        columns = programme_columns(model, cases.rates, cases.motion, programme, choice, time_s, self.span.given_s)
+        visits, used = columns["visits"], spread(programme.n_modes, choice.visit_s.shape)
+        left_s = 0.0 * visits if time_s is None else model.visit_s(time_s / visits) - choice.visit_s
+        shown = {"snr": noise.snr, "significance": noise.significance, "snr_paper": paper}
         lost = (choice.n_frames < 1) & cases.usable
         most = self._most(lost)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
@@ -146,7 +131,7 @@ class _Answers:
             if not limit:
                 head["flags"] += cases.planet_notes(*case)
             room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
-            if time_s is not None and visits[case] * wall[case] < 0.999 * time_s and room:
+            if time_s is not None and columns["time_s"][case] < 0.999 * time_s and room:
                 head["flags"] += ("shorter_visit_is_better",)
             head["flags"] += tuple(filter(None, (str(inherited[case]),)))
             if self.span.visits is None and (
@@ -158,31 +143,17 @@ class _Answers:
             if not model.of_table and speckle_error_extrapolated(band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
-            value, frames, many = float(self.value[case]), int(choice.n_frames[case]), int(visits[case])
+            value = float(self.value[case])
             terms = {f"{name}_e2": float(term[case]) for name, term in noise.terms.items()}
             fields: dict[str, Any] = head | {name: float(array[case]) for name, array in shown.items()}
-            time_of_all_s = many * fields["visit_time_s"]
+            fields |= programme_fields(model, columns, case) | binding
             fields |= {
                 "contrast": value if limit else head["contrast"],
-                "visits": many,
-                "reference_visits": int(others[case]),
-                "frames_per_visit": frames,
-                "n_frames": many * frames,
-                "time_s": time_of_all_s,
-                "unused_s": None if self.span.given_s is None else max(self.span.given_s - time_of_all_s, 0.0),
-                "span_days": float(programme_days(model, many, time_of_all_s)),
-                "orbits_searched": None if orbits is None else int(orbits[case]),
-                "motion_factor": float(paid[case]),
-                "independent_visits": float(alone[case]),
-                "integration_s": many * frames * fields["exposure_s"],
-                "exposure_limited_by": binding.exposure,
-                "gain_limited_by": binding.gain,
-                "gain_caps": binding.caps,
                 "budget": {"signal_e": float(noise.signal_e[case])} | terms,
                 "dominant": budget.largest_term(noise, case),
                 "remedies": {name: float(factor[case]) for name, factor in factors.items()},
             }
-            answers.append(EtcAnswer(value=value if question != "exposure_time" else time_of_all_s, **fields))
+            answers.append(EtcAnswer(value=value if question != "exposure_time" else fields["time_s"], **fields))
         return answers
 
     def _standing(
@@ -467,7 +438,7 @@ def signal_to_noise(
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
     parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, "snr", 1.0, offsets_arcsec):
+    for cases in cases_by_camera(model, target, bands, planets, fixed, 1.0, offsets_arcsec=offsets_arcsec):
         solved = cases.in_time(span, exact)
         with np.errstate(divide="ignore"):
             value = 1.0 / np.sqrt(solved.choice.inverse_snr2)
@@ -522,9 +493,8 @@ def exposure_time(
     check_levels(snr, sigma)
     span = Span.of(model, None, visit_time_s, asked=True)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    objective: Objective = "significance" if snr is None else "snr"
     parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
         solved = cases.for_level(span)
         wall_s = solved.programme.visits * model.time_s(solved.choice.visit_s)
         parts |= _answers(solved, "exposure_time", wall_s, span)
@@ -567,9 +537,8 @@ def contrast_limit(
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
-    objective: Objective = "significance" if snr is None else "snr"
     parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
         limit = _limit(cases, span, exact)
         value = np.where(limit.contrast < 1.0, limit.contrast, math.inf)
         parts |= _answers(_at_limit(cases, limit, exact), "contrast_limit", value, span)
@@ -599,8 +568,7 @@ def contrast_limits(
     bands, span = tuple(separation_arcsec), Span.of(model, time_s, None)
     planets = {band: planets_of(place.tolist(), None, _START) for band, place in separation_arcsec.items()}
     fixed, found = fixed_frames(model, bands, exposure_s, em_gain), dict[str, FloatArray]()
-    objective: Objective = "significance" if snr is None else "snr"
-    for cases in cases_by_camera(model, target, bands, planets, fixed, objective, sigma if snr is None else snr):
+    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
         limit = _limit(cases, span, exact=False)
         reached = cases.possible & (limit.choice.n_frames >= 1) & (limit.contrast < 1.0)
         value = np.where(reached, limit.contrast, np.nan)

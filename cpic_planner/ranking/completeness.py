@@ -343,17 +343,13 @@ class BandCompleteness:
 
 
 @dataclass(frozen=True, eq=False)
-class _Setting:
+class _Setting(etc.CaseArrays):
     """Frames of one visit and visits of each star: arrays ``(n,)``, or ``(n, 1)`` of those that are looked at."""
 
     exposure_s: FloatArray
     n_frames: FloatArray
     em_gain: FloatArray
     visits: FloatArray
-
-    def of(self, stars: IntArray) -> "_Setting":
-        """Return the frames of some stars, beside arrays of stars and planets."""
-        return _Setting(*(value[stars][:, None] for value in vars(self).values()))
 
 
 def completeness(
@@ -419,7 +415,7 @@ def completeness(
     setting = _Setting(exposure, frames, gain, _one_each("visits", visits, len(targets)))
     own = model.strategy.search if search is None else search
     mine = int(own == "known_place")
-    counts = _Counts(model, targets, band, planets, setting, limits, at_place=bool(mine) or not brief)
+    counts = _Counts(model, targets, band, planets, setting, limits, bool(mine) or not brief)
     for placed in (around or ZonePlanets(targets, planets)).of(model, band):
         counts.add(placed)
     n = len(planets)
@@ -443,6 +439,7 @@ def completeness(
     )
 
 
+@dataclass(eq=False)
 class _Counts:
     """Numbers of planets around each star, and the range of insolation of those that follow it.
 
@@ -450,28 +447,19 @@ class _Counts:
     their place: of the probability of a detection, of that times the one that they may exist, and of its square.
     """
 
-    def __init__(
-        self,
-        model: etc.EtcModel,
-        targets: Targets,
-        band: str,
-        planets: Planets,
-        setting: _Setting,
-        limits: StarLimits | None,
-        *,
-        at_place: bool,
-    ) -> None:
-        self.model = model
-        self.targets = targets
-        self.band = band
-        self.planets = planets
-        self.setting = setting
-        self.limits = limits
-        self.scale = planets.scale(targets.luminosity_lsun)
-        self.found = np.zeros((2, len(targets)), np.int64)
-        self.at_place = at_place
-        self.detected = np.zeros((3, 2, len(targets)))
-        self.detected[:, 1] = 0.0 if at_place else np.nan
+    model: etc.EtcModel
+    targets: Targets
+    band: str
+    planets: Planets
+    setting: _Setting
+    limits: StarLimits | None
+    at_place: bool
+
+    def __post_init__(self) -> None:
+        self.scale = self.planets.scale(self.targets.luminosity_lsun)
+        self.found = np.zeros((2, len(self.targets)), np.int64)
+        self.detected = np.zeros((3, 2, len(self.targets)))
+        self.detected[:, 1] = 0.0 if self.at_place else np.nan
         self.insolation = [np.inf, -np.inf]
 
     def add(self, placed: Placed) -> None:
@@ -487,9 +475,8 @@ class _Counts:
         for stars, pair, filled in rectangles(placed.star[pairs]):
             whose = pairs[pair]
             places = placed.x_arcsec[whose], placed.y_arcsec[whose], contrast[pair]
-            chosen, shown = self.targets.select(stars), np.nonzero(filled)
-            setting = self.setting.of(stars)
-            chance = _chances(self.model, chosen, self.band, places, shown, setting, self.at_place)
+            shown = np.nonzero(filled)
+            chance = self._chances(stars, places, shown)
             self._count(stars, shown[0], placed.planet[whose][shown], chance)
 
     @functools.cached_property
@@ -501,6 +488,41 @@ class _Counts:
         chosen = self.targets.select(observed)
         found[observed] = faintest_contrast(self.model, chosen, self.band, law=law, at_place=self.at_place, **frames)
         return found
+
+    def _chances(self, stars: IntArray, places: tuple[FloatArray, ...], shown: tuple[IntArray, ...]) -> FloatArray:
+        """Return the probabilities that planets around stars are detected, blind and at their place.
+
+        ``places`` are offsets x and y, and contrasts. The planets of every star fill the first columns of a rectangle:
+        ``shown`` are those that count, and the result has the shape ``(2, k)`` of them, or ``(1, k)`` of a blind search
+        alone.
+        """
+        model, band, at_place = self.model, self.band, self.at_place
+        camera, strategy, setting = model.camera(band), model.strategy, self.setting.at(stars).at((slice(None), None))
+        x, y, contrast = places
+        targets = self.targets.select(stars)
+        rates = etc.aperture_rates(model, targets, band, x, y, contrast)
+        frames = setting.exposure_s, setting.n_frames, setting.em_gain
+        visit_s = setting.n_frames * (setting.exposure_s + camera.readout_s)
+        programme = programme_of(model, setting.visits, visit_s)
+        noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
+        chance = np.zeros((1 + at_place, len(shown[0])))
+        separation = np.hypot(x, y)
+        # The law is what takes longest here.
+        least = etc.band_law(model, band).least(separation, etc.LEAST_PROBABILITY, at_place=at_place)
+        hopeful = np.flatnonzero((noise.significance >= least)[shown])
+        here = shown[0][hopeful], shown[1][hopeful]
+        separation = separation[here]
+        seen = noise.at(here)
+        effective = programme.effective(rates.speckle)
+        visits, visit_s, many = (
+            np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits)
+        )
+        search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
+        moving = search.threshold_factor(many, model.time_s(visit_s))
+        found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
+        for row, part in zip(chance, (found.blind, found.known_place), strict=False):
+            row[hopeful] = part * (part >= etc.LEAST_PROBABILITY)
+        return chance
 
     def _count(self, stars: IntArray, row: IntArray, planet: IntArray, chance: FloatArray) -> None:
         """Add the planets of some stars, blind and at their place: chances of `_chances`, with row and planet."""
@@ -527,45 +549,6 @@ class _Counts:
             self.insolation = [min(low, float(seen.min())), max(high, float(seen.max()))]
         radius, phase = planets.radius_rjup[pick], planets.phase_deg[pick]
         return etc.mixture_contrast(self.model, targets, self.band, planets.albedos, kind, radius, distance, phase)
-
-
-def _chances(
-    model: etc.EtcModel,
-    targets: Targets,
-    band: str,
-    places: tuple[FloatArray, ...],
-    shown: tuple[IntArray, ...],
-    setting: _Setting,
-    at_place: bool,
-) -> FloatArray:
-    """Return the probabilities that planets are detected, blind and at their place, of offsets x and y, and contrasts.
-
-    The planets of every star fill the first columns of a rectangle: ``shown`` are those that count, and the result has
-    the shape ``(2, k)`` of them, or ``(1, k)`` of a blind search alone.
-    """
-    x, y, contrast = places
-    camera, strategy = model.camera(band), model.strategy
-    rates = etc.aperture_rates(model, targets, band, x, y, contrast)
-    frames = setting.exposure_s, setting.n_frames, setting.em_gain
-    visit_s = setting.n_frames * (setting.exposure_s + camera.readout_s)
-    programme = programme_of(model, setting.visits, visit_s)
-    noise = etc.stack_noise(rates, *frames, camera, strategy, programme=programme)
-    chance = np.zeros((1 + at_place, len(shown[0])))
-    separation = np.hypot(x, y)
-    # The law is what takes longest here.
-    least = etc.band_law(model, band).least(separation, etc.LEAST_PROBABILITY, at_place=at_place)
-    hopeful = np.flatnonzero((noise.significance >= least)[shown])
-    here = shown[0][hopeful], shown[1][hopeful]
-    separation = separation[here]
-    seen = noise.at(here)
-    effective = programme.effective(rates.speckle)
-    visits, visit_s, many = (np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits))
-    search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
-    moving = search.threshold_factor(many, model.time_s(visit_s))
-    found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
-    for row, part in zip(chance, (found.blind, found.known_place), strict=False):
-        row[hopeful] = part * (part >= etc.LEAST_PROBABILITY)
-    return chance
 
 
 def _notes(model: etc.EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:

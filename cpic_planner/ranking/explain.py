@@ -131,9 +131,7 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
         at=0,
         **setting_fields(model, best, 0, standing, limits_of([standing], best)[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
-        exposure_limited_by=binding.exposure if possible else "",
-        gain_limited_by=binding.gain if possible else "",
-        gain_caps=binding.caps if possible else {},
+        **(binding if possible else {"exposure_limited_by": "", "gain_limited_by": "", "gain_caps": {}}),
         dominant=etc.largest_term(noise, _ONLY) if possible else "",
         budget={key: float(term[_ONLY]) for key, term in noise.terms.items()} if possible else {},
         remedies={key: float(term[_ONLY]) for key, term in etc.remedies(cases, choice, noise).items()}

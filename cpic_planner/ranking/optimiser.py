@@ -40,6 +40,8 @@ _RUNAWAY = 0.02
 class Outlook(etc.CaseArrays):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
+    Made by `Places.outlook`.
+
     Attributes
     ----------
     model : EtcModel
@@ -76,79 +78,6 @@ class Outlook(etc.CaseArrays):
     wings: FloatArray
     searched: bool
     motion: etc.SearchMotion | None = None
-
-    @classmethod
-    def of(
-        cls,
-        model: etc.EtcModel,
-        band: str,
-        separation_arcsec: FloatArray,
-        contrast: FloatArray,
-        rates: etc.ApertureRates,
-        problem: etc.FrameProblem,
-        level: FloatArray,
-        *,
-        searched: bool,
-        motion: etc.SearchMotion | None = None,
-    ) -> Self:
-        """Return the outlook of places.
-
-        Parameters
-        ----------
-        model : EtcModel
-        band : str
-        separation_arcsec : ndarray
-            ``(n, k)`` or ``(1, k)``, as the other arrays.
-        contrast : ndarray
-            Of the planets there.
-        rates : ApertureRates
-        problem : FrameProblem
-            Of one visit: its white noise is used.
-        level : ndarray
-            Threshold, or SNR to reach.
-        searched : bool
-            Whether the level is a threshold.
-        motion : SearchMotion, optional
-            At the places.
-        """
-        metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
-        exposure_s, white = etc.best_exposure_s(problem)
-        width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
-        parts = programme_parts(metrics, drift, separation_arcsec, width, ratio, model.timing)
-        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            kept = rates.variance_factor * model.library_noise(band, np.ones(1)).speckle
-            planet = rates.core * rates.planet_left * contrast
-            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
-            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
-            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
-            scattered = mean * etc.error_noise(rates, problem.camera, strategy, etc.ONE_VISIT)
-            camera = problem.camera
-            stages = camera.register_stages
-            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
-            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
-            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
-
-        def last(part: ArrayLike) -> FloatArray:
-            return np.asarray(part, float)[..., None]
-
-        crossed, light = (etc.mapped(last, part).scaled(last(of_star)) for part in parts)
-        frame_s = last(exposure_s + problem.camera.readout_s)
-        moving = None if motion is None else motion.at((..., None))
-        return cls(
-            model,
-            band,
-            last(level),
-            last(separation_arcsec),
-            last(white),
-            last(errors),
-            frame_s,
-            crossed,
-            light,
-            last(wings),
-            searched,
-            moving,
-        )
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
@@ -397,7 +326,6 @@ def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
 
 
 _CHANGES = ("without_motion", "without_speckles", "without_background")
-_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames")
 _ROUNDING = 1e-9
 N_SEPARATIONS = 41
 MIN_BACKGROUND_APERTURES = 25.0
@@ -448,20 +376,33 @@ class Places(etc.CaseArrays):
 
     def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
         """Return what decides programmes for an SNR, or for a detection; ``dark``: with no background."""
-        problem = self.problem("significance" if snr is None else "snr")
+        model, rates, strategy, searched = self.model, self.rates, self.model.strategy, snr is None
+        problem = self.problem("significance" if searched else "snr")
+        camera = problem.camera
         if dark:
-            problem = etc.without_background(problem, etc.own_noise(self.rates, problem.camera))
+            problem = etc.without_background(problem, etc.own_noise(rates, camera))
+        exposure_s, white = etc.best_exposure_s(problem)
+        place, shared = self.separation_arcsec, (strategy.annulus_lambda_d, strategy.reference_ratio, model.timing)
+        parts = programme_parts(model.metrics[self.band], model.instrument.drift, place, *shared)
+        mean = 1.0 if searched else 1.0 + 1.0 / rates.background_apertures
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            kept = rates.variance_factor * model.library_noise(self.band, np.ones(1)).speckle
+            planet = rates.core * rates.planet_left * self.contrast
+            of_star = np.nan_to_num(mean * kept / planet**2, posinf=0.0)  # no light: white is inf
+            wings = np.nan_to_num(mean * rates.variance_factor * rates.wings_e2_s2 / rates.planet_e_s**2, posinf=0.0)
+            # The excess noise of a high gain; at a low one no more than their part of the light's noise.
+            scattered = mean * etc.error_noise(rates, camera, strategy, etc.ONE_VISIT)
+            stages = camera.register_stages
+            excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
+            errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
+            errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
         level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
-        places = self.separation_arcsec, self.contrast, self.rates
-        return Outlook.of(
-            self.model,
-            self.band,
-            *places,
-            problem,
-            level,
-            searched=snr is None,
-            motion=self.motion if snr is None else None,
-        )
+        columns = level, place, white, errors, exposure_s + camera.readout_s, parts, of_star, wings
+        level, place, white, errors, frame_s, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
+        crossed, light = (part.scaled(of_star) for part in parts)
+        motion = self.motion.at((..., None)) if searched and self.motion is not None else None
+        found = level, place, white, errors, frame_s, crossed, light, wings
+        return Outlook(model, self.band, *found, searched, motion)
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Return the noise of chosen frames, those of all visits together."""
@@ -638,9 +579,6 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-_TAKEN = ("exposure_s", "em_gain", "visit_time_s", "time_s", "unused_s", "motion_factor", "independent_visits")
-
-
 def setting_fields(
     model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
 ) -> dict[str, Any]:
@@ -657,12 +595,6 @@ def setting_fields(
     limited_by : str
         What limits it, of `limits_of`.
     """
-    possible = best.n_frames[i] >= 1
-
-    def taken(value: float) -> float | None:
-        """Return a value where the star can be observed."""
-        return float(value) if possible else None
-
     return {
         "status": standing[0].value,
         "reason": standing[1].value,
@@ -672,11 +604,7 @@ def setting_fields(
         "detection_probability_known_place": finite(best.chance_known_place[i]),
         "detection_margin": float(best.margin[i]),
         "limited_by": limited_by,
-        **{name: int(getattr(best, name)[i]) if possible else None for name in _COUNTS},
-        **{name: taken(getattr(best, name)[i]) for name in _TAKEN},
-        "integration_s": taken(best.n_frames[i] * best.exposure_s[i]),
-        "span_days": taken(float(etc.programme_days(model, best.visits[i], best.time_s[i]))),
-        "orbits_searched": int(n) if possible and math.isfinite(n := best.orbits_searched[i]) else None,
+        **etc.programme_fields(model, vars(best), i),
         "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
         "required_drift_factor": finite(best.required_drift_factor[i]),
         "required_contrast_factor": finite(best.required_contrast_factor[i]),
@@ -1003,16 +931,13 @@ class _Search:
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
-        wall = model.time_s(choice.visit_s)
-        if time_s is not None:  # never more than what was given, not even by rounding
-            wall = np.minimum(wall, time_s / programme.visits)
+        setting = etc.programme_columns(model, chosen.rates, chosen.motion, programme, choice, time_s, time_s)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         place, visits = chosen.separation_arcsec, programme.effective(chosen.rates.speckle)
-        paid = etc.motion_factor(chosen.motion, programme, choice.visit_s)
         known = not brief or model.strategy.search == "known_place"
-        chances = etc.visit_chances(model, band, place, choice.visit_s, noise, visits, motion=paid, at_place=known)
-        orbits = np.nan if chosen.motion is None else chosen.motion.orbits(programme, choice.visit_s)
-        alone = chosen.rates.speckle.independent(programme.visits, programme.gap_s)
+        chances = etc.visit_chances(
+            model, band, place, choice.visit_s, noise, visits, motion=setting["motion_factor"], at_place=known
+        )
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
         best = OptimalSetting(
@@ -1020,18 +945,7 @@ class _Search:
             separation_arcsec=column(chosen.separation_arcsec),
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
-            visits=column(programme.visits),
-            independent_visits=column(alone),
-            orbits_searched=column(orbits),
-            motion_factor=column(paid),
-            reference_visits=column(programme.reference_visits),
-            exposure_s=column(choice.exposure_s),
-            frames_per_visit=column(choice.n_frames),
-            n_frames=column(choice.n_frames * programme.visits),
-            em_gain=column(choice.em_gain),
-            visit_time_s=column(wall),
-            time_s=column(wall * programme.visits),
-            unused_s=column(np.nan if time_s is None else np.maximum(time_s - wall * programme.visits, 0.0)),
+            **{name: column(part) for name, part in setting.items()},
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),

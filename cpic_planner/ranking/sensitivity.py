@@ -31,7 +31,7 @@ from cpic_planner.etc import EtcModel, build_model, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import CONTRAST, OCCURRENCE, Change, Ensemble, EnsembleChoice, ReferencePlanet, changed
 from cpic_planner.ranking.completeness import CountedPlanets, KnownChoice
-from cpic_planner.ranking.order import RankSetting, rank_targets, ranked, ranked_order
+from cpic_planner.ranking.order import RankSetting, rank_targets, ranked
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import (
     FLAG_SEPARATOR,
@@ -410,16 +410,42 @@ N_TOP, N_FIRST, POOL = 50, 10, 6
 
 @dataclass(frozen=True)
 class Order:
-    """Stars under one assumption: rank (1 for the first), score, margin of the reference planet, and its detection."""
+    """Stars under one assumption, arrays ``(n,)``, or under some instruments, ``(instruments, n)``; and their names.
 
-    rank: IntArray
+    ``planets`` are the expected planets of one observation of each star (completeness where the population has no rate
+    of occurrence); ``detected`` says whether the reference planet, whose margin is ``margin``, is detected in the given
+    time.
+    """
+
+    names: NDArray[np.str_]
     score: FloatArray
     margin: FloatArray
     detected: BoolArray
+    planets: FloatArray
 
-    def select(self, stars: BoolArray) -> "Order":
-        """Return some of the stars, with the ranks that they have among all."""
-        return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
+    @functools.cached_property
+    def rank(self) -> IntArray:
+        """Ranks among these stars, 1 for the first: by score, ties by the reference planet's margin, then by name."""
+        by_name = np.broadcast_to(np.argsort(np.argsort(self.names, kind="stable"), kind="stable"), self.score.shape)
+        order = np.lexsort((by_name, -self.margin, -self.score), axis=-1)
+        rank = np.empty(order.shape, np.int64)
+        np.put_along_axis(rank, order, np.broadcast_to(np.arange(1, order.shape[-1] + 1), order.shape), axis=-1)
+        return rank
+
+    @property
+    def total(self) -> FloatArray:
+        """Expected planets of one observation of every star, one number for each instrument."""
+        return np.asarray(self.planets.sum(axis=-1))
+
+    @property
+    def reachable(self) -> IntArray:
+        """Stars whose reference planet is detected, for each instrument."""
+        return np.asarray(np.count_nonzero(self.detected, axis=-1))
+
+    def beside(self, other: "Order") -> "Order":
+        """Return these stars and others under the same instruments."""
+        parts = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(Order))
+        return Order(*(np.concatenate(pair, axis=-1) for pair in parts))
 
 
 @dataclass(frozen=True)
@@ -511,7 +537,9 @@ def under_others(
         yield assumption, in_order(other, targets, counts if other.population is setting.population else None)
 
 
-def in_order(setting: RankSetting, targets: Targets, counts: CountedPlanets | None = None) -> Order:
+def in_order(
+    setting: RankSetting, targets: Targets, counts: CountedPlanets | None = None, occurrence: float = 1.0
+) -> Order:
     """Rank stars under one setting.
 
     Parameters
@@ -520,12 +548,14 @@ def in_order(setting: RankSetting, targets: Targets, counts: CountedPlanets | No
     targets : Targets
     counts : CountedPlanets, optional
         Those of the setting's population around these stars.
+    occurrence : float
+        Factor on the population's planets per star.
     """
     found = ranked(setting, targets, brief=True, counts=counts)
-    rank = np.empty(len(targets), np.int64)
-    rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
-    margin = found.best.margin
-    return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
+    planets = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(targets))]
+    rate = setting.population.record().planets_per_star
+    planets = planets if rate is None else planets * rate * occurrence
+    return Order(targets.name, found.score, found.best.margin, found.best.detected, planets)
 
 
 def near_top(rank: IntArray, margin: FloatArray, top: int) -> BoolArray:
@@ -590,19 +620,19 @@ def sensitivity(
     n_ok = int(np.count_nonzero(nominal.detected))
     n_top, n_first = min(top, n_ranked), min(first, top, n_ranked)
     pool = near_top(nominal.rank, nominal.margin, top)
-    targets, nominal = targets.select(pool), nominal.select(pool)
+    targets, rank, scores = targets.select(pool), nominal.rank[pool], nominal.score[pool]
     others = list(under_others(setting, targets, assumptions))
-    rows = [_compared(assumption, nominal, other, targets.name, n_top, n_first) for assumption, other in others]
+    rows = [_compared(assumption, rank, scores, other, n_top, n_first) for assumption, other in others]
     asked = {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [row.assumption for row in rows]}
-    ranks = np.array([nominal.rank, *(other.rank for _, other in others)])
+    ranks = np.array([rank, *(other.rank for _, other in others)])
     stars = [
         SensitivityStar(
             name=str(targets.name[at]),
-            rank=int(nominal.rank[at]),
+            rank=int(rank[at]),
             rank_lowest=int(ranks[:, at].min()),
             rank_highest=int(ranks[:, at].max()),
         )
-        for at in np.argsort(nominal.rank)[:n_top]
+        for at in np.argsort(rank)[:n_top]
     ]
     return SensitivityResult(
         fingerprint=str(fingerprint()),
@@ -619,25 +649,25 @@ def sensitivity(
 
 
 def _compared(
-    assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int, n_first: int
+    assumption: Assumption, rank: IntArray, scores: FloatArray, other: Order, n_top: int, n_first: int
 ) -> SensitivityRow:
-    """Return what becomes of the nominal first stars under another assumption."""
-    first = np.flatnonzero(nominal.rank <= n_top)
-    scored = (np.minimum(nominal.rank, other.rank) <= n_top) & ((nominal.score > 0) | (other.score > 0))
-    falls = other.rank[first] - nominal.rank[first]
+    """Return what becomes of the first stars by nominal rank, with their scores, under another assumption."""
+    first = np.flatnonzero(rank <= n_top)
+    scored = (np.minimum(rank, other.rank) <= n_top) & ((scores > 0) | (other.score > 0))
+    falls = other.rank[first] - rank[first]
     worst = int(np.argmax(falls))
     return SensitivityRow(
         assumption=assumption.key,
         text=assumption.text,
         n_ok=int(np.count_nonzero(other.detected)),
-        kendall_tau_b=tau_b(nominal.score[scored], other.score[scored]),
+        kendall_tau_b=tau_b(scores[scored], other.score[scored]),
         n_compared=int(np.count_nonzero(scored)),
-        kendall_tau=tau_b(nominal.rank[first], other.rank[first]),
+        kendall_tau=tau_b(rank[first], other.rank[first]),
         kept=int(np.count_nonzero(other.rank[first] <= n_top)),
-        kept_first=int(np.count_nonzero(other.rank[nominal.rank <= n_first] <= n_first)),
-        largest_fall=str(names[first[worst]]) if falls[worst] > 0 else "",
+        kept_first=int(np.count_nonzero(other.rank[rank <= n_first] <= n_first)),
+        largest_fall=str(other.names[first[worst]]) if falls[worst] > 0 else "",
         largest_fall_ranks=max(int(falls[worst]), 0),
-        best=str(names[int(np.argmin(other.rank))]),
+        best=str(other.names[int(np.argmin(other.rank))]),
     )
 
 
@@ -745,49 +775,9 @@ def instrument_of(model: EtcModel, ensemble: Ensemble, states: MirrorStates, dra
     return EtcModel(instrument, Passbands.from_instrument(instrument), metrics, model.strategy)
 
 
-@dataclass(frozen=True)
-class Standings:
-    """Stars under some instruments, arrays ``(instruments, stars)``, and their names.
-
-    ``planets`` are the expected planets of one observation of each star (completeness where the population has no rate
-    of occurrence); ``detected`` says whether the reference planet, whose margin is ``margin``, is detected in the given
-    time.
-    """
-
-    names: NDArray[np.str_]
-    score: FloatArray
-    margin: FloatArray
-    detected: BoolArray
-    planets: FloatArray
-
-    @functools.cached_property
-    def rank(self) -> IntArray:
-        """Ranks among these stars under each instrument, in the order of `ranked_order`."""
-        by_name = np.broadcast_to(np.argsort(np.argsort(self.names, kind="stable"), kind="stable"), self.score.shape)
-        order = np.lexsort((by_name, -self.margin, -self.score), axis=1)
-        rank = np.empty(order.shape, np.int64)
-        np.put_along_axis(rank, order, np.broadcast_to(np.arange(1, order.shape[1] + 1), order.shape), axis=1)
-        return rank
-
-    @property
-    def total(self) -> FloatArray:
-        """Expected planets of one observation of every star, one number for each instrument."""
-        return np.asarray(self.planets.sum(axis=1))
-
-    @property
-    def reachable(self) -> IntArray:
-        """Stars whose reference planet is detected, for each instrument."""
-        return np.asarray(np.count_nonzero(self.detected, axis=1))
-
-    def beside(self, other: "Standings") -> "Standings":
-        """Return these stars and others under the same instruments."""
-        parts = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(Standings))
-        return Standings(*(np.concatenate(pair, axis=-1) for pair in parts))
-
-
 def standings(
     setting: RankSetting, targets: Targets, choice: EnsembleChoice, draws: Sequence[Mapping[str, float]]
-) -> Standings:
+) -> Order:
     """Rank stars under some instruments.
 
     Parameters
@@ -804,17 +794,12 @@ def standings(
     states = states_of(setting.model, choice.ensemble)
     counts = CountedPlanets.of(setting.population, targets, keep=True)
     models = (instrument_of(setting.model, choice.ensemble, states, drawn) for drawn in draws)
-    rows = [_standing(replace(setting, model=one), counts, drawn) for one, drawn in zip(models, draws, strict=True)]
-    return Standings(targets.name, *(np.stack(part) for part in zip(*rows, strict=True)))
-
-
-def _standing(setting: RankSetting, counts: CountedPlanets, drawn: Mapping[str, float]) -> tuple[NDArray[Any], ...]:
-    """Return the scores, margins, detections and expected planets of the stars under one instrument."""
-    found = ranked(setting, counts.targets, brief=True, counts=counts)
-    counted = np.stack([part.counted for part in found.counted])[found.picked, np.arange(len(counts.targets))]
-    rate = setting.population.record().planets_per_star
-    planets = counted if rate is None else counted * rate * drawn.get(OCCURRENCE, 1.0)
-    return found.score, found.best.margin, found.best.detected, planets
+    every = [
+        in_order(replace(setting, model=one), targets, counts, drawn.get(OCCURRENCE, 1.0))
+        for one, drawn in zip(models, draws, strict=True)
+    ]
+    names = ("score", "margin", "detected", "planets")
+    return Order(targets.name, *(np.stack([getattr(one, name) for one in every]) for name in names))
 
 
 def rank_under(
@@ -896,7 +881,7 @@ def _ranked_by_all(
     choice: EnsembleChoice,
     draws: Sequence[Mapping[str, float]],
     pool: BoolArray,
-) -> tuple[Standings, Standings]:
+) -> tuple[Order, Order]:
     """Return the pool's stars under every instrument, the pool grown as needed, and all stars under some."""
     announce(f"ranking {np.count_nonzero(pool)} stars under {len(draws)} instruments")
     found = standings(setting, targets.select(pool), choice, draws)
@@ -914,7 +899,7 @@ def _ranked_by_all(
     return found, whole
 
 
-def _columns(found: Standings, whole: Standings, pool: IntArray) -> dict[str, list[float]]:
+def _columns(found: Order, whole: Order, pool: IntArray) -> dict[str, list[float]]:
     """Return what rows of all stars say, by the names of their columns."""
     ranks: list[IntArray] = [whole.rank[:, i] for i in range(whole.rank.shape[1])]
     reached = np.zeros(len(ranks))
@@ -934,7 +919,7 @@ def _columns(found: Standings, whole: Standings, pool: IntArray) -> dict[str, li
     }
 
 
-def _record(setting: RankSetting, targets: Targets, choice: EnsembleChoice, found: Standings) -> EnsembleRecord:
+def _record(setting: RankSetting, targets: Targets, choice: EnsembleChoice, found: Order) -> EnsembleRecord:
     """Return the numbers of the whole ensemble, and the bars of what it hangs on."""
     keys = list(choice.ensemble.drawn)
     announce(f"ranking {len(targets)} stars with each of {len(keys)} numbers at the ends of what it may be")

@@ -119,7 +119,10 @@ def _in_file(one, other):
         arrays = [np.load(path) for path in (one, other)]
         same = sorted(arrays[0].files) == sorted(arrays[1].files)
         return [("bytes", key) for key in arrays[0].files if not same or not np.array_equal(*(a[key] for a in arrays))]
-    texts = [path.read_text(encoding="utf-8") for path in (one, other)]
+    try:
+        texts = [path.read_text(encoding="utf-8") for path in (one, other)]
+    except UnicodeDecodeError:
+        return [] if one.read_bytes() == other.read_bytes() else [("bytes", "differ")]
     if texts[0] == texts[1]:
         return []
     if suffix == ".json" or (texts[0].lstrip()[:1] == "{" and one.name == "stdout.txt"):

@@ -1,4 +1,4 @@
-"""The oracles lie beside the report that uses them as well."""
+"""Oracles of the closed forms lie beside the tests, which are no package."""
 
 import importlib
 import sys
@@ -7,17 +7,17 @@ from types import SimpleNamespace
 
 import pytest
 
-REPORT = Path(__file__).resolve().parents[2] / "reports/numerics"
+HERE = Path(__file__).resolve().parent
 NAMES = ("oracle", "inventory", "refusal", "refusals", "round_trips")
 
 
 def load():
-    """Modules of the report on numerics; its folder is no package."""
-    sys.path.insert(0, str(REPORT))
+    """Modules with oracles, by name."""
+    sys.path.insert(0, str(HERE))
     try:
         return SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
     finally:
-        sys.path.remove(str(REPORT))
+        sys.path.remove(str(HERE))
 
 
 @pytest.fixture(scope="session")

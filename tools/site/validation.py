@@ -50,13 +50,6 @@ CHECKS: dict[str, tuple[Check, ...]] = {
             "contrast limit against time, no drift", "its exact slope", "etc_accuracy", "slope of the contrast limit"
         ),
         Check("speckle floor", "simulated images", "etc_accuracy", "plateaus of the contrast limit"),
-        Check(
-            "closed forms at their extremes",
-            "mpmath, 50 digits",
-            "numerics",
-            r"(?P<found>\d+ of \d+ functions meet it; the worst\s+takes\s+[\d.e+-]+ of what is allowed)",
-            "1e-12 times the condition number, relative",
-        ),
     ),
     "Predictions against simulated images, measured blind": (
         Check("flux of planets", "planets that were injected", "blind_validator", "mean flux of injected planets"),

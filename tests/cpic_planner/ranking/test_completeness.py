@@ -31,7 +31,7 @@ from cpic_planner.planets import (
     star_masses_msun,
 )
 from cpic_planner.queries import Strategy
-from cpic_planner.ranking import in_zone, inside_zone
+from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
@@ -185,19 +185,19 @@ def test_chunks_change_nothing(model, everyone, monkeypatch):
     setting = {"exposure_s": 30.0, "n_frames": np.arange(40.0) * 500, "em_gain": 20.0}
     whole = completeness(model, targets, "F520", drawn, **setting)
     for name, size in (("_PLACED", 1500), ("_TOGETHER", 20), ("_PLANETS", 100)):
-        monkeypatch.setattr(in_zone, name, size)
-    placed, observed, zone, chances = [], [], in_zone.inside_zone, module._chances
+        monkeypatch.setattr(module, name, size)
+    placed, observed, zone, chances = [], [], module.inside_zone, module._Counts._chances
 
     def seen_zone(zone_, x, y, margin):
         placed.append(x.size)
         return zone(zone_, x, y, margin)
 
-    def seen_chances(model, chosen, band, places, *others):
+    def seen_chances(counts, stars, places, shown):
         observed.append(places[0].shape)
-        return chances(model, chosen, band, places, *others)
+        return chances(counts, stars, places, shown)
 
-    monkeypatch.setattr(in_zone, "inside_zone", seen_zone)
-    monkeypatch.setattr(module, "_chances", seen_chances)
+    monkeypatch.setattr(module, "inside_zone", seen_zone)
+    monkeypatch.setattr(module._Counts, "_chances", seen_chances)
     parts = completeness(model, targets, "F520", drawn, **setting)
     # Pairs at work at once: never more than asked, unless one star alone has more, and not much fewer.
     assert max(placed) == 1500

@@ -117,14 +117,14 @@ def test_no_planet_below_the_faintest_contrast_is_detected(model, stars, strateg
 def test_what_is_too_faint_counts_for_nothing(model, stars, strategy, monkeypatch):
     model = dataclasses.replace(model, strategy=Strategy(**strategy))
     frames, drawn = setting(len(stars)) | {"em_gain": 50.0}, draw_population(load_population(), 3000, 2)
-    looked, chances = [0, 0], counting._chances
+    looked, chances = [0, 0], counting._Counts._chances
 
     def counted(whole):
-        def seen(model, chosen, band, places, shown, *others):
+        def seen(counts, stars, places, shown):
             looked[whole] += len(shown[0])
-            return chances(model, chosen, band, places, shown, *others)
+            return chances(counts, stars, places, shown)
 
-        monkeypatch.setattr(counting, "_chances", seen)
+        monkeypatch.setattr(counting._Counts, "_chances", seen)
         return [completeness(model, stars, band, drawn, **frames) for band in BANDS]
 
     some = counted(0)

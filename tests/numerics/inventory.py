@@ -1,4 +1,4 @@
-"""What each public name is to this report: measured here, tested elsewhere, or no number at all."""
+"""What each public name is to these tests: measured here, tested elsewhere, or no number at all."""
 
 from __future__ import annotations
 
