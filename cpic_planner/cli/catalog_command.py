@@ -15,39 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import catalogs
-from catalogs import (
-    POSITION_ERROR_ARCSEC,
-    Cuts,
-    Refreshed,
-    RefreshedPlanets,
-    RefreshError,
-    TableBytes,
-    TapService,
-    data_dir,
-    ecsv_text,
-    file_name,
-    parse_planets,
-    parse_refreshed,
-    planets_ecsv,
-    refresh_planets,
-    refresh_stars,
-    set_aside,
-)
 from cpic_core import InputError, at_home, check_writable, listed, visible, write_named
 from cpic_planner import report
-from cpic_planner.cli.command import (
-    JsonOption,
-    Output,
-    RejectsOption,
-    check_rejects,
-    console,
-    error_line,
-    note,
-    place_of,
-    print_json,
-    say,
-    write_rejects,
-)
+from cpic_planner.cli import command
 from cpic_planner.cli.progress import progress
 from cpic_planner.version import DISTRIBUTION, __version__
 
@@ -55,8 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.console import Console
-
-    from catalogs import Cuts, StoredTable, TapService
 
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
@@ -73,7 +41,7 @@ class TableKind(StrEnum):
     PLANETS = "planets"
 
 
-def info(as_json: JsonOption = False) -> None:
+def info(as_json: command.JsonOption = False) -> None:
     """Show the tables: the snapshot's vintage, counts, sources and licences, and refreshed ones of stars and planets.
 
     Example: cpic catalog info
@@ -84,13 +52,16 @@ def info(as_json: JsonOption = False) -> None:
         stars, planets = ([_about(item) for item in items] for items in stored.values())
         newest = [items[0]["file"] if items else None for items in (stars, planets)]
         tables = {"refreshed": stars, "latest": newest[0], "refreshed_planets": planets, "latest_planets": newest[1]}
-        print_json(facts | {"data_folder": str(data_dir())} | tables)
+        command.print_json(facts | {"data_folder": str(catalogs.data_dir())} | tables)
         return
-    screen = console()
+    screen = command.console()
     report.print_plain(screen, facts["vintage"], bold=True)
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
-    graded = ((str(grade), str(count), f"{POSITION_ERROR_ARCSEC[grade]:g}") for grade, count in sorted(grades.items()))
+    graded = (
+        (str(grade), str(count), f"{catalogs.POSITION_ERROR_ARCSEC[grade]:g}")
+        for grade, count in sorted(grades.items())
+    )
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
@@ -117,12 +88,14 @@ def info(as_json: JsonOption = False) -> None:
         for item in items
     ]
     if not rows:
-        report.print_plain(screen, f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", wraps=False)
+        report.print_plain(
+            screen, f"No refreshed table in {catalogs.data_dir()} (cpic catalog refresh makes one).", wraps=False
+        )
         return
-    table(screen, f"Refreshed tables in {data_dir()}", ("file", "asked", "used by"), rows)
+    table(screen, f"Refreshed tables in {catalogs.data_dir()}", ("file", "asked", "used by"), rows)
 
 
-def _about(item: StoredTable) -> dict[str, Any]:
+def _about(item: catalogs.StoredTable) -> dict[str, Any]:
     size = item.path.stat().st_size
     return {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": size}
 
@@ -135,11 +108,11 @@ def columns(
         TableKind | None,
         typer.Option("--as", help="Take FILE as a table of this kind [default: each kind that it can be]."),
     ] = None,
-    rejects: RejectsOption = None,
+    rejects: command.RejectsOption = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse FILE for the first row or cell that cannot be used.")
     ] = False,
-    as_json: JsonOption = False,
+    as_json: command.JsonOption = False,
 ) -> None:
     """Show which columns a table of your own may have, or what the columns of a FILE are taken for.
 
@@ -170,22 +143,22 @@ def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict:
     """Show what the columns of a file are taken for."""
     from cpic_planner.results import ColumnsResult
 
-    check_rejects(rejects, [file])
+    command.check_rejects(rejects, [file])
     found = catalogs.table_readings(file, None if taken_as is None else taken_as.value, strict=strict)
     if rejects is not None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
-        write_rejects(rejects, list(left_out))
+        command.write_rejects(rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    Output("json" if as_json else "table").show(result, partial(report.print_columns, result))
+    command.Output("json" if as_json else "table").show(result, partial(report.print_columns, result))
 
 
 def _possible(as_json: bool) -> None:
     """Show the columns that tables may have."""
     rows, planets = (_column_rows(kind) for kind in ("stars", "planets"))
     if as_json:
-        print_json({"columns": rows, "planet_columns": planets})
+        command.print_json({"columns": rows, "planet_columns": planets})
         return
-    screen = console()
+    screen = command.console()
     for title, listed_rows in (("stars", rows), ("known planets", planets)):
         cells = (
             (row["name"], row["required"], listed(row["also_called"], _SHOWN), row["allowed"]) for row in listed_rows
@@ -245,14 +218,14 @@ class Written:
 
     path: Path
     sha256: str
-    made: Refreshed | RefreshedPlanets
+    made: catalogs.Refreshed | catalogs.RefreshedPlanets
 
     def summary(self) -> dict[str, Any]:
         """Return what happened, as plain values: file, source, counts, and what differs from the shipped table."""
         made = self.made
         return {
             "schema_version": 1,
-            "kind": "catalog_refresh" if isinstance(made, Refreshed) else "planets_refresh",
+            "kind": "catalog_refresh" if isinstance(made, catalogs.Refreshed) else "planets_refresh",
             "file": str(self.path),
             "sha256": self.sha256,
             "set_aside": made.refusal,
@@ -262,7 +235,7 @@ class Written:
             "counts": dict(made.counts),
             "changes_to_snapshot": dict(made.changes),
             "left_out": dict(made.left_out),
-            **({"cuts": asdict(made.cuts)} if isinstance(made, Refreshed) else {"notes": list(made.notes)}),
+            **({"cuts": asdict(made.cuts)} if isinstance(made, catalogs.Refreshed) else {"notes": list(made.notes)}),
         }
 
 
@@ -275,8 +248,8 @@ def target_path(out: str | Path | None) -> Path:
         If ``out`` does not end in ``.ecsv``, lies in the installed package, is a folder, or cannot be written.
     """
     if out is None:
-        check_writable(data_dir(), key="CPIC_DATA_DIR", folder=True)
-        return data_dir()
+        check_writable(catalogs.data_dir(), key="CPIC_DATA_DIR", folder=True)
+        return catalogs.data_dir()
     path = at_home(out)
     if path.suffix != ".ecsv":
         raise InputError("--out", str(out), allowed="a file name that ends in .ecsv")
@@ -290,8 +263,8 @@ def refresh_catalog(
     *,
     planets: bool = False,
     out: str | Path | None = None,
-    service: TapService | None = None,
-    cuts: Cuts | None = None,
+    service: catalogs.TapService | None = None,
+    cuts: catalogs.Cuts | None = None,
     step: Listener = lambda text: None,
     tell: Listener = lambda text: None,
 ) -> Written:
@@ -320,26 +293,26 @@ def refresh_catalog(
     InputError
         If ``out`` cannot be a place for it.
     """
-    path, service = target_path(out), service or TapService()
+    path, service = target_path(out), service or catalogs.TapService()
     versions = {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
-    made: Refreshed | RefreshedPlanets
+    made: catalogs.Refreshed | catalogs.RefreshedPlanets
     # What cannot be read back is not worth writing.
     if planets:
-        made = refresh_planets(service, step=step, tell=tell)
-        text = planets_ecsv(made, versions)
-        parse_planets(TableBytes("the new table", text.encode(), ""))
+        made = catalogs.refresh_planets(service, step=step, tell=tell)
+        text = catalogs.planets_ecsv(made, versions)
+        catalogs.parse_planets(catalogs.TableBytes("the new table", text.encode(), ""))
     else:
-        made = refresh_stars(service, cuts or Cuts(), step=step, tell=tell)
-        text = ecsv_text(made, versions)
-        parse_refreshed(text, "the new table")
-    path = path / file_name(made.queried_utc, made.kind) if out is None else path
-    path = set_aside(path) if made.refusal else path
+        made = catalogs.refresh_stars(service, cuts or catalogs.Cuts(), step=step, tell=tell)
+        text = catalogs.ecsv_text(made, versions)
+        catalogs.parse_refreshed(text, "the new table")
+    path = path / catalogs.file_name(made.queried_utc, made.kind) if out is None else path
+    path = catalogs.set_aside(path) if made.refusal else path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_named(path, text, key="--out")
     except OSError as error:
         hint = "choose another place with --out or CPIC_DATA_DIR"
-        raise RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
+        raise catalogs.RefreshError(f"cannot write {path}: {error.strerror}", hint) from None
     return Written(path, hashlib.sha256(text.encode()).hexdigest(), made)
 
 
@@ -393,7 +366,7 @@ def refresh(
     ] = False,
     other_hosts: Annotated[bool, typer.Option("--other-hosts", help="Follow redirects to another host.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
-    as_json: JsonOption = False,
+    as_json: command.JsonOption = False,
 ) -> None:
     """Ask SIMBAD for the nearby F, G and K stars, or the NASA Exoplanet Archive for their known planets.
 
@@ -418,10 +391,9 @@ def refresh(
 
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
-    from catalogs import Cuts, RefreshError, TapService
     from cpic_planner.cli.catalog_command import refresh_catalog
 
-    service = TapService(
+    service = catalogs.TapService(
         url=url,
         timeout_s=timeout_s,
         retries=retries,
@@ -434,26 +406,26 @@ def refresh(
     if planets and chosen:
         option, value = next(iter(chosen.items()))
         raise InputError(f"--{option.replace('_', '-')}", value, allowed="not with --planets: it cuts a table of stars")
-    cuts = Cuts(**chosen)
+    cuts = catalogs.Cuts(**chosen)
     if dry_run:
         _show_plan(out, service, None if planets else cuts, as_json=as_json)
         return
     try:
         with progress("asking the archive" if planets else "asking SIMBAD", total=2 if planets else 3) as step:
-            done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=note)
-    except RefreshError as error:
-        raise typer.Exit(error_line(str(error), 1)) from None
+            done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=command.note)
+    except catalogs.RefreshError as error:
+        raise typer.Exit(command.error_line(str(error), 1)) from None
     if as_json:
-        print_json(done.summary())
+        command.print_json(done.summary())
     else:
-        _show_result(done, console())
+        _show_result(done, command.console())
     if done.made.refusal:
         option = "--known-planets" if planets else "--catalog"
         remedy = f"set aside as {done.path}; if it is right, use it with {option} FILE"
-        raise typer.Exit(error_line(f"{done.made.refusal} {remedy}", 1))
+        raise typer.Exit(command.error_line(f"{done.made.refusal} {remedy}", 1))
 
 
-def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_json: bool) -> None:
+def _show_plan(out: Path | None, service: catalogs.TapService, cuts: catalogs.Cuts | None, *, as_json: bool) -> None:
     """Show what would be asked: about stars within cuts, or about planets where there are none."""
     from catalogs import PLANETS_QUERY, archive_url, queries, service_url
     from cpic_planner.cli.catalog_command import target_path
@@ -466,12 +438,12 @@ def _show_plan(out: Path | None, service: TapService, cuts: Cuts | None, *, as_j
         "out": where,
     }
     if as_json:
-        print_json(plan)
+        command.print_json(plan)
         return
-    say(f"would ask {plan['service']}:")
+    command.say(f"would ask {plan['service']}:")
     for query in plan["queries"]:
-        say(f"\n  {query}")
-    say(f"\nand write {where}")
+        command.say(f"\n  {query}")
+    command.say(f"\nand write {where}")
 
 
 def _show_result(done: Written, screen: Console) -> None:
@@ -494,7 +466,7 @@ def _show_result(done: Written, screen: Console) -> None:
         table(screen, "Orbits that moved", columns, map(_moved, moved))
     report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
     if not done.made.refusal:
-        report.print_plain(screen, f"wrote {place_of(done.path)}", wraps=False)
+        report.print_plain(screen, f"wrote {command.place_of(done.path)}", wraps=False)
 
 
 def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:

@@ -662,7 +662,9 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
     model : type of Question, optional
         Whose fields ``question`` has.
     """
-    where = {} if model is None else {model.__name__: model}
+    from cpic_planner import queries
+
+    where = {"queries": queries}
     own = dict(inspect.signature(run, locals=where, eval_str=True).parameters)
     question, output = own.pop("question", None), own.pop("output", None)
     forms = {} if output is None else dict(_OUTPUT)

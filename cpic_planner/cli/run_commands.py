@@ -11,31 +11,18 @@ import typer
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.command import (
-    Answer,
-    DryRunOption,
-    Output,
-    cost_line,
-    note,
-    print_json,
-    result_of,
-    say,
-    tell_overrides,
-    tell_report,
-    time_text,
-    with_progress,
-)
+from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from cpic_planner.queries import ConfirmQuestion, PlanQuestion, SimulateQuestion, TradeoffQuestion, WhatIfQuestion
+    from cpic_planner import queries
     from cpic_planner.survey import StrategiesConfig
     from cpic_planner.tradeoff import FixedScene, Point
 
 
-def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) -> None:
+def plan(question: queries.PlanQuestion, output: command.Answer, dry_run: command.DryRunOption = False) -> None:
     """Rank the catalogue, confirm the best targets with simulated images, write the report.
 
     Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
@@ -85,22 +72,22 @@ def plan(question: PlanQuestion, output: Answer, dry_run: DryRunOption = False) 
     from catalogs import open_catalogue
     from cpic_planner.confirm import plan_job
 
-    tell_overrides(question.simulator_overrides)
+    command.tell_overrides(question.simulator_overrides)
     job, out = plan_job(question, open_catalogue(question.catalog)), question.out
 
     def line(cost: Mapping[str, float]) -> str:
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
-        return cost_line(what, cost, question.workers)
+        return command.cost_line(what, cost, question.workers)
 
     steps = 0 if dry_run else _n_bands(question)
-    result = result_of(question, job, output, "confirming", line, steps=steps, out=out, dry_run=dry_run)
+    result = command.result_of(question, job, output, "confirming", line, steps=steps, out=out, dry_run=dry_run)
     if result is not None:
         confirmed = any(band.detected for target in result.targets for band in target.bands)
         output.show(result, partial(report.print_plan, result, full=is_verbose()), confirmed)
-        tell_report(output, out)
+        command.tell_report(output, out)
 
 
-def _n_bands(question: PlanQuestion) -> int:
+def _n_bands(question: queries.PlanQuestion) -> int:
     """Return the largest number of pairs of star and band."""
     if question.schedule is None:
         return question.top * len(question.band_names())
@@ -112,7 +99,7 @@ def _n_bands(question: PlanQuestion) -> int:
     return sum(star in first for star, _ in pairs)
 
 
-def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = False) -> None:
+def confirm(question: queries.ConfirmQuestion, output: command.Answer, dry_run: command.DryRunOption = False) -> None:
     """Observe one scene in simulated images and measure it blind, beside what the exposure-time calculator expects.
 
     SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars.
@@ -148,28 +135,30 @@ def confirm(question: ConfirmQuestion, output: Answer, dry_run: DryRunOption = F
     """
     from cpic_planner.confirm import confirm_job
 
-    tell_overrides(question.simulator_overrides)
+    command.tell_overrides(question.simulator_overrides)
 
     def line(cost: Mapping[str, float]) -> str:
         if cost["n_refused"]:
-            note(f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why")
+            command.note(
+                f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why"
+            )
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
-        return cost_line(what, cost, question.workers)
+        return command.cost_line(what, cost, question.workers)
 
     how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": dry_run}
-    result = result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
+    result = command.result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
     if result is None:
         return
     confirmed = any(band.detected for band in result.bands)
     output.show(result, partial(report.print_confirm, result, full=is_verbose()), confirmed)
-    tell_report(output, question.out)
+    command.tell_report(output, question.out)
     if output.plain and question.out is None:
-        note("--out DIR writes a report with the images")
+        command.note("--out DIR writes a report with the images")
 
 
 def simulate(
-    question: SimulateQuestion,
-    output: Output,
+    question: queries.SimulateQuestion,
+    output: command.Output,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")
     ] = False,
@@ -225,7 +214,7 @@ def simulate(
         return
     total = sum(entry.total_frames for entry in made.sequences)
     start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
-    done = with_progress("frames", total, start, "sequence")
+    done = command.with_progress("frames", total, start, "sequence")
     output.show(done.result, partial(report.print_simulation, done.result, question.out))
 
 
@@ -235,18 +224,18 @@ def _print_presets(as_json: bool) -> None:
     simulations = {name: load_simulation(name).description for name in preset_names("simulation")}
     scenes = {name: load_scene(name).name for name in preset_names("scene")}
     if as_json:
-        print_json({"simulations": simulations, "scenes": scenes})
+        command.print_json({"simulations": simulations, "scenes": scenes})
         return
     width = max(map(len, (*simulations, *scenes)))
     for title, presets in (("Simulations", simulations), ("Scenes", scenes)):
-        say(f"{title}:")
+        command.say(f"{title}:")
         for name, text in presets.items():
-            say(f"  {name:{width}}  {text}")
+            command.say(f"  {name:{width}}  {text}")
 
 
 def whatif(
-    question: WhatIfQuestion,
-    output: Output,
+    question: queries.WhatIfQuestion,
+    output: command.Output,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
 ) -> None:
     """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
@@ -328,7 +317,7 @@ def whatif(
     config = survey.varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
     config = survey.with_exact_calendars(config) if question.exact else config
     config = survey.with_doubt(config, question.doubt)
-    note(*(f"varied: {line}" for line in survey.variation_lines(config)))
+    command.note(*(f"varied: {line}" for line in survey.variation_lines(config)))
     # Tables that cannot be used are refused before any work.
     survey.known_table(config.universe)
     as_catalogue(config.universe.catalog)
@@ -336,17 +325,17 @@ def whatif(
     def line(cost: Mapping[str, float]) -> str:
         return (
             f"{cost['n_strategies']} strategies, {cost['n_universes']} universes, {cost['n_blocks']} blocks, up to "
-            f"{cost['n_images']} sets of images: about {time_text(cost, question.workers)}, "
+            f"{cost['n_images']} sets of images: about {command.time_text(cost, question.workers)}, "
             f"{cost['memory_mb']:.0f} MB memory, {cost['disk_mb']:.1f} MB disk"
         )
 
     job, out = survey.whatif_job(config, n_images=question.images), question.out or Path("cpic-whatif")
-    result = result_of(question, job, output, "what if", line, steps="n_steps", out=out, dry_run=dry_run)
+    result = command.result_of(question, job, output, "what if", line, steps="n_steps", out=out, dry_run=dry_run)
     if result is not None:
         output.show(result, partial(report.print_whatif, result, full=is_verbose()))
         if output.plain:
-            say(f"visits: {out / 'visits.csv'}")
-        tell_report(output, out)
+            command.say(f"visits: {out / 'visits.csv'}")
+        command.tell_report(output, out)
 
 
 def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
@@ -361,8 +350,8 @@ def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfi
 
 
 def tradeoff(
-    question: TradeoffQuestion,
-    output: Output,
+    question: queries.TradeoffQuestion,
+    output: command.Output,
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
 ) -> None:
     """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
@@ -394,8 +383,8 @@ def tradeoff(
         return
     earlier = read_result(question.out) if question.only or question.scenes else None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
-    result = with_progress("rows", n_rows(work), partial(run, job, question.out, force=question.force)).result
-    note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
+    result = command.with_progress("rows", n_rows(work), partial(run, job, question.out, force=question.force)).result
+    command.note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
     output.show(result, partial(report.print_tradeoff, result))
 
 
@@ -405,10 +394,10 @@ def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: b
             case.name: {"title": case.title, "why": case.why, "points": {item.name: item.title for item in points}}
             for case, points in work
         }
-        print_json(listing)
+        command.print_json(listing)
         return
     for case, points in work:
-        say(f"{case.name}: {case.title} ({case.why})")
+        command.say(f"{case.name}: {case.title} ({case.why})")
         width = max(len(point.name) for point in points)
         for point in points:
-            say(f"  {point.name:{width}}  {point.title}")
+            command.say(f"  {point.name:{width}}  {point.title}")

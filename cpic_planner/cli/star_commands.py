@@ -10,49 +10,24 @@ import typer
 
 from cpic_core import InputError, dump_json
 from cpic_planner import ranking, report
-from cpic_planner.cli.command import (
-    FORM_OF_ENDING,
-    Answer,
-    DryRunOption,
-    Output,
-    PlotOption,
-    check_file,
-    check_plot,
-    note,
-    place_of,
-    refuse_together,
-    result_of,
-    tell_report,
-    tell_rows,
-    time_text,
-    write_out,
-    write_plot,
-)
+from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose, progress
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from catalogs import Catalogue
+    from cpic_planner import queries
     from cpic_planner.etc import EtcModel
     from cpic_planner.jobs import Job
-    from cpic_planner.queries import (
-        CurveQuestion,
-        EtcQuestion,
-        KnownQuestion,
-        RankQuestion,
-        RocQuestion,
-        SearchedQuestion,
-        VisibilityQuestion,
-    )
     from cpic_planner.ranking import KnownChoice
     from cpic_planner.results import EtcAnswer, RankResult, SearchedResult
     from cpic_planner.targets import Targets
 
 
 def etc(
-    question: EtcQuestion,
-    output: Answer,
+    question: queries.EtcQuestion,
+    output: command.Answer,
     budget: Annotated[
         bool, typer.Option("--budget", help="Print the noise budget of every answer [default: of the best].")
     ] = False,
@@ -63,7 +38,7 @@ def etc(
             help="Say more: probabilities, visits and orbits, and the EM gain that each saturation limit allows.",
         ),
     ] = False,
-    plot: PlotOption = None,
+    plot: command.PlotOption = None,
 ) -> None:
     """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 
@@ -142,17 +117,19 @@ def etc(
         ("--budget", budget, "JSON holds every budget"),
         ("--explain", explain, "JSON holds all"),
     ):
-        refuse_together({name: value, "--json": output.as_json}, held)
-        refuse_together({name: value, "--brief": output.brief, "--format": output.form != "table"}, "it has one table")
-    check_plot(plot)
-    answer = answered(question, check=_checked, tell=note)
+        command.refuse_together({name: value, "--json": output.as_json}, held)
+        command.refuse_together(
+            {name: value, "--brief": output.brief, "--format": output.form != "table"}, "it has one table"
+        )
+    command.check_plot(plot)
+    answer = answered(question, check=_checked, tell=command.note)
     if plot is not None:
-        write_plot(plot, answer.figure())
+        command.write_plot(plot, answer.figure())
     output.show(answer.result, partial(answer.print, every_budget=budget, explain=explain), answer.found)
 
 
 def _checked(
-    question: EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
+    question: queries.EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
 ) -> Sequence[EtcAnswer]:
     """Return the answers, checked in images, with a bar of progress."""
     from cpic_planner.api import checked
@@ -167,10 +144,10 @@ R = TypeVar("R", bound="SearchedResult")
 
 
 def curve(
-    question: CurveQuestion,
-    output: Answer,
-    plot: PlotOption = None,
-    dry_run: DryRunOption = False,
+    question: queries.CurveQuestion,
+    output: command.Answer,
+    plot: command.PlotOption = None,
+    dry_run: command.DryRunOption = False,
 ) -> None:
     """Draw contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
 
@@ -213,17 +190,17 @@ def curve(
     if done is None:
         return
     if plot is not None:
-        write_plot(plot, report.curve_figure(done))
+        command.write_plot(plot, report.curve_figure(done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
     output.show(done, partial(report.print_curve, done, full=is_verbose()), found)
-    tell_report(output, question.out)
+    command.tell_report(output, question.out)
 
 
 def roc(
-    question: RocQuestion,
-    output: Answer,
-    plot: PlotOption = None,
-    dry_run: DryRunOption = False,
+    question: queries.RocQuestion,
+    output: command.Answer,
+    plot: command.PlotOption = None,
+    dry_run: command.DryRunOption = False,
 ) -> None:
     """Show how likely a planet is detected, against the false alarms of a search.
 
@@ -255,29 +232,34 @@ def roc(
     if done is None:
         return
     if plot is not None:
-        write_plot(plot, report.roc_figure(done))
+        command.write_plot(plot, report.roc_figure(done))
     output.show(done, partial(report.print_roc, done, full=is_verbose()), bool(done.levels))
-    tell_report(output, question.out)
+    command.tell_report(output, question.out)
 
 
 def _searched(
-    question: SearchedQuestion, job: Job[R], title: str, plot: Path | None, dry_run: bool, output: Answer
+    question: queries.SearchedQuestion,
+    job: Job[R],
+    title: str,
+    plot: Path | None,
+    dry_run: bool,
+    output: command.Answer,
 ) -> R | None:
-    check_plot(plot)
+    command.check_plot(plot)
 
     def line(cost: Mapping[str, float]) -> str:
         return (
             f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
-            f"{time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
+            f"{command.time_text(cost, question.workers)}, {cost['memory_mb']:.0f} MB memory a worker"
         )
 
     how: dict[str, Any] = {"steps": "n_realisations" if question.images else 0, "piece": "set of images"}
-    return result_of(question, job, output, title, line, out=question.out, dry_run=dry_run, **how)
+    return command.result_of(question, job, output, title, line, out=question.out, dry_run=dry_run, **how)
 
 
 def rank(
-    question: RankQuestion,
-    output: Answer,
+    question: queries.RankQuestion,
+    output: command.Answer,
     limit: Annotated[
         int | None,
         typer.Option(
@@ -321,22 +303,21 @@ def rank(
 ) -> None:
     """Rank the whole catalogue (analytic, a few seconds; --sensitivity and --compare rank more than once).
 
-    The ranking is by completeness per hour: which fraction of a population of planets one observation of the star
-    detects, over its wall time. Planets do not count that radial velocities would have shown, that a companion star
-    leaves no orbit, or that stand beside a known giant (--exclusions); the same fraction of all planets stands beside
-    it. Stars that show none of it, with a score of zero, follow by detection margin.
-    Planets are looked for by a search that does not know their place; what a look at known places would detect stands
-    beside it (--search known_place counts that instead).
-    An observation is made of as many visits as are best in the given time, each with an overhead and a wavefront of its
-    own, reduced together; --visits and --visit-time-s fix them.
+    The ranking is by completeness per hour: the fraction of a population of planets that one observation of the star
+    detects, over its wall time. The fraction leaves out planets that radial velocities would have shown, that a
+    companion star would have driven off, or that would stand beside a known giant (--exclusions); a second fraction
+    counts all planets. Stars with a score of zero follow in the order of their detection margin.
+    The search does not know where a planet stands; a further column says what would be detected at known places, which
+    --search known_place counts instead.
+    An observation has the number of visits that is best in the given time. Each visit has an overhead and a wavefront
+    of its own, and all are reduced together; --visits and --visit-time-s fix them.
     --score chooses another order; the other columns are about a stated reference planet: whether it is detected, how
     likely a search finds it blind and at its place, and what limits it (limited_by: the single change that would make
     it detected in the given time; see cpic etc --help). In --json and --out: the visits, the time, the drift and the
     contrast that would detect it, each changed alone.
 
-    --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose some of the ranked stars, those
-    that pass all that are given: scores and seeds stay those of the whole ranking, and the rank in it stands beside the
-    rank among the chosen (rank_in_catalogue).
+    --stars, --sp-type, --distance-max-pc, --dec-min, --dec-max and --known-hosts choose the ranked stars that pass all
+    of them. Scores and seeds stay those of the whole ranking; rank_in_catalogue is the rank in it.
     --compare says which stars move from another ranking to this one, by how much their scores change, and why.
 
     Under the table stands what its headings mean, and what is detected; with -v all that its numbers refer to.
@@ -394,18 +375,18 @@ def rank(
 
     answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
     for name in ("--explain", "--sensitivity"):
-        refuse_together({name: answers[name], "--compare": compare}, "two answers")
+        command.refuse_together({name: answers[name], "--compare": compare}, "two answers")
     for name, value in answers.items():
-        refuse_together({name: value, "--out": out}, "it holds no ranking")
-        refuse_together({name: value, "--plot": plot}, "it has no figure")
+        command.refuse_together({name: value, "--out": out}, "it holds no ranking")
+        command.refuse_together({name: value, "--plot": plot}, "it has no figure")
         known = None if name == "--compare" else question.known_planets
-        refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
+        command.refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
-    check_file(out, tuple(FORM_OF_ENDING), "--out")
+    command.check_file(out, tuple(command.FORM_OF_ENDING), "--out")
     shown = 20 if limit is None else limit
-    check_plot(plot)
+    command.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
         output.show(moved, partial(report.print_moves, moved, limit=shown))
@@ -414,7 +395,7 @@ def rank(
     if explain is not None:
         with called_as({"star": "--explain"}):
             star, remark = find_target(explain, catalog=ready.catalogue)
-        note(*filter(None, [remark]))
+        command.note(*filter(None, [remark]))
         name = str(star.name[0])
         if name not in set(ready.stars.targets.name.tolist()):
             hint = "it is in the catalogue, but a cut leaves it out"
@@ -436,15 +417,15 @@ def rank(
         drawn, most = min(shown, len(result.targets)), report.MOST_STARS
         few = f" with the first {most} stars only: names of {drawn} could not be read" * (drawn > most)
         draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
-        write_plot(plot, draw(result, shown), few)
-    tell_rows(output, shown, len(result.targets))
+        command.write_plot(plot, draw(result, shown), few)
+    command.tell_rows(output, shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
     output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
 
 
-def _write(out: Path, result: RankResult, output: Answer, limit: int | None) -> None:
+def _write(out: Path, result: RankResult, output: command.Answer, limit: int | None) -> None:
     """Write the ranking, or its first stars, in the form that the ending of the name asks for."""
-    form, every = FORM_OF_ENDING[out.suffix], len(result.targets)
+    form, every = command.FORM_OF_ENDING[out.suffix], len(result.targets)
     rows = every if limit is None or form == "json" else min(limit, every)
     own = {"csv": report.ranking_csv, "ecsv": report.ranking_ecsv}.get(form)
     if form == "json":
@@ -453,12 +434,12 @@ def _write(out: Path, result: RankResult, output: Answer, limit: int | None) -> 
         text = partial(own, result, rows)
     else:
         text = partial(output.text, form, result, partial(report.print_rank, result, limit=rows))
-    write_out(out, text, rows, every)
+    command.write_out(out, text, rows, every)
 
 
 def known(
-    question: KnownQuestion,
-    output: Output,
+    question: queries.KnownQuestion,
+    output: command.Output,
     limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
@@ -519,8 +500,8 @@ def known(
     for name, value in (("--plot", plot), ("--scene", scene)):
         if star is None and value is not None:
             raise InputError(name, str(value), allowed="only with a STAR")
-    check_file(scene, (".yaml", ".yml"), "--scene")
-    check_plot(plot)
+    command.check_file(scene, (".yaml", ".yml"), "--scene")
+    command.check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
     choice = KnownChoice.at(
@@ -542,7 +523,7 @@ def known(
             only = planet_of_name(choice, star, error)
             planet = only.name
             targets, remark = find_target(only.star, catalog=table, date_utc=choice.date_utc)
-        note(*filter(None, [remark]))
+        command.note(*filter(None, [remark]))
         name = str(targets.name[0])
         if not choice.table.listed_rows_of(name):
             raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
@@ -553,10 +534,10 @@ def known(
     told: dict[str, Any] = {"years": span, "bands": question.bands, "catalogue": table.provenance}
     result = known_answer(model, targets, choice, planet=planet, notes=table.notes, **told)
     if plot is not None:
-        write_plot(plot, report.known_figure(result))
+        command.write_plot(plot, report.known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    tell_rows(output, limit, len(result.planets))
+    command.tell_rows(output, limit, len(result.planets))
     output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
 
 
@@ -569,12 +550,12 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
     source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
     body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
     write_named(path, f"{one_line(about)}\n{one_line(source)}\n{body}", key="--scene")
-    note(f"wrote {place_of(path)}")
+    command.note(f"wrote {command.place_of(path)}")
 
 
 def visibility(
-    question: VisibilityQuestion,
-    output: Answer,
+    question: queries.VisibilityQuestion,
+    output: command.Answer,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
@@ -607,13 +588,13 @@ def visibility(
     """
     from cpic_planner.api import visibility_of
 
-    check_file(out, (".csv",), "--out")
-    check_plot(plot)
-    result = visibility_of(question, note)
+    command.check_file(out, (".csv",), "--out")
+    command.check_plot(plot)
+    result = visibility_of(question, command.note)
     if out is not None:
         rows = len(result.targets) * len(result.mjd)
-        write_out(out, lambda: report.visibility_csv(result), rows, rows)
+        command.write_out(out, lambda: report.visibility_csv(result), rows, rows)
     if plot is not None:
-        write_plot(plot, report.visibility_figure(result))
+        command.write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)
     output.show(result, partial(report.print_visibility, result, full=is_verbose()), seen)

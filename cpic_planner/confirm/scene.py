@@ -357,16 +357,6 @@ class _Work:
     refused: list[BandConfirmation]
 
 
-@dataclass(frozen=True)
-class _Programme:
-    """Visits and frames of a band, or why there are none; for which planet they were chosen, and time left unused."""
-
-    frames: validation.Frames | None
-    chosen_for: str = ""
-    unused_s: float | None = None
-    refusal: tuple[Status, Reason, str] = Status.OK, Reason.NONE, ""
-
-
 def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
     """Return the job that simulates a scene and measures it blind."""
     from cpic_planner.report import products_of
@@ -477,10 +467,9 @@ def _work(config: ConfirmQuestion) -> _Work:
         refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
         if planets and not shown:
             continue
-        programme = _programme(config, model, target, band, shown)
-        frames = programme.frames
+        frames, about = _programme(config, model, target, band, shown)
         if frames is None:
-            refused += [_refusal(model, band, planet, *programme.refusal) for planet in shown]
+            refused += [_refusal(model, band, planet, **about) for planet in shown]
             continue
         predictions = [
             validation.expected_of(
@@ -498,7 +487,7 @@ def _work(config: ConfirmQuestion) -> _Work:
             audit=audited(config.dial, config.audit),
             **config.image_settings,
         )
-        task = replace(task, unused_s=programme.unused_s, chosen_for=programme.chosen_for)
+        task = replace(task, **about)
         answers = validation.refusals_of(task)
         refused += answers
         hidden = {answer.planet for answer in answers}
@@ -511,12 +500,14 @@ def _work(config: ConfirmQuestion) -> _Work:
 
 def _programme(
     config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
-) -> _Programme:
-    """Return the visits and frames that are given, or those that the calculator chooses for the first planet."""
+) -> tuple[validation.Frames | None, dict[str, Any]]:
+    """Return the visits and frames that are given, or those that the calculator chooses for the first planet.
+
+    Beside them for which planet they were chosen and how much time is left unused; status, reason and message where
+    there are no frames.
+    """
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
-        return _Programme(
-            validation.Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1)
-        )
+        return validation.Frames(config.exposure_s, config.n_frames, config.em_gain, config.strategy.visits or 1), {}
     place, contrast, name = model.metrics[band].zone.middle, _NO_PLANET, f"a planet of {_NO_PLANET:g} in mid-hole"
     if planets:
         first = planets[0]
@@ -534,10 +525,11 @@ def _programme(
     )
     frames = validation.Frames.of(answer)
     if frames is None:
-        return _Programme(None, name, refusal=(answer.status, answer.reason, answer.message))
+        return None, {"status": answer.status, "reason": answer.reason, "message": answer.message}
     if frames.n_frames > MAX_FRAMES:
-        return _Programme(None, name, refusal=(Status.INVALID, Reason.TOO_MANY_FRAMES, validation.TOO_MANY))
-    return _Programme(frames, name, None if config.n_frames is not None else answer.unused_s)
+        many = Reason.TOO_MANY_FRAMES
+        return None, {"status": Status.INVALID, "reason": many, "message": validation.TOO_MANY}
+    return frames, {"chosen_for": name, "unused_s": None if config.n_frames is not None else answer.unused_s}
 
 
 def _inside(metrics: PsfMetrics, planet: Source) -> bool:

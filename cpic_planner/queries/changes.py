@@ -29,19 +29,7 @@ from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_valida
 
 from cpic_core import InputError, converted, is_file, load_mapping, number_and_unit, parse_yaml, units_like
 from cpic_planner.queries.question import Parts, advice, asked, asked_changes, children, matching, put, sections
-from simulator.config import (
-    Drift,
-    FrozenModel,
-    Instrument,
-    Scene,
-    at,
-    canonical_json,
-    inside,
-    load_instrument,
-    preset_names,
-    to_unit,
-    unit_of,
-)
+from simulator import config
 
 if TYPE_CHECKING:
     from cpic_planner.results import InstrumentValue
@@ -240,7 +228,7 @@ _OPTICS = (
 )
 
 
-class Change(FrozenModel):
+class Change(config.FrozenModel):
     """One change: ``set`` a key of the instrument to a value, or ``scale`` its number by a factor.
 
     ``key`` is dotted and may hold ``*``; the key ``companions``, set to ``on`` or ``off``, is the scene's.
@@ -265,8 +253,8 @@ class Change(FrozenModel):
     @property
     def value_text(self) -> str:
         """What becomes of the value, as it is written: ``x0.7``, ``160``; that of drift has its unit, ``0.1 nm``."""
-        text = f"{'x' if self.action == 'scale' else ''}{canonical_json(self.value).strip(chr(34))}"
-        return with_unit(text, unit_of(_VISIT)) if self.key == DRIFT and self.action == "set" else text
+        text = f"{'x' if self.action == 'scale' else ''}{config.canonical_json(self.value).strip(chr(34))}"
+        return with_unit(text, config.unit_of(_VISIT)) if self.key == DRIFT and self.action == "set" else text
 
     @property
     def text(self) -> str:
@@ -274,7 +262,7 @@ class Change(FrozenModel):
         name = NAMES.get(self.key, self.key)
         if self.action == "scale" or self.key == COMPANIONS:
             return f"{name} {self.value_text}"
-        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if is_number(self.value) else '')}"
+        return f"{name} = {with_unit(self.value_text, config.unit_of(self.key) if is_number(self.value) else '')}"
 
     @property
     def is_optical(self) -> bool:
@@ -287,7 +275,7 @@ class Change(FrozenModel):
         return cls(key=key, action="scale", value=factor)
 
     @classmethod
-    def read(cls, given: str, value: Any, nominal: Instrument | None = None) -> Self:
+    def read(cls, given: str, value: Any, nominal: config.Instrument | None = None) -> Self:
         """Return the change that a key and a value mean, as people write them.
 
         Parameters
@@ -303,7 +291,7 @@ class Change(FrozenModel):
         InputError
             For what cannot be read, and a number that could be a value or a factor.
         """
-        key, unit = ALIASES.get(given, given), unit_of(long_key(given))
+        key, unit = ALIASES.get(given, given), config.unit_of(long_key(given))
         if not isinstance(value, bool | int | float | str | None):
             raise InputError(key, value, allowed="a number, a word, or a factor as x0.7")
         bare, text = is_number(value), str(value)
@@ -320,17 +308,17 @@ class Change(FrozenModel):
             raise two_spellings(given, given, text.strip(), unit=unit, present=present, value_key=value_key)
         if key == DRIFT and not (is_number(value) and value >= 0):
             allowed = "a factor as x2, or a number with a unit as 0.1nm, at least 0"
-            raise InputError(key, text, allowed=allowed, hint=f"its keys: {', '.join(Drift.model_fields)}")
+            raise InputError(key, text, allowed=allowed, hint=f"its keys: {', '.join(config.Drift.model_fields)}")
         if key == COMPANIONS and isinstance(value, bool):
             value = "on" if value else "off"
         return cls(key=key, value=value)
 
     @classmethod
-    def written(cls, text: str, nominal: Instrument | None = None) -> Self:
+    def written(cls, text: str, nominal: config.Instrument | None = None) -> Self:
         """Return the change of a text ``KEY=VALUE``; see `read`."""
         return cls.read(*_key_and_value(text, "KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7"), nominal)
 
-    def values(self, nominal: Instrument) -> list[tuple[str, Any, Any]]:
+    def values(self, nominal: config.Instrument) -> list[tuple[str, Any, Any]]:
         """Return the keys of an instrument that it means, with their values before and after.
 
         Raises
@@ -358,7 +346,7 @@ class Alteration:
     change: Change
 
 
-def alterations(nominal: Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
+def alterations(nominal: config.Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
     """Return every number and word of an instrument that some changes alter, by key.
 
     Raises
@@ -390,7 +378,7 @@ def tree_of(items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lam
     return tree
 
 
-def changed(nominal: Instrument, changes: Iterable[Change]) -> Instrument:
+def changed(nominal: config.Instrument, changes: Iterable[Change]) -> config.Instrument:
     """Return the instrument after some changes; the same object without any."""
     tree = tree_of(alterations(nominal, changes))
     return nominal.changed(tree) if tree else nominal
@@ -413,14 +401,14 @@ def long_key(key: str) -> str:
     return _VISIT if key == DRIFT else ALIASES.get(key, key)
 
 
-def _present(key: str, nominal: Instrument | None) -> float | None:
+def _present(key: str, nominal: config.Instrument | None) -> float | None:
     """Return the number of an instrument that a key means, if it means one."""
     leaves = {} if nominal is None else dict(matching(sections(nominal), key))
     values = {value for value in leaves.values() if is_number(value)}
     return values.pop() if len(values) == 1 else None
 
 
-def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
+def _leaves(nominal: config.Instrument, change: Change) -> list[tuple[str, Any]]:
     """Return the keys and values of an instrument that a key means."""
     root = sections(nominal)
     if change.key == DRIFT:
@@ -434,7 +422,7 @@ def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
     return leaves
 
 
-def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> Any:
+def _altered(change: Change, key: str, nominal: Any, instrument: config.Instrument) -> Any:
     if change.key == DRIFT and change.action == "set" and key == _WALK:
         offset = instrument.drift.visit_nm
         if not offset:
@@ -451,9 +439,9 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
     return change.value_text if isinstance(nominal, str) and is_number(change.value) else change.value
 
 
-def read_instrument(source: Any) -> Instrument:
+def read_instrument(source: Any) -> config.Instrument:
     """Return an instrument from what people write; see `simulator.load_instrument`."""
-    return source if isinstance(source, Instrument) else load_instrument(source)
+    return source if isinstance(source, config.Instrument) else config.load_instrument(source)
 
 
 class InstrumentParts(Parts):
@@ -464,11 +452,11 @@ class InstrumentParts(Parts):
         None,
         "Preset name or YAML file with what differs.",
         unset="cpic_default",
-        names_file=lambda word: word not in preset_names("instrument"),
+        names_file=lambda word: word not in config.preset_names("instrument"),
     )
     changes: tuple[str, ...] = asked_changes()
 
-    def made(self, base: Any) -> Instrument:
+    def made(self, base: Any) -> config.Instrument:
         """Return the instrument with what is changed of it."""
         given = base if self.instrument is None else self.instrument
         values = {name: value for name in self.NAMED if (value := getattr(self, name)) is not None}
@@ -476,10 +464,12 @@ class InstrumentParts(Parts):
         return changed_instrument(given, self.changes, named)
 
 
-def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None) -> Instrument:
+def changed_instrument(
+    source: Any, changes: Iterable[str], named: Mapping[str, Change] | None = None
+) -> config.Instrument:
     """Return an instrument, as `read_instrument` reads it, after changes ``KEY=VALUE`` and those of other options."""
     built = read_instrument(source)
-    with inside("changes"):
+    with config.inside("changes"):
         every = [Change.written(text, built) for text in changes]
         made = changed(built, every)
     for name, change in (named or {}).items():
@@ -490,13 +480,13 @@ def changed_instrument(source: Any, changes: Iterable[str], named: Mapping[str, 
     return made
 
 
-def instrument_title(instrument: Instrument) -> str:
+def instrument_title(instrument: config.Instrument) -> str:
     """Return the name of an instrument and its hash."""
     return f"{instrument.name} ({instrument.content_hash})"
 
 
 def instrument_rows(
-    instrument: Instrument, key: str = "", *, other: Instrument | None = None
+    instrument: config.Instrument, key: str = "", *, other: config.Instrument | None = None
 ) -> "list[InstrumentValue]":
     """Return values of an instrument with their sources; with another one only what differs from it.
 
@@ -529,7 +519,7 @@ def instrument_rows(
                 key=name,
                 value=mine.get(name, ""),
                 other=None if theirs is None else theirs.get(name, ""),
-                unit=unit_of(name) or ("" if origin is None else origin.unit),
+                unit=config.unit_of(name) or ("" if origin is None else origin.unit),
                 short_name=next((short for short, long in ALIASES.items() if fnmatchcase(name, long)), ""),
                 confidence="" if origin is None else origin.confidence,
                 source=_table_words(instrument, name) if origin is None else origin.source,
@@ -538,7 +528,7 @@ def instrument_rows(
     return rows
 
 
-def _table_words(instrument: Instrument, name: str) -> str:
+def _table_words(instrument: config.Instrument, name: str) -> str:
     """Return what was read from where of the tables that a key of an instrument names."""
     if not f"{name}.".startswith("coronagraph.table.") or instrument.coronagraph.table is None:
         return ""
@@ -555,7 +545,7 @@ def _plain_values(node: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
         if below:
             yield from _plain_values(below, f"{above}{name}.")
         elif below is None:
-            plain = f"{item:.12g}" if isinstance(item, float) else canonical_json(item).strip(chr(34))
+            plain = f"{item:.12g}" if isinstance(item, float) else config.canonical_json(item).strip(chr(34))
             yield f"{above}{name}", plain
 
 
@@ -581,7 +571,7 @@ _WHERE = "simulator_overrides"
 OnOff: TypeAlias = Literal["on", "off"]
 
 
-class SimulatorOverrides(FrozenModel):
+class SimulatorOverrides(config.FrozenModel):
     """Alterations of the simulator alone. Equal content has an equal `content_hash`, however it was written."""
 
     entries: tuple[Change, ...] = ()
@@ -594,7 +584,7 @@ class SimulatorOverrides(FrozenModel):
                 raise InputError(key, "given twice", allowed="each key once", hint=hint)
 
     @classmethod
-    def of(cls, source: "OverrideSource", nominal: Instrument | None = None) -> "SimulatorOverrides":
+    def of(cls, source: "OverrideSource", nominal: config.Instrument | None = None) -> "SimulatorOverrides":
         """Read alterations as people give them.
 
         Parameters
@@ -621,7 +611,7 @@ class SimulatorOverrides(FrozenModel):
         """
         if isinstance(source, SimulatorOverrides):
             return source
-        with inside(_WHERE):
+        with config.inside(_WHERE):
             read = [Change.read(key, value, nominal) for key, value in _pairs(source)]
             return cls(entries=tuple(sorted(read, key=lambda entry: entry.key)))
 
@@ -645,12 +635,12 @@ class SimulatorOverrides(FrozenModel):
         """Return whether the light of companions is in the images, given whether the prediction counts it."""
         return next((cast(OnOff, entry.value) for entry in self.entries if entry.key == COMPANIONS), nominal)
 
-    def scene(self, nominal: Scene) -> Scene:
+    def scene(self, nominal: config.Scene) -> config.Scene:
         """Return the scene that is simulated, given the one of the prediction."""
         chosen = self.companions(nominal.companions)
         return nominal if chosen == nominal.companions else nominal.model_copy(update={"companions": chosen})
 
-    def changes(self, nominal: Instrument) -> tuple[Alteration, ...]:
+    def changes(self, nominal: config.Instrument) -> tuple[Alteration, ...]:
         """Return every number and word of an instrument that is altered, by key.
 
         Raises
@@ -658,10 +648,10 @@ class SimulatorOverrides(FrozenModel):
         InputError
             For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
         """
-        with inside(_WHERE):
+        with config.inside(_WHERE):
             return alterations(nominal, (entry for entry in self.entries if entry.key != COMPANIONS))
 
-    def instrument(self, nominal: Instrument) -> Instrument:
+    def instrument(self, nominal: config.Instrument) -> config.Instrument:
         """Return the instrument that is simulated, given the one of the prediction.
 
         Raises
@@ -693,7 +683,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
     elif isinstance(source, str | Path):
         if not is_file(source):
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
-        tree = load_mapping(source, _WHERE, (*ALIASES, COMPANIONS, *Instrument.model_fields))
+        tree = load_mapping(source, _WHERE, (*ALIASES, COMPANIONS, *config.Instrument.model_fields))
         if tree.pop("kind", _WHERE) != _WHERE:
             raise InputError("kind", str(source), allowed=f"a file of kind: {_WHERE}")
         yield from _flat(tree)
@@ -719,8 +709,8 @@ def _stated(key: str, value: Any) -> Any:
     """Return a value of a mapping, one of `astropy.units` as a text with the unit of its key."""
     if not hasattr(value, "to_value"):
         return value
-    unit = unit_of(long_key(key))
-    number = to_unit(long_key(key), value)
+    unit = config.unit_of(long_key(key))
+    number = config.to_unit(long_key(key), value)
     return f"{number!r} {unit}" if unit else number
 
 
@@ -739,7 +729,7 @@ def _refused(error: InputError, changes: tuple[Alteration, ...], text: str) -> I
             scaled = f"{key} is {_short(item.nominal)}, and would be {_short(error.value)}"
             hint = scaled if change.action == "scale" else error.hint
             refusal = InputError(change.key, change.value_text, unit=error.unit, allowed=error.allowed, hint=hint)
-            return at(_WHERE, refusal)
+            return config.at(_WHERE, refusal)
     return InputError(_WHERE, text, allowed=error.allowed, hint=f"{key} would be {_short(error.value)}")
 
 

@@ -76,7 +76,7 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
         "another number: --threshold-sigma, strategy.sigma).",
     )
     detect: bool = asked(
-        False, "Level: a detection by half of such programmes, looked for as {search} says, at that separation."
+        False, "Level: half of such programmes detect the planet at that separation, searched for as {search} says."
     )
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(

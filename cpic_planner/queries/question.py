@@ -22,19 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from cpic_core import InputError, files_read, load_mapping
-from simulator.config import (
-    FrozenModel,
-    Instrument,
-    at,
-    bounds_of,
-    content_hash,
-    deep_merge,
-    limits_of,
-    nearest,
-    plain_numbers,
-    unit_of,
-    validate,
-)
+from simulator import config
 from simulator.config.scene import paths_beside
 
 Meaning = tuple[str, str]
@@ -95,7 +83,7 @@ class Asked:
     read: Callable[[Any], Any] | None = None
     several: bool | None = None
     parts: type[Parts] | None = None
-    group: type[FrozenModel] | None = None
+    group: type[config.FrozenModel] | None = None
     completes: Callable[[], Iterable[str]] | None = None
     names_file: Callable[[str], bool] | None = None
 
@@ -188,7 +176,7 @@ class Option:
         return "__".join(self.path)
 
 
-def options_of(model: type[FrozenModel], above: tuple[str, ...] = ()) -> Iterator[Option]:
+def options_of(model: type[config.FrozenModel], above: tuple[str, ...] = ()) -> Iterator[Option]:
     """Yield the options of a question, those of models inside it in the place of these.
 
     What a question itself declares comes before what it shares with others, and what decides no number comes last.
@@ -207,17 +195,21 @@ def options_of(model: type[FrozenModel], above: tuple[str, ...] = ()) -> Iterato
             yield _option(name, info, own, above)
 
 
-def _distance(model: type[FrozenModel], name: str) -> tuple[bool, int]:
+def _distance(model: type[config.FrozenModel], name: str) -> tuple[bool, int]:
     own = asked_of(model.model_fields[name])
     declared = next(i for i, base in enumerate(model.__mro__) if name in inspect.get_annotations(base))
     return own is not None and not own.physics and not own.argument, declared
 
 
-def group_of(info: FieldInfo) -> type[FrozenModel] | None:
+def group_of(info: FieldInfo) -> type[config.FrozenModel] | None:
     """Return the model of fields that are asked one by one inside a field; None where it is a single value."""
     own = asked_of(info)
     for part in (own.group,) if own is not None and own.group is not None else _parts(info.annotation):
-        if isinstance(part, type) and issubclass(part, FrozenModel) and any(map(asked_of, part.model_fields.values())):
+        if (
+            isinstance(part, type)
+            and issubclass(part, config.FrozenModel)
+            and any(map(asked_of, part.model_fields.values()))
+        ):
             return part
     return None
 
@@ -233,7 +225,7 @@ def _option(name: str, info: FieldInfo, own: Asked, above: tuple[str, ...]) -> O
         required=info.is_required(),
         asked=own,
         switchable=kind is bool and (info.default is not False or bool(own.unset)),
-        bounds=bounds_of(info),
+        bounds=config.bounds_of(info),
     )
 
 
@@ -264,15 +256,15 @@ def _parts(annotation: Any) -> tuple[Any, ...]:
         return tuple(part for item in get_args(annotation) for part in _parts(item))
     if get_origin(annotation) is tuple and get_args(annotation)[-1:] == (Ellipsis,):
         inner = _parts(get_args(annotation)[0])
-        return inner if any(isinstance(one, type) and issubclass(one, FrozenModel) for one in inner) else (annotation,)
+        return inner if any(_is_model(one) for one in inner) else (annotation,)
     return (annotation,)
 
 
 def help_of(name: str, info: FieldInfo, own: Asked) -> str:
     """Return the help of an option: its text, then default, range and unit."""
     said = [f"default: {word}"] if (word := own.unset or _plain(info.default)) else []
-    limits = limits_of(info)
-    unit = own.unit or unit_of(name)
+    limits = config.limits_of(info)
+    unit = own.unit or config.unit_of(name)
     said += [f"{limits} {unit}".strip()] if limits else []
     return f"{info.description or ''} [{'; '.join(said)}]" if said else info.description or ""
 
@@ -302,12 +294,12 @@ def asked_changes(**settings: Any) -> Any:
 
 def children(node: Any) -> Mapping[str, Any] | None:
     """Return what is below a section by name; None for a value."""
-    if isinstance(node, FrozenModel):
+    if isinstance(node, config.FrozenModel):
         return {name: getattr(node, name) for name in type(node).model_fields}
     return node if isinstance(node, Mapping) else None
 
 
-def sections(instrument: Instrument) -> dict[str, Any]:
+def sections(instrument: config.Instrument) -> dict[str, Any]:
     """Return the sections of an instrument by name; its own name is none."""
     return {name: item for name, item in (children(instrument) or {}).items() if name != "name"}
 
@@ -352,7 +344,7 @@ def _takes_new(node: Any) -> bool:
 
 def advice(root: Mapping[str, Any], key: str, short: tuple[str, ...]) -> str:
     """Return the nearest keys, or those of the section that was meant."""
-    near = nearest(key, (*short, *_every(root)))
+    near = config.nearest(key, (*short, *_every(root)))
     if near:
         return near
     node, path = root, ""
@@ -382,7 +374,7 @@ def put(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
     return dict(tree) | {head: put(tree.get(head, {}), rest, value) if rest else value}
 
 
-def keys_of(model: type[FrozenModel], above: str = "") -> tuple[str, ...]:
+def keys_of(model: type[config.FrozenModel], above: str = "") -> tuple[str, ...]:
     """Return the dotted keys of a model whose values are plain.
 
     Parameters
@@ -398,8 +390,8 @@ def keys_of(model: type[FrozenModel], above: str = "") -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _is_model(kind: Any) -> TypeGuard[type[FrozenModel]]:
-    return isinstance(kind, type) and issubclass(kind, FrozenModel)
+def _is_model(kind: Any) -> TypeGuard[type[config.FrozenModel]]:
+    return isinstance(kind, type) and issubclass(kind, config.FrozenModel)
 
 
 def scaled(present: Any, factor: float) -> Any:
@@ -461,7 +453,7 @@ def by_depth(options: Iterable[Option]) -> list[Option]:
     return sorted(options, key=lambda option: (len(option.path), option.path[-1] not in option.path[:-1]))
 
 
-def option_names(model: type[FrozenModel]) -> dict[str, str]:
+def option_names(model: type[config.FrozenModel]) -> dict[str, str]:
     """Return the option of each field of a question, by its dotted key, by its last part, and by the option's word."""
     names: dict[str, str] = {}
     options = by_depth(options_of(model))
@@ -474,7 +466,7 @@ def option_names(model: type[FrozenModel]) -> dict[str, str]:
     return names
 
 
-class Question(FrozenModel):
+class Question(config.FrozenModel):
     """A question to a command: its fields are options, keywords of Python, keys of YAML and of the schema.
 
     Equal physics has an equal hash: fields that decide no number (workers, folders) are in no hash, and neither is what
@@ -511,7 +503,7 @@ class Question(FrozenModel):
             For the first fault, naming the field, its value, unit and range.
         """
         named = cls.by_field({key: value for key, value in tree.items() if value is not None})
-        return validate(cls, cls._read(plain_numbers(named)))
+        return config.validate(cls, cls._read(config.plain_numbers(named)))
 
     @classmethod
     def by_field(cls, tree: Mapping[str, Any]) -> dict[str, Any]:
@@ -544,7 +536,7 @@ class Question(FrozenModel):
                 try:
                     tree[name] = own.read(tree[name])
                 except InputError as error:
-                    raise error if error.key else at(name, error) from None
+                    raise error if error.key else config.at(name, error) from None
         return tree
 
     def hashed(self) -> dict[str, Any]:
@@ -554,13 +546,13 @@ class Question(FrozenModel):
     @property
     def content_hash(self) -> str:
         """Hash of what decides numbers (16 hex digits)."""
-        return content_hash({"kind": self.KIND} | self.hashed())
+        return config.content_hash({"kind": self.KIND} | self.hashed())
 
     def is_given(self, *path: str) -> bool:
         """Return whether a field, or one inside it, was given something other than no."""
         value: Any = self
         for name in path:
-            if not isinstance(value, FrozenModel) or name not in value.model_fields_set:
+            if not isinstance(value, config.FrozenModel) or name not in value.model_fields_set:
                 return False
             value = getattr(value, name)
         return value is not None and value is not False
@@ -578,7 +570,7 @@ class Question(FrozenModel):
             raise InputError(given[0], f"given with {called(given[1])}", allowed="one of the two", hint=why)
 
 
-class Parts(FrozenModel):
+class Parts(config.FrozenModel):
     """Options from which one value of a question is made."""
 
     def made(self, base: Any) -> Any:
@@ -619,9 +611,9 @@ def tree_of(
             tree = put(tree, ".".join(option.path), value)
     for option in options:
         if option.parts is not None and (below := parts.pop(option.path[:-1], None)) is not None:
-            made = validate(option.parts, below).made(_at(file, option.path[:-1]))
+            made = config.validate(option.parts, below).made(_at(file, option.path[:-1]))
             tree = put(tree, ".".join(option.path[:-1]), made)
-    merged = deep_merge(file, tree)
+    merged = config.deep_merge(file, tree)
     for option in options:
         needed = option.asked.only_with
         if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
@@ -642,7 +634,7 @@ def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) 
     return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))
 
 
-def _settings(model: type[FrozenModel]) -> dict[str, Any]:
+def _settings(model: type[config.FrozenModel]) -> dict[str, Any]:
     """Return the fields that decide no number, those of models inside a question too."""
     found: dict[str, Any] = {}
     for name, info in model.model_fields.items():

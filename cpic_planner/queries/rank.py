@@ -22,17 +22,7 @@ from cpic_planner.queries.etc import KnownPlanetsQuestion
 from cpic_planner.queries.question import asked, called
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
-from simulator.config import (
-    AlbedoValue,
-    FrozenModel,
-    Instrument,
-    MeasuredAlbedo,
-    load_instrument,
-    preset_names,
-    preset_tree,
-    unit_of,
-    validate,
-)
+from simulator import config
 
 CONTRAST, OCCURRENCE = "contrast", "planets_per_star"
 """Keys of numbers that no key of an instrument has: mean raw contrast of the dark hole, and the population's rate."""
@@ -42,7 +32,7 @@ _READ = BeforeValidator(lambda value: None if value is None else read_law(value)
 LawValue = Annotated[Law | None, _READ]
 
 
-class Doubt(FrozenModel):
+class Doubt(config.FrozenModel):
     """Law of one number that is not known.
 
     Attributes
@@ -76,10 +66,10 @@ class Doubt(FrozenModel):
     def text(self, key: str, drawn: float) -> str:
         """Return a drawn value of a key in words: a factor with an x, a number with its unit."""
         number = f"{drawn:.0f}" if 1e3 <= drawn < 1e5 else f"{drawn:.3g}"
-        return with_unit(number, unit_of(key)) if self.factor is None else f"x{number}"
+        return with_unit(number, config.unit_of(key)) if self.factor is None else f"x{number}"
 
 
-class Ensemble(FrozenModel):
+class Ensemble(config.FrozenModel):
     """Laws of all numbers of an instrument that are not known.
 
     Attributes
@@ -144,7 +134,7 @@ def load_ensemble(source: Ensemble | Mapping[str, Any] | str | Path | None = Non
 
 def _read(source: Mapping[str, Any] | str | Path | None) -> Ensemble:
     keys = (*Ensemble.model_fields, "base")
-    tree, _ = preset_tree("ensemble", DEFAULT if source is None else source, keys=keys, package=PACKAGE)
+    tree, _ = config.preset_tree("ensemble", DEFAULT if source is None else source, keys=keys, package=PACKAGE)
     base = tree.pop("base", None if source in (None, DEFAULT) else DEFAULT)
     if base is not None:
         under = load_ensemble(str(base)).model_dump(exclude_none=True)
@@ -153,7 +143,7 @@ def _read(source: Mapping[str, Any] | str | Path | None) -> Ensemble:
             raise InputError("ensemble.numbers", own, allowed="a mapping of keys to laws")
         numbers = {key: item for key, item in {**under["numbers"], **own}.items() if item is not None}
         tree = {**under, **tree, "numbers": numbers}
-    return validate(Ensemble, tree, where="ensemble")
+    return config.validate(Ensemble, tree, where="ensemble")
 
 
 @dataclass(frozen=True)
@@ -194,7 +184,9 @@ class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, KnownPlan
         None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]", completes=shared.star_names
     )
     years: float | None = asked(None, "How long the star's planets are followed.", unset=f"{DEFAULT_YEARS:g}")
-    albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planets reflect.", parts=shared.AlbedoParts)
+    albedo: config.AlbedoValue = asked(
+        config.MeasuredAlbedo(model="jupiter"), "What the planets reflect.", parts=shared.AlbedoParts
+    )
     v_mag_max: float | None = asked(None, "Faintest V magnitude.", unset="7; none for a table of your own")
     n_draws: int = asked(4000, "Draws of each planet.", ge=1, le=100_000, option="--planets")
     seed: shared.Seed = asked(1, "Seed of every random number.")
@@ -239,8 +231,8 @@ class VisibilityQuestion(shared.CatalogQuestion):
         unset="default",
         accepts="VisibilityConfig, mapping, str or Path",
     )
-    instrument: Instrument = asked(
-        load_instrument,
+    instrument: config.Instrument = asked(
+        config.load_instrument,
         "Preset name or YAML file with what differs; its mission has the orbit.",
         parts=InstrumentParts,
         read=read_instrument,
@@ -289,7 +281,7 @@ class CountedPlanetsQuestion(KnownPlanetsQuestion):
         read=load_population,
         unset="giants",
         accepts="PopulationConfig, mapping, str or Path",
-        names_file=lambda word: word not in preset_names("population", package="cpic_planner"),
+        names_file=lambda word: word not in config.preset_names("population", package="cpic_planner"),
     )
     n_planets: int = asked(
         N_PLANETS,

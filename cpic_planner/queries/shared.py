@@ -151,8 +151,8 @@ class Reduction(FrozenModel):
     )
     choose_modes: bool = asked(
         False,
-        "Take {n_modes} as the most: as many are projected out at each planet's place as pay, none where none do. "
-        "Images choose by the references alone, predictions by the least limit.",
+        "Take {n_modes} as an upper limit: at each planet's place as many modes are projected out as are expected to "
+        "lower the limit, possibly none. Images choose by the references alone, predictions by the least limit.",
     )
     filter: FluxFilter = asked(
         "aperture",

@@ -15,7 +15,7 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, Status, write_named
 from cpic_planner import etc, results
-from cpic_planner.report import drawing
+from cpic_planner.report import drawing, words
 from cpic_planner.report.cells import (
     Cells,
     explain_symbols,
@@ -25,31 +25,10 @@ from cpic_planner.report.cells import (
     row_cells,
     status_cell,
 )
-from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, band_style, literal, new_figure, style
+from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
 from cpic_planner.report.known import lacking_lines
-from cpic_planner.report.words import (
-    LIMITED_BY,
-    MISSING,
-    cap_sentence,
-    duration_text,
-    error_text,
-    flag_text,
-    full_name,
-    level_text,
-    limit_text,
-    orbits_text,
-    pretty_name,
-    ratio_text,
-    remedies_text,
-    sentence,
-    share_text,
-    short_limit,
-    significant,
-    star_text,
-    term_text,
-    unused_text,
-)
-from cpic_planner.results import EtcAnswer, EtcResult, SearchedProgramme, Taken, taken_of
+from cpic_planner.report.words import MISSING, significant
+from cpic_planner.results import EtcAnswer, EtcResult
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_terms
 
@@ -63,18 +42,10 @@ if TYPE_CHECKING:
 
 
 _ENDS = ("median", "low", "high")
-
-
 _SENTENCES = 2
 """Most sentences under a table."""
-
-
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
-
-
 _BAR_CELLS, _FEWEST_CELLS = 24, 6
-
-
 _SMALLEST_SHARE = 5e-4
 
 
@@ -86,6 +57,29 @@ def best_row(result: EtcResult) -> EtcAnswer | None:
     if rows[0].question == "signal_to_noise":
         return max(rows, key=lambda row: (row.significance or 0.0) / (row.threshold or float("inf")))
     return min(rows, key=lambda row: row.value or 0.0)
+
+
+def question_text(question: EtcQuestion) -> str:
+    """Return what is asked, in words."""
+    level = words.level_text(question.snr, question.sigma)
+    if question.asks_time:
+        return f"wall time for {level}"
+    time = words.duration_text(question.wall_s)
+    if question.strategy.visits is not None and question.visit_time_s is not None:
+        time = f"{question.strategy.visits} × {words.duration_text(question.visit_time_s)}"
+    if question.n_frames is not None and question.exposure_s is not None:
+        time = f"{question.n_frames} × {question.exposure_s:g} s"
+    return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
+
+
+def answer_name(row: EtcAnswer) -> str:
+    """Return band and separation of an answer."""
+    return f"{row.band} at {row.separation_arcsec:.3f}″"
+
+
+def _known_planet(result: EtcResult) -> results.KnownPlanetLook | None:
+    """Return the known planet that answers are about, if they are about one."""
+    return next((row.known_planet for row in result.answers if row.known_planet is not None), None)
 
 
 def print_etc(
@@ -112,20 +106,18 @@ def print_etc(
     explain : bool
         Say more: which gains spare what, how likely detections are, what the visits are, how messages go on.
     """
-    best = best_row(result)
+    best, look = best_row(result), _known_planet(result)
     _print_answers(result, console, best, asked)
     print_note(console, *_verdict_sentences(result, best, placed, explain))
     if explain:
-        _explain(result, console)
+        print_note(console, *_explanations(result))
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
         console.print()
         _print_budget(row, console)
         _print_binding(row, console, explain)
-    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
     more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
-    lines = [*flag_lines(result.answers, result.note), *(f"! {text}" for text in more)]
-    if lines:
+    if lines := [*flag_lines(result.answers, result.note), *(f"! {text}" for text in more)]:
         console.print()
         print_note(console, *lines)
 
@@ -133,14 +125,15 @@ def print_etc(
 def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
     errors = {item.answer: item.predicted_error or {} for item in result.fidelity.answers} if result.fidelity else {}
     own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
-    known = any(row.known_planet is not None for row in result.answers)
+    look = _known_planet(result)
     given = any(row.question != "contrast_limit" for row in result.answers)  # else it is the answer
+    range_ = "range " * (look is not None)
     cells = row_cells(
         EtcAnswer,
-        f"band value {'range ' * known}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
+        f"band value {range_}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
         "snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=replace(ANSWER, numbers=_in_one_unit(result.answers)),
+        value=replace(_ANSWER, numbers=_in_one_unit(result.answers)),
         range=_RANGE,
         separation_arcsec=_within("separation_arcsec", 3),
         contrast=_within("contrast", 0),
@@ -148,17 +141,16 @@ def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, 
         held=Cells("held by", _limits_cell, right=False, legend="what binds exposure (t) and gain (g)"),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
-    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    star = star_text(result)
+    star = words.star_text(result)
     if look is not None:
-        star = f"{pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
+        star = f"{words.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     print_table(console, title, cells, result.answers, explained=True, legend=True)
 
 
-def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[Taken, ...]:
+def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[results.Taken, ...]:
     """Return value and unit of answers for files; the unit is that of the column where all have the same."""
-    value, unit = taken_of(EtcAnswer, "value", "unit")
+    value, unit = results.taken_of(EtcAnswer, "value", "unit")
     units = {row.unit for row in answers}
     return replace(value, column=replace(value.column, unit="s" if units == {"s"} else "")), unit
 
@@ -167,7 +159,7 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
     """Return the cell of a planet's number; of a known one its median and half of the width of 68 % of draws."""
 
     def written(value: float | None) -> str:
-        return MISSING if value is None else f"{value:.{places}f}" if places else ratio_text(value)
+        return MISSING if value is None else f"{value:.{places}f}" if places else words.ratio_text(value)
 
     def text(row: EtcAnswer) -> str:
         if row.known_planet is None:
@@ -180,10 +172,17 @@ def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
 
 
 def _with_error(value: float | None, share: float | None) -> str:
-    if value is None or not share:
-        return significant(value)
     told = significant(value)
-    return f"{told} ± {value * share:.{len(told.partition('.')[2])}f}"
+    return told if value is None or not share else f"{told} ± {value * share:.{len(told.partition('.')[2])}f}"
+
+
+def _value_text(row: EtcAnswer, value: float | None) -> str:
+    """Return a value in the unit of an answer."""
+    if row.unit == "s":
+        return "never" if value is None else words.duration_text(value)
+    if row.unit == "contrast":
+        return "none" if value is None else words.ratio_text(value)
+    return significant(value)
 
 
 def _range_text(row: EtcAnswer) -> str:
@@ -195,13 +194,41 @@ def _range_text(row: EtcAnswer) -> str:
     return f"{middle} ({low} to {high})"
 
 
+def _limits_cell(row: EtcAnswer) -> str:
+    """Return what binds exposure and gain, in few words."""
+    limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
+    return ", ".join(f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit) or MISSING
+
+
+_ANSWER = Cells(
+    "answer", lambda row: MISSING if row.value is None else _value_text(row, row.value), fields=("value", "unit")
+)
+_RANGE = Cells(
+    "range",
+    _range_text,
+    legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
+    "place and light, which may lie elsewhere",
+    fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
+)
+_SNR = Cells(
+    "SNR",
+    lambda row: significant(row.snr),
+    legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
+    fields=("snr",),
+)
+
+
 def _about_text(result: EtcResult) -> str:
     """Return what the answers are about: planet and place."""
-    where = f"on the diagonal of {_quadrant_text(result)}"
-    planet = result.reference_planet
+    quadrants = _bands_of(result.answers, "quadrant")
+    where = "on the diagonal of a quadrant"
+    if quadrants:
+        several = len(quadrants) > 1
+        parts = [f"the {quadrant}{f' ({bands})' * several}" for quadrant, bands in quadrants.items()]
+        where = f"on the diagonal of {' and '.join(parts)} quadrant at roll {result.answers[0].roll_deg:g} deg"
+    planet, look = result.reference_planet, _known_planet(result)
     if planet is not None:
         return f"{planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo, {where}"
-    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
     if look is None:
         return f"{where[0].upper()}{where[1:]}"
     radius, phase = look.radius_rjup, look.phase_deg
@@ -210,15 +237,12 @@ def _about_text(result: EtcResult) -> str:
 
 def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, explained: bool) -> list[str]:
     """Say in at most two sentences what is a detection, or why not, and the least change that would make it one."""
-    rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
-    missed = [row for row in rated if row.verdict == "measured_not_detected"]
     told = []
     if best is not None and best.verdict == "measured_not_detected":
         searched = best.verdict_mode == "blind"
         chance = best.detection_probability if searched else best.detection_probability_known_place
-        significance, threshold = map(significant, (best.significance, best.threshold))
-        levels = f"the significance is {significance} and the threshold {threshold}"
-        why = levels if chance is None else f"{share_text(chance)} % of such programmes show the planet"
+        levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
+        why = levels if chance is None else f"{words.share_text(chance)} % of such programmes show the planet"
         inner = (
             "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
             "threshold is highest (a question for a detection takes that into account)"
@@ -226,17 +250,23 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
         text = f"The answer in {best.band} is not a detection: {why}"
         told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")
         if needed := _required_text(best):
-            limit = LIMITED_BY[best.limited_by or "none"][1]
+            limit = words.LIMITED_BY[best.limited_by or "none"][1]
             told.append(f"Limited by {limit}. Any one of these would be enough: {needed}.")
     elif best is not None and best.verdict == "detected":
         how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
         told.append(f"Detected: at least half of such programmes show the planet {how}.")
+    missed = [row for row in _with_verdict(result) if row.verdict == "measured_not_detected"]
     if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
-        causes = "; ".join(f"{bands} by {LIMITED_BY[limit][1]}" for limit, bands in limits.items())
+        causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
     if len(told) < _SENTENCES and not explained and (reasons := _bands_of(result.answers, "message")):
         told.append(f"{'; '.join(f'{bands}: {text}' for text, bands in reasons.items())}.")
     return told
+
+
+def _with_verdict(result: EtcResult) -> list[EtcAnswer]:
+    """Return the answers that have a verdict."""
+    return [row for row in result.answers if row.status == "ok" and row.verdict is not None]
 
 
 def _bands_of(rows: Sequence[EtcAnswer], name: str) -> dict[str, str]:
@@ -248,29 +278,34 @@ def _bands_of(rows: Sequence[EtcAnswer], name: str) -> dict[str, str]:
     return {value: ", ".join(bands) for value, bands in found.items()}
 
 
-def _explain(result: EtcResult, console: Console) -> None:
-    """Print what the two sentences leave out: probabilities, changes that would detect planets, visits and orbits."""
-    rated = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
-    odds = []
-    for row in rated:
-        blind, known_place = row.detection_probability, row.detection_probability_known_place
-        if blind is not None and known_place is not None:
-            odds.append(f"{answer_name(row)} {share_text(blind)} and {share_text(known_place)} %")
+def _explanations(result: EtcResult) -> list[str]:
+    """Return what two sentences leave out: probabilities, changes that would detect planets, visits and orbits."""
+    said = []
+    odds = [
+        f"{answer_name(row)} {words.share_text(row.detection_probability)} and "
+        f"{words.share_text(row.detection_probability_known_place)} %"
+        for row in _with_verdict(result)
+        if row.detection_probability is not None and row.detection_probability_known_place is not None
+    ]
     if odds:
-        print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
-    needs = [(row, _required_text(row)) for row in rated if row.verdict != "detected"]
-    wanted = [f"{answer_name(row)} {needed}" for row, needed in needs if needed]
-    if wanted:
-        print_note(console, f"One of these alone would make it a detection: {'; '.join(wanted)}.")
-    print_note(console, *(f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()))
-    if programme := _programme_text(result.answers):
-        print_note(console, f"Each visit has a wavefront of its own and all are reduced together: {programme}.")
+        said.append(f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
+    needs = {answer_name(row): _required_text(row) for row in _with_verdict(result) if row.verdict != "detected"}
+    if wanted := [f"{name} {needed}" for name, needed in needs.items() if needed]:
+        said.append(f"One of these alone would make it a detection: {'; '.join(wanted)}.")
+    said += [f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()]
+    visits = dict.fromkeys(
+        f"{words.counted(row.visits, 'visit')} of {words.duration_text(row.visit_time_s)}"
+        for row in result.answers
+        if row.visits is not None and row.visit_time_s is not None
+    )
+    if visits:
+        said.append(f"Each visit has a wavefront of its own and all are reduced together: {', '.join(visits)}.")
     days = [row.span_days for row in result.answers if row.span_days is not None]
-    if days and (paid := orbits_text(result.answers)):
-        print_note(console, f"They span up to {significant(max(days), 2)} days; {paid}.")
-    look = next((row.known_planet for row in result.answers if row.known_planet is not None), None)
-    if look is not None:
-        print_note(console, f"Orbit from {look.reference}; {look.planets_table}.")
+    if days and (paid := words.orbits_text(result.answers)):
+        said.append(f"They span up to {significant(max(days), 2)} days; {paid}.")
+    if (look := _known_planet(result)) is not None:
+        said.append(f"Orbit from {look.reference}; {look.planets_table}.")
+    return said
 
 
 def _required_text(row: EtcAnswer) -> str:
@@ -279,7 +314,7 @@ def _required_text(row: EtcAnswer) -> str:
     if row.required_visits is not None:
         parts.append(f"{row.required_visits} such visits")
     if row.required_time_s is not None:
-        parts.append(f"{duration_text(row.required_time_s)} in as many visits")
+        parts.append(f"{words.duration_text(row.required_time_s)} in as many visits")
     if row.required_drift_factor is not None:
         parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
     if row.required_contrast_factor is not None:
@@ -287,32 +322,20 @@ def _required_text(row: EtcAnswer) -> str:
     return ", ".join(parts)
 
 
-def _programme_text(rows: list[EtcAnswer]) -> str:
-    """Return the visits of the answers, in words."""
-    seen = dict.fromkeys(
-        f"{row.visits} {'visit' if row.visits == 1 else 'visits'} of {duration_text(row.visit_time_s)}"
-        for row in rows
-        if row.visits is not None and row.visit_time_s is not None
-    )
-    return ", ".join(seen)
-
-
-def _limits_cell(row: EtcAnswer) -> str:
-    """Return what binds exposure and gain, in few words."""
-    limits = ("t", row.exposure_limited_by), ("g", row.gain_limited_by)
-    parts = [f"{name}: {short_limit(limit)}" for name, limit in limits if limit]
-    return ", ".join(parts) or MISSING
+def _noise_terms(row: EtcAnswer) -> dict[str, float]:
+    """Return the variance of an answer by its terms."""
+    return {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
 
 
 def _print_budget(row: EtcAnswer, console: Console) -> None:
-    terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
+    terms = _noise_terms(row)
     total = sum(terms.values())
     if total <= 0:
         return
     shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
     largest = max(terms.values())
     cells = [
-        Cells("term", term_text, right=False),
+        Cells("term", words.term_text, right=False),
         Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
         Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
     ]
@@ -336,21 +359,19 @@ def _bar(share: float, room: int, console: Console) -> str:
 
 
 def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
-    limits = ("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)
-    if held := [f"the {name} is held by {limit_text(limit)}" for name, limit in limits if limit]:
-        print_note(console, sentence("; ".join(held)))
-    helpful = remedies_text(row.remedies)
+    if held := words.held_texts(row):
+        print_note(console, words.sentence("; ".join(held)))
+    helpful = words.remedies_text(row.remedies)
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
         helpful += "; longer visits would lower it, because the wavefront drifts during a visit"
     if helpful:
         print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
     if explain and row.gain_caps and row.exposure_s is not None:
-        print_note(console, f"In frames of {significant(row.exposure_s)} s:")
-        for name, gain in row.gain_caps.items():
-            print_note(console, f"  {cap_sentence(name, gain)}.")
+        caps = (f"  {words.cap_sentence(name, gain)}." for name, gain in row.gain_caps.items())
+        print_note(console, f"In frames of {significant(row.exposure_s)} s:", *caps)
 
 
-def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list[str]:
+def flag_lines(rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str) -> list[str]:
     """Return what is to be known of star, planet and bands beside the numbers, a line each.
 
     Parameters
@@ -359,76 +380,14 @@ def flag_lines(rows: Sequence[EtcAnswer | SearchedProgramme], note: str) -> list
     note : str
         On the star; empty for none.
     """
-    flags = dict.fromkeys(flag for row in rows for flag in row.flags)
     bands = {row.band for row in rows}
     lines = [f"Note: {note}"] if note else []
-    lines += filter(None, [unused_text(rows)])
-    for flag in flags:
+    lines += filter(None, [words.unused_text(rows)])
+    for flag in dict.fromkeys(flag for row in rows for flag in row.flags):
         mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
         where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
-        lines.append(f"! {where}{flag_text(flag)} ({flag})")
+        lines.append(f"! {where}{words.flag_text(flag)} ({flag})")
     return lines
-
-
-def _quadrant_text(result: EtcResult) -> str:
-    """Return the quadrants of the planets, by band where they differ, and the roll."""
-    quadrants = _bands_of(result.answers, "quadrant")
-    if not quadrants:
-        return "a quadrant"
-    several = len(quadrants) > 1
-    parts = [f"the {quadrant}{f' ({bands})' * several}" for quadrant, bands in quadrants.items()]
-    return f"{' and '.join(parts)} quadrant at roll {result.answers[0].roll_deg:g} deg"
-
-
-def _value_text(row: EtcAnswer, value: float | None) -> str:
-    """Return a value in the unit of an answer."""
-    if row.unit == "s":
-        return "never" if value is None else duration_text(value)
-    if row.unit == "contrast":
-        return "none" if value is None else ratio_text(value)
-    return significant(value)
-
-
-def _answer(row: EtcAnswer) -> str:
-    return MISSING if row.value is None else _value_text(row, row.value)
-
-
-ANSWER = Cells("answer", _answer, fields=("value", "unit"))
-
-
-_RANGE = Cells(
-    "range",
-    _range_text,
-    legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
-    "place and light, which may lie elsewhere",
-    fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
-)
-
-
-_SNR = Cells(
-    "SNR",
-    lambda row: significant(row.snr),
-    legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
-    fields=("snr",),
-)
-
-
-def question_text(question: EtcQuestion) -> str:
-    """Return what is asked, in words."""
-    level = level_text(question.snr, question.sigma)
-    if question.asks_time:
-        return f"wall time for {level}"
-    time = duration_text(question.wall_s)
-    if question.strategy.visits is not None and question.visit_time_s is not None:
-        time = f"{question.strategy.visits} × {duration_text(question.visit_time_s)}"
-    if question.n_frames is not None and question.exposure_s is not None:
-        time = f"{question.n_frames} × {question.exposure_s:g} s"
-    return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
-
-
-def answer_name(row: EtcAnswer) -> str:
-    """Return band and separation of an answer."""
-    return f"{row.band} at {row.separation_arcsec:.3f}″"
 
 
 @dataclass(frozen=True)
@@ -438,6 +397,10 @@ class _Row:
     instrument: str
     answer: EtcAnswer
     base: EtcAnswer | None
+
+    @property
+    def status(self) -> str:
+        return self.answer.status
 
     @property
     def ratio(self) -> str:
@@ -451,8 +414,6 @@ class _Row:
 
 _ALIKE = 1e-3
 """Relative difference up to which two separations or contrasts are the same in every digit that is shown."""
-
-
 _UNLIKE = "other planet"
 
 
@@ -474,11 +435,11 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
         "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
         of=lambda row: row.answer,
         instrument=Cells("instrument", lambda row: row.instrument, right=False),
-        value=replace(ANSWER, text=lambda row: ANSWER.text(row.answer)),
+        value=replace(_ANSWER, text=lambda row: _ANSWER.text(row.answer)),
         ratio=Cells("ratio", lambda row: row.ratio, legend="answer over that of the first instrument in the same band"),
-        limit=Cells("limit", lambda row: LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
+        limit=Cells("limit", lambda row: words.LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
     )
-    title = f"{full_name(results[0][1].target, results[0][1].hip)} with each instrument"
+    title = f"{words.full_name(results[0][1].target, results[0][1].hip)} with each instrument"
     print_table(console, title, cells, rows, explained=True, legend=True)
     if any(row.ratio == _UNLIKE for row in rows):
         why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
@@ -488,7 +449,7 @@ def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> No
 _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 
 
-def print_fidelity(result: results.EtcResult, console: Console) -> None:
+def print_fidelity(result: EtcResult, console: Console) -> None:
     """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
     record = result.fidelity
     if record is None or record.fidelity == "quick":
@@ -496,11 +457,10 @@ def print_fidelity(result: results.EtcResult, console: Console) -> None:
     console.print()
     rows = [(item, result.answers[item.answer]) for item in record.answers]
     alone = [pair for pair in rows if pair[0].fidelity == "quick" and pair[0].status == "ok"]
-    asked = [pair for pair in rows if pair not in alone]
-    if asked:
+    if asked := [pair for pair in rows if pair not in alone]:
         _print_checks(record, asked, console)
     for item, row in alone:
-        error = error_text(item.predicted_error or {})
+        error = words.error_text(item.predicted_error or {})
         print_note(console, f"{answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
         names = ", ".join(answer_name(row) for item, row in rows if item.message == text)
@@ -510,17 +470,27 @@ def print_fidelity(result: results.EtcResult, console: Console) -> None:
 
 
 def _print_checks(
-    record: results.EtcFidelity, rows: list[tuple[results.AnswerFidelity, results.EtcAnswer]], console: Console
+    record: results.EtcFidelity, rows: list[tuple[results.AnswerFidelity, EtcAnswer]], console: Console
 ) -> None:
+    def found(pair: tuple[results.AnswerFidelity, EtcAnswer]) -> str:
+        images = pair[0].images
+        return MISSING if images is None else f"{images.n_found} of {images.realisations}"
+
+    def agreement(pair: tuple[results.AnswerFidelity, EtcAnswer]) -> str:
+        item = pair[0]
+        if item.images is None:
+            return status_cell(item.status, item.reason)
+        return "agrees" if item.images.agrees else "differs"
+
     cells = [
-        *row_cells(results.EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
         *row_cells(
             results.ImageCheck,
             "predicted_snr snr etc_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
-            n_found=_detections,
-            agrees=Cells("", _agreement, right=False),
+            n_found=found,
+            agrees=Cells("", agreement, right=False),
         ),
     ]
     drawn = [item.images.draw for item, _ in rows if item.images is not None]
@@ -528,26 +498,13 @@ def _print_checks(
     dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity
     print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
     explain_symbols(console, [item.status for item, _ in rows])
-    if not drawn:
-        return
-    print_note(
-        console,
-        "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured error; "
-        "pred/rec: predicted over recovered SNR, that of the closed form over that of images. "
-        "Light: planet's light in images without noise over that of the closed form. Found: by a blind search.",
-    )
-
-
-def _detections(pair: tuple[results.AnswerFidelity, results.EtcAnswer]) -> str:
-    images = pair[0].images
-    return MISSING if images is None else f"{images.n_found} of {images.realisations}"
-
-
-def _agreement(pair: tuple[results.AnswerFidelity, results.EtcAnswer]) -> str:
-    item = pair[0]
-    if item.images is None:
-        return status_cell(item.status, item.reason)
-    return "agrees" if item.images.agrees else "differs"
+    if drawn:
+        print_note(
+            console,
+            "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured "
+            "error; pred/rec: predicted over recovered SNR, that of the closed form over that of images. Light: "
+            "planet's light in images without noise over that of the closed form. Found: by a blind search.",
+        )
 
 
 def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
@@ -557,31 +514,27 @@ def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
         return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
 
+    def error(value: float | None, uncertainty: float | None) -> str:
+        if value is None:
+            return ""
+        return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"
+
     cells = row_cells(
         results.TradeoffRow,
         "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
-        flux_error=lambda row: _error(row.flux_error, None),
-        snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),
+        flux_error=lambda row: error(row.flux_error, None),
+        snr_error=lambda row: error(row.snr_error, row.snr_uncertainty),
         title=Cells("way", way, right=False),
     )
     for scene in result.scenes:
         rows = [row for row in result.rows if row.scene == scene.name]
-        title = f"{scene.title} ({scene.name}, {scene.band})"
-        print_table(console, title, cells, rows)
+        print_table(console, f"{scene.title} ({scene.name}, {scene.band})", cells, rows)
     for name, ratio in result.speed_ups.items():
         print_plain(console, f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
 
 
-def _error(value: float | None, uncertainty: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"
-
-
 N_TIMES, N_PLACES = 90, 25
 """Points of a curve: straight lines between those of a limit miss at most 0.5 % of it."""
-
-
 TIME_SPAN = (1.0 / 300.0, 30.0)
 
 
@@ -666,7 +619,7 @@ def etc_curves(
         for band in bands
     }
     limits = (SeparationCurve(band, grid, found[band], planets[band]) for band, grid in grids.items())
-    return EtcCurves(times, tuple(limits), time_s, level_text(snr, sigma))
+    return EtcCurves(times, tuple(limits), time_s, words.level_text(snr, sigma))
 
 
 def _against_time(
@@ -708,53 +661,21 @@ def _against_time(
         point = None
         if one.time_s is not None and one.snr is not None and one.significance is not None:
             point = (one.time_s, one.snr, one.significance)
-        label = one.band + (f", {one.separation_arcsec:.3f}″" if several else "")
+        label = _label(one, several)
         curves.append(TimeCurve(label, grid[i], lines[0, i], lines[1, i], float(threshold[i]), point))
     return tuple(curves)
 
 
+def _label(row: EtcAnswer, several: bool) -> str:
+    return row.band + (f", {row.separation_arcsec:.3f}″" if several else "")
+
+
 FIGURE_FORMATS = ("png", "pdf", "svg")
-
-
 _UNDATED: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "svg": {"Date": None, "Creator": None},
 }
-
-
-_LEAST_SHARE = 0.02
-
-
-_BELOW: Look = {
-    "loc": "upper center",
-    "bbox_to_anchor": (0.5, 0.0),
-    "borderaxespad": 4.6,
-    "fontsize": 8.5,
-    "columnspacing": 1.2,
-}
-
-
-_TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
-
-
-_REST = "#D0D0D0"
-
-
-_TERM_COLOURS = {
-    "speckle": "#0072B2",
-    "reference": "#E69F00",
-    "planet": "#009E73",
-    "halo": "#CC79A7",
-    "sky": "#56B4E9",
-    "companion": "#882255",
-    "exozodi": "#AA9988",
-    "background_mean": "#8C8C8C",
-    "counting": "#332288",
-    "smear": "#44AA99",
-    "companion_wings": "#661100",
-    "common_speckle": "#117733",
-} | {term: effect.colour for term, effect in noise_terms().items()}
 
 
 def check_figure_name(path: Path) -> str:
@@ -771,6 +692,7 @@ def check_figure_name(path: Path) -> str:
     return ending
 
 
+@with_style
 def write_figure(figure: Figure, path: Path) -> Path:
     """Write a figure whole; no date goes into it.
 
@@ -781,14 +703,45 @@ def write_figure(figure: Figure, path: Path) -> Path:
     """
     ending = check_figure_name(path)
     buffer = io.BytesIO()
-    with style():
-        figure.savefig(buffer, format=ending, dpi=drawing.IMAGE_DPI, metadata=_UNDATED[ending])
+    figure.savefig(buffer, format=ending, dpi=drawing.IMAGE_DPI, metadata=_UNDATED[ending])
     try:
         return write_named(path, buffer.getvalue(), key="--plot")
     except OSError as error:
         raise InputError("--plot", str(path), allowed="a writable file", hint=error.strerror or "") from None
 
 
+_HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
+"""Height of the figure without a budget, and room for words beside and above axes, inches."""
+_LEAST_SHARE = 0.02
+_BELOW: Look = {
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, 0.0),
+    "borderaxespad": 4.6,
+    "fontsize": 8.5,
+    "columnspacing": 1.2,
+}
+_TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
+_REST = "#D0D0D0"
+_TERM_COLOURS = {
+    "speckle": "#0072B2",
+    "reference": "#E69F00",
+    "planet": "#009E73",
+    "halo": "#CC79A7",
+    "sky": "#56B4E9",
+    "companion": "#882255",
+    "exozodi": "#AA9988",
+    "background_mean": "#8C8C8C",
+    "counting": "#332288",
+    "smear": "#44AA99",
+    "companion_wings": "#661100",
+    "common_speckle": "#117733",
+} | {term: effect.colour for term, effect in noise_terms().items()}
+_SNR_LOOK: Look = {"lw": 1.7, "ls": "-"}
+_SIGNIFICANCE_LOOK: Look = {"lw": 1.3, "ls": (0, (4, 2))}
+_THRESHOLD_LOOK: Look = {"lw": 1.0, "ls": ":"}
+
+
+@with_style
 def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
     """Draw SNR against time, contrast limit against separation, and the noise budget of each answer.
 
@@ -799,42 +752,37 @@ def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
         Of the same answers, see `cpic_planner.report.answers.etc_curves`.
     """
     rows = [row for row in result.answers if row.budget]
-    with style():
-        tall = _HIGH + (0.75 + 0.3 * len(rows) if rows else 0.0)
-        figure = new_figure(tall, layout=None)
-        looks = band_style([curve.label for curve in curves.limits])
-        times, limits = figure.add_subplot(), figure.add_subplot()
-        upper = max(_times(times, curves, looks), _limits(limits, curves, looks))
-        left, bottom = _LEFT, 0.0
-        if rows:
-            budgets = figure.add_subplot()
-            lower, longest = _budgets(budgets, rows)
-            left, bottom = max(left, 0.2 + 0.072 * longest), _below(lower)
-        # Room for words is counted instead of looked for: that costs more than drawing them.
-        free = tall - _ABOVE - _below(upper) - bottom
-        wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * _HIGH / tall
-        foot = tall - _ABOVE - high
-        _place(times, tall, left, foot, wide, high)
-        _place(limits, tall, left + wide + _BETWEEN, foot, wide, high)
-        if rows:
-            _place(budgets, tall, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
-        title = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
-        figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / tall)
+    tall = _HIGH + (0.75 + 0.3 * len(rows) if rows else 0.0)
+    figure = drawing.new_figure(tall, layout=None)
+
+    def place(axes: Axes, left: float, bottom: float, width: float, height: float) -> None:
+        """Put axes at a place of the figure; all are inches."""
+        axes.set_position((left / WIDTH_INCHES, bottom / tall, width / WIDTH_INCHES, height / tall))
+
+    looks = drawing.band_style([curve.label for curve in curves.limits])
+    times, limits = figure.add_subplot(), figure.add_subplot()
+    upper = max(_times(times, curves, looks), _limits(limits, curves, looks))
+    left, bottom = _LEFT, 0.0
+    if rows:
+        budgets = figure.add_subplot()
+        lower, longest = _budgets(budgets, rows)
+        left, bottom = max(left, 0.2 + 0.072 * longest), _below(lower)
+    # Room for words is counted instead of looked for: that costs more than drawing them.
+    free = tall - _ABOVE - _below(upper) - bottom
+    wide, high = (WIDTH_INCHES - left - _BETWEEN - _RIGHT) / 2.0, free * _HIGH / tall
+    foot = tall - _ABOVE - high
+    place(times, left, foot, wide, high)
+    place(limits, left + wide + _BETWEEN, foot, wide, high)
+    if rows:
+        place(budgets, left, bottom, WIDTH_INCHES - left - _RIGHT, free - high)
+    title = f"{words.pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
+    figure.suptitle(literal(title), fontsize=12, y=1.0 - 0.05 / tall)
     return figure
-
-
-_HIGH, _LEFT, _BETWEEN, _RIGHT, _ABOVE = 4.6, 0.8, 1.0, 0.16, 0.49
-"""Height of the figure without a budget, and room for words beside and above axes, inches."""
 
 
 def _below(legend_rows: int) -> float:
     """Return the room for an axis and a legend below it, inches."""
     return 0.75 + 0.18 * legend_rows
-
-
-def _place(axes: Axes, tall: float, left: float, bottom: float, width: float, height: float) -> None:
-    """Put axes at a place of a figure of a height; all are inches."""
-    axes.set_position((left / WIDTH_INCHES, bottom / tall, width / WIDTH_INCHES, height / tall))
 
 
 def _legend(axes: Axes, columns: int, handles: Sequence[Any] | None = None) -> int:
@@ -862,11 +810,11 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
         # Where each line is of another planet, their colours follow those of the bands.
         colour, marker = looks.get(curve.label, BAND_STYLE[number % len(BAND_STYLE)])
         hours = curve.time_s / 3600.0
-        axes.plot(hours, curve.snr, color=colour, lw=1.7, label=f"_{curve.label}, SNR")
-        look: Look = {"lw": 1.3, "ls": (0, (4, 2)), "label": f"_{curve.label}, significance"}
-        axes.plot(hours, curve.significance, color=colour, **look)
+        axes.plot(hours, curve.snr, color=colour, label=f"_{curve.label}, SNR", **_SNR_LOOK)
+        axes.plot(hours, curve.significance, color=colour, label=f"_{curve.label}, significance", **_SIGNIFICANCE_LOOK)
         if np.isfinite(curve.threshold):
-            axes.axhline(curve.threshold, color=colour, lw=1.0, ls=":", zorder=1, label=f"_{curve.label}, threshold")
+            look = _THRESHOLD_LOOK | {"zorder": 1, "label": f"_{curve.label}, threshold"}
+            axes.axhline(curve.threshold, color=colour, **look)
             highs.append(curve.threshold)
         if curve.point is not None:
             for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
@@ -876,13 +824,12 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
             handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         for values in (curve.snr, curve.significance):
             good = values[np.isfinite(values) & (values > 0)]
-            if good.size:
-                highs.append(good.max())
-                lows.append(good.max())
+            lows += [good.max()] * bool(good.size)
+            highs += [good.max()] * bool(good.size)
     if highs:
         axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
-    lines: list[tuple[str, float, Any]] = [("SNR", 1.7, "-"), ("significance", 1.3, (0, (4, 2))), ("threshold", 1, ":")]
-    keys = [Line2D([], [], color="#444444", lw=lw, ls=ls, label=label) for label, lw, ls in lines]
+    lines = {"SNR": _SNR_LOOK, "significance": _SIGNIFICANCE_LOOK, "threshold": _THRESHOLD_LOOK}
+    handles += [Line2D([], [], color="#444444", label=label, **look) for label, look in lines.items()]
     drawing.plain_ticks(axes.yaxis, 1.0, 3.0)
     drawing.plain_ticks(axes.xaxis, 1.0)
     _few_ticks(axes.xaxis, axes.yaxis)
@@ -890,13 +837,13 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
     if not curves.times:
         axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
         return 0
-    return _legend(axes, 3, [*handles, *keys])
+    return _legend(axes, 3, handles)
 
 
 def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> int:
-    axes.grid(visible=True)
     from matplotlib.lines import Line2D
 
+    axes.grid(visible=True)
     axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)")
     axes.set_ylabel("planet-to-star contrast (flux ratio)", fontsize=9)
     shown: list[float] = []
@@ -913,8 +860,8 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
     if shown:
         axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
     _few_ticks(axes.yaxis)
-    title = f"Limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}, and planet"
-    axes.set_title(title, **_TITLE)
+    time = words.duration_text(curves.limit_time_s)
+    axes.set_title(f"Limit for {curves.limit_level} in {time}, and planet", **_TITLE)
     return _legend(axes, min(len(handles), 4), handles)
 
 
@@ -922,18 +869,18 @@ def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> tuple[int, int]:
     """Draw one stacked bar an answer; small terms are one piece. Return rows of the legend and the longest label."""
     shares = []
     for row in rows:
-        terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
+        terms = _noise_terms(row)
         total = sum(terms.values()) or 1.0
         shares.append({name: value / total for name, value in terms.items()})
     names = [name for name in _TERM_COLOURS if any(share.get(name, 0.0) >= _LEAST_SHARE for share in shares)]
     names.sort(key=lambda name: -sum(share.get(name, 0.0) for share in shares))
     left = np.zeros(len(rows))
     several = len({row.band for row in rows}) < len(rows)
-    labels = [row.band + (f", {row.separation_arcsec:.3f}″" if several else "") for row in rows]
+    labels = [_label(row, several) for row in rows]
     for name in names:
         widths = np.array([100.0 * share.get(name, 0.0) for share in shares])
-        look: Look = {"color": _TERM_COLOURS[name], "edgecolor": "white", "linewidth": 0.6, "label": term_text(name)}
-        axes.barh(range(len(rows)), widths, left=left, height=0.66, **look)
+        look: Look = {"color": _TERM_COLOURS[name], "edgecolor": "white", "linewidth": 0.6}
+        axes.barh(range(len(rows)), widths, left=left, height=0.66, label=words.term_text(name), **look)
         left += widths
     axes.barh(range(len(rows)), 100.0 - left, left=left, height=0.66, color=_REST, label="all other terms")
     axes.set_yticks(range(len(rows)), labels)

@@ -74,6 +74,8 @@ class Cells:
         What stands in files for a column whose numbers are no fields of the row.
     for_files : bool
         Whether people see the column only where they ask for it by name.
+    look : str
+        Classes of its cells in pages, see `cpic_planner.report.document.Column`.
     """
 
     header: str
@@ -88,6 +90,7 @@ class Cells:
     kind: type[results.Result] | None = None
     numbers: tuple[results.Taken, ...] = ()
     for_files: bool = False
+    look: str = ""
 
     def cell(self, row: Any) -> str:
         """Return the text of a row's cell as every writer has it: names may hold what steers a terminal."""
@@ -143,7 +146,8 @@ def row_cells(
     kind : type
         Kind of the rows: headings, sides and formats are those of its columns.
     layout : str
-        Names of the columns, in order; ``/3`` behind a name: how soon it gives way. ``frames`` stands for number and
+        Names of the columns, in order; ``:row,star`` behind a name: looks of its cells in pages; ``/3`` behind that:
+        how soon it gives way. ``frames`` stands for number and
         exposure of frames, ``status`` for verdict and reason. Columns that ask for it (``console=True``) and are not
         named stand before the last one.
     of : callable
@@ -159,14 +163,15 @@ def row_cells(
     """
     shared = _SHARED if "verdict" in kind.model_fields else {"frames": _SHARED["frames"]}
     columns, named = [], []
-    for word in layout.split():
-        name, _, way = word.partition("/")
+    for each in layout.split():
+        word, _, way = each.partition("/")
+        name, _, look = word.partition(":")
         own = special.get(name)
         if own is None and name in shared:
             own = replace(shared[name], text=_through(of, shared[name].text))
         if not isinstance(own, Cells):
             own = _column_cells(results.column_of(kind, name), own, of, page)
-        columns.append(replace(own, gives_way=int(way or 0), kind=kind, of=of))
+        columns.append(replace(own, gives_way=int(way or 0), look=look.replace(",", " "), kind=kind, of=of))
         named.append(name)
     more = [column for column in results.columns_of(kind) if column.console and column.name not in named]
     new = (_column_cells(column, None, of, page) for column in more)

@@ -192,30 +192,37 @@ def table(
     return Table(label, caption, heads, tuple(tuple(_cells(columns, item)) for item in rows), look, marked)
 
 
-def row_columns(
-    kind: type[Result], layout: str, /, *, of: Callable[[Any], Any] = lambda row: row, **special: Special
-) -> list[Column[Any]]:
-    """Return columns of a table from those of its rows: headings, units, formats and sides are said there.
+def row_table(
+    label: str,
+    caption: Inline,
+    kind: type[Result],
+    layout: str,
+    items: Iterable[T],
+    *,
+    of: Callable[[Any], Any] = lambda row: row,
+    look: str = "",
+    **special: Special,
+) -> Table:
+    """Return the table of rows: headings, units, formats and sides of its columns are said with the fields of these.
 
     Parameters
     ----------
-    kind : type
-        Kind of the rows.
-    layout : str
-        Names of the columns, in order, as `row_cells`; looks of cells follow a colon: ``name:row,star``.
-    of : callable
-        The row of an item.
-    **special
-        What is shown in a column instead, from the item; a `Cells` where the row has no such field.
+    label, caption, items, look
+        As of `table`.
+    kind, layout, of, **special
+        As of `cpic_planner.report.cells.row_cells`.
     """
-    named = [word.partition(":") for word in layout.split()]
-    looks = [look.replace(",", " ") for _, _, look in named]
-    cells = row_cells(kind, " ".join(name for name, _, _ in named), of=of, page=True, **special)
-    looks[-1:-1] = [""] * (len(cells) - len(named))  # columns that ask for it stand before the last one
+    return table(label, caption, row_columns(kind, layout, of=of, **special), items, look=look)
+
+
+def row_columns(
+    kind: type[Result], layout: str, /, *, of: Callable[[Any], Any] = lambda row: row, **special: Special
+) -> list[Column[Any]]:
+    """Return columns of a table from those of its rows, as `cpic_planner.report.cells.row_cells` takes them."""
     columns = []
-    for cell, look in zip(cells, looks, strict=True):
+    for cell in row_cells(kind, layout, of=of, page=True, **special):
         heading, unit = cell.label[:1].upper() + cell.label[1:], _UNITS.get(cell.unit, cell.unit)
-        columns.append(Column(heading, cell.text, unit, look if cell.right else f"left {look}"))
+        columns.append(Column(heading, cell.text, unit, cell.look if cell.right else f"left {cell.look}"))
     return columns
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import functools
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
 from cpic_core import visible
+from cpic_planner.report import words
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 
     from cpic_planner.results import RankedTarget
 
+
+P = ParamSpec("P")
+D = TypeVar("D")
 
 WIDTH_INCHES = 9.0
 
@@ -131,6 +136,53 @@ def new_figure(height_inches: float, *, layout: Literal["constrained"] | None = 
     figure = Figure(figsize=(WIDTH_INCHES, height_inches), dpi=SCREEN_DPI, layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def with_style(draw: Callable[P, D]) -> Callable[P, D]:
+    """Let a function draw with this report's settings."""
+
+    @functools.wraps(draw)
+    def drawn(*given: P.args, **options: P.kwargs) -> D:
+        with style():
+            return draw(*given, **options)
+
+    return drawn
+
+
+def panels(
+    height_inches: float, columns: int = 1, rows: int = 1, *, grid: Literal["x", "y", "both", ""] = "both", **look: Any
+) -> tuple[Figure, Any]:
+    """Return a new figure and its axes, with a grid: the axes alone where there is one, an array where there are more.
+
+    Parameters
+    ----------
+    height_inches : float
+    columns, rows : int
+        Axes beside and below each other.
+    grid : {"x", "y", "both", ""}
+        Axis of the lines of the grid.
+    **look
+        Handed to ``Figure.subplots``.
+    """
+    figure = new_figure(height_inches)
+    axes = figure.subplots(rows, columns, **look)
+    for one in np.ravel(axes) if grid else ():
+        one.grid(visible=True, axis=grid)
+    return figure, axes
+
+
+def name_rows(axes: Axes, names: Sequence[str], *, marks: bool = True, **look: Any) -> None:
+    """Name the rows of axes, the first one on top; without ``marks`` no strokes stand at the names."""
+    axes.set_yticks(range(len(names)), names, **look)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    if not marks:
+        axes.tick_params(axis="y", length=0)
+
+
+def picture(figure: Figure, name: str, image_format: Literal["svg", "png"] = "svg", /, **values: Any) -> Picture:
+    """Return the figure as a picture with the words of its name in ``prose.yaml``, and values in their braces."""
+    alt, caption = (words.text(f"pictures.{name}.{part}", **values) for part in ("alt", "caption"))
+    return save(figure, image_format, alt=alt, caption=caption)
 
 
 def save(figure: Figure, image_format: Literal["svg", "png"] = "svg", *, alt: str, caption: str) -> Picture:

@@ -12,18 +12,8 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner import results
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import (
-    BAND_STYLE,
-    WIDTH_INCHES,
-    Look,
-    Picture,
-    band_style,
-    literal,
-    new_figure,
-    save,
-    style,
-)
-from cpic_planner.report.words import decimals, power_of_ten, pretty_name, significant
+from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, with_style
+from cpic_planner.report.words import decimals, power_of_ten, significant
 from simulator.config import Instrument, Scene
 from simulator.imaging import Zone
 from simulator.target import LitPlanet, sky_to_detector, spectrum_generator
@@ -148,15 +138,6 @@ class Panels:
 
 
 _VIEW_MARGIN = 1.06
-
-
-PANEL_NOTE = (
-    "Images: the first realisation, summed stacks in electrons per pixel. The circle is the photometric aperture at "
-    "the planet, dashed squares bound the dark hole, N and E show the sky on the detector. Both stacks share one "
-    "scale, linear at the noise and logarithmic above, set by the dark hole: brighter light outside it is clipped. The "
-    "residual's scale is set by its noise: a bright planet is clipped. Grey: not drawn, or not used. "
-    "A plus in the residual: a detection of the blind search; diamonds: other stars of the scene."
-)
 
 
 _SIGMA_OF_MAD = 1.4826
@@ -287,13 +268,8 @@ class PanelSheet:
         with style():
             for column, content in zip(self._columns, filled, strict=True):
                 column.fill(panels, *content)
-            picture = save(
-                self._figure,
-                "png",
-                alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
-                f"residual after subtraction{_planets_text(panels)}.",
-                caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
-            )
+            about = {"panels": panels, "name": name, "planets": _planets_text(panels)}
+            picture = drawing.picture(self._figure, "image_panels", "png", **about)
         for column in self._columns:
             column.clear()
         return picture
@@ -452,79 +428,59 @@ def _compass(axes: Axes, panels: Panels) -> None:
 
 
 _LOG_SPAN = 15.0
-
-
 _ROOM = 1.4
 """Room around the points of a logarithmic figure, as a factor."""
-
-
 _MARGIN_NM = 40.0
-
-
+"""Wavelengths shown beyond the outermost bands."""
 _SHIFT_NM = 4.0
-
-
 _CONTRAST_SPAN = 5.0
-
-
 _POINT: Look = {"ms": 7, "mec": "white", "mew": 0.6}
 
 
+@with_style
 def snr_figure(result: results.PlanResult | results.ConfirmResult) -> Picture:
     """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
     from cpic_planner.validation import PREDICTION_ERROR
 
-    every = measurements_of(result)
+    if isinstance(result, results.PlanResult):
+        every = [band for target in result.targets for band in target.bands]
+    else:
+        every = list(result.bands)
     items = [item for item in every if item.predicted_snr is not None and item.recovered_snr is not None]
     names = ("predicted_snr", "recovered_snr", "recovered_snr_error")
     x, y, errors = (np.array([getattr(item, name) or 0.0 for item in items]) for name in names)
-    with style():
-        figure = new_figure(4.9)
-        axes = figure.add_subplot()
-        axes.grid(visible=True)
-        axes.set(xlabel="predicted SNR (analytic model)", ylabel="recovered SNR (simulated images)")
-        # The points decide the frame, not their error bars: one long bar would push all points into a corner.
-        top = x.max(initial=1.0)
-        ends = np.array([[0.0, top], [y.min(initial=0.0), y.max(initial=0.2 * top)]]) * 1.2
-        if items and top > _LOG_SPAN * x.min() and y.min() > 0:
-            axes.set(xscale="log", yscale="log")
-            ends = np.array([[x.min() / _ROOM, x.max() * _ROOM], [y.min() / _ROOM, y.max() * _ROOM]])
-            for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
-                drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
-        line = ends[0]
-        axes.set(xlim=line, ylim=ends[1])
-        axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
-        ratio, error = result.calibration.get("etc_ratio"), result.calibration.get("etc_ratio_error")
-        if ratio is not None and error is not None:
-            low, high = line / (ratio + error), line / max(ratio - error, 0.1 * ratio)
-            axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
-            label = f"predicted over recovered\n{ratio:.2f} ± {error:.2f}"
-            axes.plot(line, line / ratio, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
-        for band, (colour, marker) in band_style([item.band for item in every]).items():
-            own = np.array([item.band == band for item in items], bool)
-            if own.any():
-                look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
-                axes.errorbar(x[own], y[own], yerr=errors[own], label=f"{band} ({own.sum()})", **look)
-        if not items:
-            axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
-        figure.legend(loc="outside right upper", alignment="left")
-        return save(
-            figure,
-            alt=f"Recovered against predicted SNR of {len(items)} measurements, with the line of equality.",
-            caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
-            "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
-            "is the mean of predicted over recovered SNR, the band around it its error, which holds the accuracy of a "
-            f"prediction at one place ({100 * PREDICTION_ERROR:g} %) too.",
-        )
+    figure, axes = drawing.panels(4.9)
+    axes.set(xlabel="predicted SNR (analytic model)", ylabel="recovered SNR (simulated images)")
+    # The points decide the frame, not their error bars: one long bar would push all points into a corner.
+    top = x.max(initial=1.0)
+    ends = np.array([[0.0, top], [y.min(initial=0.0), y.max(initial=0.2 * top)]]) * 1.2
+    if items and top > _LOG_SPAN * x.min() and y.min() > 0:
+        axes.set(xscale="log", yscale="log")
+        ends = np.array([[x.min() / _ROOM, x.max() * _ROOM], [y.min() / _ROOM, y.max() * _ROOM]])
+        for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
+            drawing.plain_ticks(axis, 1.0, 2.0, 5.0)
+    line = ends[0]
+    axes.set(xlim=line, ylim=ends[1])
+    axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
+    ratio, error = result.calibration.get("etc_ratio"), result.calibration.get("etc_ratio_error")
+    if ratio is not None and error is not None:
+        low, high = line / (ratio + error), line / max(ratio - error, 0.1 * ratio)
+        axes.fill_between(line, low, high, color="#B03060", alpha=0.18, lw=0.0, zorder=1)
+        label = f"predicted over recovered\n{ratio:.2f} ± {error:.2f}"
+        axes.plot(line, line / ratio, color="#B03060", lw=1.2, ls="--", zorder=2, label=label)
+    for band, (colour, marker) in drawing.band_style([item.band for item in every]).items():
+        own = np.array([item.band == band for item in items], bool)
+        if own.any():
+            look = _POINT | {"fmt": marker, "color": colour, "lw": 1.2, "capsize": 2.5, "zorder": 4}
+            axes.errorbar(x[own], y[own], yerr=errors[own], label=f"{band} ({own.sum()})", **look)
+    if not items:
+        axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
+    figure.legend(loc="outside right upper", alignment="left")
+    accuracy = 100 * PREDICTION_ERROR
+    return drawing.picture(figure, "snr", items=items, realisations=result.realisations, accuracy=accuracy)
 
 
-def measurements_of(result: results.PlanResult | results.ConfirmResult) -> list[results.BandConfirmation]:
-    """Return every band of every target or planet, measured or not."""
-    if isinstance(result, results.ConfirmResult):
-        return list(result.bands)
-    return [band for target in result.targets for band in target.bands]
-
-
+@with_style
 def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[results.BandConfirmation]) -> Picture | None:
     """Draw what was measured of every planet on its contrast as a function of wavelength.
 
@@ -549,67 +505,46 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[result
     edges = [instrument.bands[item.band] for item in measured]
     low = min(band.center_nm - 0.5 * band.width_nm for band in edges) - _MARGIN_NM
     high = max(band.center_nm + 0.5 * band.width_nm for band in edges) + _MARGIN_NM
-    with style():
-        figure = new_figure(4.2)
-        axes = figure.add_subplot()
-        axes.grid(visible=True)
-        axes.set(xlabel="wavelength (nm)", ylabel="contrast (planet over star)", xlim=(low, high))
-        heights: list[float] = []
-        for number, name in enumerate(names):
-            light, (colour, marker) = lights[name], BAND_STYLE[number % len(BAND_STYLE)]
-            inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
-            x, y = light.wavelength_nm[inside], light.contrast[inside]
-            axes.plot(x, y, color=colour, lw=1.0, alpha=0.55, label=literal(f"{name}: input"))
-            own = [item for item in measured if item.planet == name]
-            centre = np.array([instrument.bands[item.band].center_nm for item in own])
-            half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
-            true, value, error, mean = (
-                np.array([getattr(item, key) or 0.0 for item in own])
-                for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
-            )
-            label = "input in the band" if number == 0 else ""
-            axes.hlines(true, centre - half, centre + half, color="#222222", lw=2.0, zorder=3, label=label)
-            place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
-            axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
-            look = _POINT | {"fmt": marker, "color": colour, "elinewidth": 3.2, "zorder": 5}
-            axes.errorbar(place, value, yerr=mean, label=literal(f"{name}: recovered"), **look)
-            heights += [*(value + error), *(value - error), *true]
-        if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
-            axes.set_yscale("log")
-        figure.legend(loc="outside right upper", alignment="left")
-        drawn = f"{', '.join(names)} in {len(measured)} measurements"
-        return save(
-            figure,
-            alt=f"Recovered contrasts of {drawn}, on the spectrum of the scene.",
-            caption="Points: mean contrast over the realisations, the thick bar its error, the thin bar that of one "
-            "observation. Curve: the contrast of the scene; black dashes: its mean over each band, weighted with the "
-            "star's detected light, which is what a measurement should give.",
+    figure, axes = drawing.panels(4.2)
+    axes.set(xlabel="wavelength (nm)", ylabel="contrast (planet over star)", xlim=(low, high))
+    heights: list[float] = []
+    for number, name in enumerate(names):
+        light, (colour, marker) = lights[name], drawing.BAND_STYLE[number % len(drawing.BAND_STYLE)]
+        inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
+        x, y = light.wavelength_nm[inside], light.contrast[inside]
+        axes.plot(x, y, color=colour, lw=1.0, alpha=0.55, label=literal(f"{name}: input"))
+        own = [item for item in measured if item.planet == name]
+        centre = np.array([instrument.bands[item.band].center_nm for item in own])
+        half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
+        true, value, error, mean = (
+            np.array([getattr(item, key) or 0.0 for item in own])
+            for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
         )
+        label = "input in the band" if number == 0 else ""
+        axes.hlines(true, centre - half, centre + half, color="#222222", lw=2.0, zorder=3, label=label)
+        place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
+        axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
+        look = _POINT | {"fmt": marker, "color": colour, "elinewidth": 3.2, "zorder": 5}
+        axes.errorbar(place, value, yerr=mean, label=literal(f"{name}: recovered"), **look)
+        heights += [*(value + error), *(value - error), *true]
+    if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
+        axes.set_yscale("log")
+    figure.legend(loc="outside right upper", alignment="left")
+    return drawing.picture(figure, "spectrum", drawn=f"{', '.join(names)} in {len(measured)} measurements")
 
 
 _REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"
-
-
 _TRUTH, _BEST, _SPECTRUM = "#D55E00", "#000000", "#7A7A7A"
-
-
-# Wavelengths shown beyond the outermost bands.
-_BAND_MARGIN_NM = 40.0
-
-
 _STATUS_TEXT = {
     "constrained": "both constrained",
     "not_constrained": "not constrained",
     "degenerate": "degenerate: fewer bands than parameters",
 }
-
-
 _BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
-
-
 _PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 
 
+@with_style
 def albedo_figure(
     fit: AlbedoFit,
     model: AlbedoModel,
@@ -635,31 +570,18 @@ def albedo_figure(
         If the spectrum's columns do not fit each other.
     """
     line = None if spectrum is None else _columns(spectrum)
-    with style():
-        figure = new_figure(4.5)
-        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
-        _posterior(left, fit, truth)
-        _contrasts(right, fit, model, line)
-        figure.draw_without_rendering()
+    figure, (left, right) = drawing.panels(4.5, 2, width_ratios=(1.0, 1.15))
+    _posterior(left, fit, truth)
+    _contrasts(right, fit, model, line)
+    figure.draw_without_rendering()
     return figure
 
 
+@with_style
 def albedo_picture(fit: AlbedoFit, model: AlbedoModel, **known: Any) -> Picture:
     """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
-    figure = albedo_figure(fit, model, **known)
-    mh, fsed = fit.interval("log10_mh"), fit.interval("log10_fsed")
-    ranges = (
-        f"{decimals(mh[0], 2)} to {decimals(mh[1], 2)} and log10 f_sed {decimals(fsed[0], 2)} to {decimals(fsed[1], 2)}"
-    )
-    with style():
-        return save(
-            figure,
-            alt="Regions of 68 % and 95 % probability in metallicity and f_sed, and measured contrasts: "
-            f"{', '.join(fit.bands)}.",
-            caption="Left: what the measured contrasts allow, with flat priors over the ranges of the model; 68 % of "
-            f"the probability has log10 [M/H] {ranges} ({_STATUS_TEXT[fit.status]}). Right: measured contrasts with "
-            "1-sigma errors and bandwidths, those of the best fit, and the input spectrum.",
-        )
+    about = {"bands": ", ".join(fit.bands), "mh": fit.interval("log10_mh"), "fsed": fit.interval("log10_fsed")}
+    return drawing.picture(albedo_figure(fit, model, **known), "albedo", status=_STATUS_TEXT[fit.status], **about)
 
 
 def _columns(spectrum: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatArray]:
@@ -677,11 +599,8 @@ def _posterior(axes: Axes, fit: AlbedoFit, truth: tuple[float, float] | None) ->
     top = max(float(density.max()), inner) * 1.001
     axes.contourf(x, y, density, levels=[outer, inner, top], colors=[_OUTER, _INNER])
     axes.contour(x, y, density, levels=[outer, inner], colors=[_REGION], linewidths=[0.8, 1.3])
-    axes.grid(visible=True)
-    handles: list[Any] = [
-        Patch(facecolor=_INNER, edgecolor=_REGION, label="68 %"),
-        Patch(facecolor=_OUTER, edgecolor=_REGION, label="95 %"),
-    ]
+    shades = {"68 %": _INNER, "95 %": _OUTER}
+    handles: list[Any] = [Patch(facecolor=face, edgecolor=_REGION, label=label) for label, face in shades.items()]
     bare: Look = {"ls": "none", "clip_on": False}
     if fit.status != "degenerate":
         look = bare | {"marker": "x", "ms": 8, "mew": 1.8, "color": _BEST, "zorder": 6}
@@ -709,7 +628,7 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
 
     rows = [model.bands.index(band) for band in fit.bands]
     middle, half = model.wavelength_nm[rows], 0.5 * model.width_nm[rows]
-    low, high = float((middle - half).min()) - _BAND_MARGIN_NM, float((middle + half).max()) + _BAND_MARGIN_NM
+    low, high = float((middle - half).min()) - _MARGIN_NM, float((middle + half).max()) + _MARGIN_NM
     shown = [*(fit.contrasts - fit.errors), *(fit.contrasts + fit.errors), *fit.model_contrasts, 0.0]
     handles: list[Line2D] = []
     if line is not None:
@@ -718,16 +637,15 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     unit = 10.0 ** np.floor(np.log10(max(np.abs(shown))))
     if line is not None:
         handles += axes.plot(line[0][inside], line[1][inside] / unit, color=_SPECTRUM, lw=1.2, label="input spectrum")
-    looks = band_style(model.bands)
+    looks = drawing.band_style(model.bands)
     for number, band in enumerate(fit.bands):
         colour, marker = looks[band]
         value, error = fit.contrasts[number] / unit, fit.errors[number] / unit
-        look: Look = {"color": colour, "marker": marker, "ms": 6.5, "mec": "white", "mew": 0.6, "lw": 1.6, "capsize": 3}
-        axes.errorbar(middle[number], value, error, half[number], zorder=5, **look)
-        handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.6, label=band))
+        look: Look = {"color": colour, "marker": marker, "ms": 6.5, "lw": 1.6}
+        axes.errorbar(middle[number], value, error, half[number], zorder=5, mec="white", mew=0.6, capsize=3, **look)
+        handles.append(Line2D([], [], label=band, **look))
     looks_best: Look = {"ls": "none", "marker": "_", "ms": 17, "mew": 2.0, "color": _BEST}
     handles += axes.plot(middle, fit.model_contrasts / unit, label="best fit", zorder=4, **looks_best)
-    axes.grid(visible=True)
     axes.axhline(0.0, color="#444444", lw=0.8)
     spread = (max(shown) - min(shown)) / unit
     axes.set(xlim=(low, high), ylim=(min(shown) / unit - 0.04 * spread, max(shown) / unit + 0.08 * spread))

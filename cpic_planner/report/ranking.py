@@ -10,47 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 from cpic_planner import results
 from cpic_planner.registry import LIBRARIES, SCORES
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, own_cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.ranking_figures import N_BARS, ensemble_picture
-from cpic_planner.report.words import (
-    EXCLUSIONS,
-    LIMITED_BY,
-    MISSING,
-    SEARCHES,
-    cap_sentence,
-    chosen_text,
-    count_text,
-    counted,
-    decimals,
-    duration_text,
-    full_name,
-    limit_text,
-    mode_of,
-    orbits_text,
-    pretty_name,
-    remedies_text,
-    score_number,
-    significant,
-    tau_text,
-    term_text,
-)
+from cpic_planner.report.words import MISSING, count_text, counted, duration_text, pretty_name, significant
+from cpic_planner.results import RankedTarget, RankResult, SensitivityRow
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-def score_taken(name: str) -> results.Taken:
-    """Return the column of a score in files, with the unit of that score."""
-    (taken,) = results.taken_of(results.RankedTarget, "score")
-    return replace(taken, column=replace(taken.column, unit=SCORES[name].unit))
-
-
 _MOST_NAMED = 5
+TIERS = {
+    1: "the reference planet is detected in the given time",
+    2: "it would be in at most ten times the time, or with a tenth of the drift or more, one of the two changed",
+    3: "a planet at most ten times as bright would be",
+    4: "none of these",
+}
+"""Tiers of priority, in words."""
 
 
-def planet_text(result: results.PlanResult | results.RankResult) -> str:
+def planet_text(result: results.PlanResult | RankResult) -> str:
     """Return the reference planet in words."""
     planet = result.reference_planet
     albedo = planet.albedo[:1].upper() + planet.albedo[1:]
@@ -69,17 +50,14 @@ def population_text(population: results.PopulationRecord) -> str:
     if population.name == results.KNOWN_PLANETS:
         meaning = "probability that at least one of the star's own planets is detected"
     elif population.exclusions:
-        meaning = f"{meaning} and that {_joined(population.exclusions)} do not exclude"
+        *first, last = (words.EXCLUSIONS[name] for name in population.exclusions)
+        excluding = f"{', '.join(first)} and {last}" if first else last
+        meaning = f"{meaning} and that {excluding} do not exclude"
     drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
     return f"{name}, {drawn}; completeness is the {meaning}"
 
 
-def _joined(exclusions: Sequence[str]) -> str:
-    *first, last = (EXCLUSIONS[name] for name in exclusions)
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def expected_sentence(rank: results.RankResult) -> str:
+def expected_sentence(rank: RankResult) -> str:
     """Return how many planets one observation of every star would find, with and without what is known; may be empty.
 
     The interval is that of the occurrence alone, by which surveys differ.
@@ -90,29 +68,29 @@ def expected_sentence(rank: results.RankResult) -> str:
     if not found or rate is None:
         return ""
     total = sum(found)
-    interval = "" if between is None else " ({} to {})".format(*(significant(total * end / rate, 2) for end in between))
-    words = f"One observation of each star would find {significant(total, 2)}{interval} planets"
+    ends = [] if between is None else [significant(total * end / rate, 2) for end in between]
+    interval = f" ({' to '.join(ends)})" if ends else ""
+    said = f"One observation of each star would find {significant(total, 2)}{interval} planets"
     if not rank.population.exclusions or None in of_all:
-        return f"{words}."
+        return f"{said}."
     without = significant(sum(filter(None, of_all)), 2)
-    return f"{words} that nobody knows; {without} if nothing were known of the stars."
+    return f"{said} that nobody knows; {without} if nothing were known of the stars."
 
 
-def unprobed_stars(rank: results.RankResult, first: int) -> list[results.RankedTarget]:
+def unprobed_stars(rank: RankResult, first: int) -> list[RankedTarget]:
     """Return where among the first stars more radial velocities would change the ranking, most completeness first.
 
     Their reference planets are those that velocities do not exclude yet.
     """
-    exclusions = rank.population.exclusions
     open_stars = [
         row
         for row in rank.targets[:first]
         if row.completeness > 0.0 and row.rv_amplitude_m_s is not None and "excluded_by_rv" not in row.flags
     ]
-    return sorted(open_stars, key=lambda row: -row.completeness) if "rv" in exclusions else []
+    return sorted(open_stars, key=lambda row: -row.completeness) if "rv" in rank.population.exclusions else []
 
 
-def velocities_sentence(rank: results.RankResult, first: int) -> str:
+def velocities_sentence(rank: RankResult, first: int) -> str:
     """Return around which of the first stars velocities exclude the reference planet, and where more would help."""
     found = []
     excluded = [pretty_name(row.name) for row in rank.targets[:first] if "excluded_by_rv" in row.flags]
@@ -134,20 +112,20 @@ def velocities_sentence(rank: results.RankResult, first: int) -> str:
 def limits_text(counts: Mapping[str, int]) -> str:
     """Return how many stars are limited by what, most first but for the detected ones."""
     order = sorted(counts, key=lambda name: (name != "none", -counts[name], name))
-    words = {name: "detected" if name == "none" else f"limited by {LIMITED_BY[name][1]}" for name in order}
-    return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
+    said = {name: "detected" if name == "none" else f"limited by {words.LIMITED_BY[name][1]}" for name in order}
+    return ", ".join(f"{count_text(counts[name])} {said[name]}" for name in order)
 
 
-def programme_text(rank: results.RankResult) -> str:
+def programme_text(rank: RankResult) -> str:
     """Return how reference planets are looked for, in how many visits, and under which drift."""
     visits = "the best number of visits for each" if rank.visits is None else counted(rank.visits, "visit")
     if all(row.visits is None for row in rank.targets):
         visits = "1 visit"
     drift = "" if rank.drift_nm is None else f", a wavefront that drifts by {rank.drift_nm:g} nm between visits"
-    return f"{SEARCHES[mode_of(rank)]}, {visits}{drift}"
+    return f"{words.SEARCHES[words.mode_of(rank)]}, {visits}{drift}"
 
 
-def detected_sentence(rank: results.RankResult) -> str:
+def detected_sentence(rank: RankResult) -> str:
     """Return how many reference planets are detected blind and at known places, and in how many visits and days.
 
     Empty where no law tells.
@@ -157,65 +135,65 @@ def detected_sentence(rank: results.RankResult) -> str:
         return ""
     blind = [row for row in told if (row.detection_probability or 0.0) >= 0.5]
     placed = [row for row in told if (row.detection_probability_known_place or 0.0) >= 0.5]
-    words = f"Half of such observations or more show {counted(len(blind), 'reference planet')} blind"
-    words = f"{words} and {len(placed)} at {'its known place' if len(told) == 1 else 'their known places'}"
+    places = "its known place" if len(told) == 1 else "their known places"
+    shown = f"{counted(len(blind), 'reference planet')} blind and {len(placed)} at {places}"
+    said = f"Half of such observations or more show {shown}"
     if not (seen := blind or placed):
-        return f"{words}."
+        return f"{said}."
     visits = sorted(row.visits or 1 for row in seen)
     extent = f"{visits[0]} to {counted(visits[-1], 'visit')}" if visits[0] < visits[-1] else counted(visits[0], "visit")
     days = [row.span_days for row in seen if row.span_days is not None]
     span = f", which span {significant(statistics.median(days), 2)} days in the median, without slews" if days else ""
-    paid = orbits_text(seen)
-    return f"{words}, in {extent}{span}{f'; {paid}' if paid else ''}."
+    paid = words.orbits_text(seen)
+    return f"{said}, in {extent}{span}{f'; {paid}' if paid else ''}."
 
 
-def print_rank(rank: results.RankResult, console: Console, limit: int = 20, *, full: bool = True) -> None:
+def print_rank(rank: RankResult, console: Console, limit: int = 20, *, full: bool = True) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to; in two sentences unless ``full``."""
     shown, total = rank.targets[:limit], len(rank.targets)
     some = f"first {len(shown)} of " if total > 1 else ""
-    stars = chosen_text(total, rank.n_in_catalogue)
+    stars = words.chosen_text(total, rank.n_in_catalogue)
     title = f"Ranking: {some}{stars}, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
-        results.RankedTarget,
+        RankedTarget,
         f"rank {'rank_in_catalogue ' * rank.filtered}name v_mag/5 distance_pc/5 {own}completeness "
         "completeness_known_place completeness_unconditional/3 "
         "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
         score=_score_cells(rank.score_name),
     )
-    cells += own_cells(shown)
-    print_table(console, title, cells, shown, explained=True, legend=not full)
+    print_table(console, title, [*cells, *own_cells(shown)], shown, explained=True, legend=not full)
     if rank.counts_limited_by:
-        limits = limits_text(rank.counts_limited_by)
-        print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {programme_text(rank)}: {limits}.")
+        limits = f"{programme_text(rank)}: {limits_text(rank.counts_limited_by)}"
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {limits}.")
     print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
     print_note(console, *lacking_lines({}, rank.population.columns_not_used))
     if rank.ensemble is not None:
         print_ensemble(rank.ensemble, shown, console)
 
 
-def _about_rank(rank: results.RankResult, limit: int) -> list[str]:
+def _about_rank(rank: RankResult, limit: int) -> list[str]:
     """Return what the numbers of a ranking refer to."""
-    planet = rank.reference_planet
+    planet, time = rank.reference_planet, duration_text(rank.time_s)
+    search, of_mode = words.SEARCHES[rank.search], words.SEARCHES[words.mode_of(rank)]
     return [
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet "
-        "looked for at its place; of all %: whatever is known of the star, blind. The score counts "
-        f"{SEARCHES[rank.search]}.",
+        f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet looked for "
+        f"at its place; of all %: whatever is known of the star, blind. The score counts {search}.",
         detected_sentence(rank),
         *filter(None, (expected_sentence(rank), velocities_sentence(rank, limit))),
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
-        f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
+        f"{planet.albedo} albedo, {planet.position}; wall time up to {time} per target and band.",
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        f"Detected: at least half of such observations show the planet {SEARCHES[mode_of(rank)]}; "
-        "blind %, place %: probability that a search finds it that does not know its place, and one that does. "
-        f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
+        f"Detected: at least half of such observations show the planet {of_mode}; blind %, place %: probability that a "
+        "search finds it that does not know its place, and one that does. Reference frames: "
+        f"{LIBRARIES[rank.reference_library].meaning}.",
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     ]
 
 
-def _zeros(rank: results.RankResult) -> str:
+def _zeros(rank: RankResult) -> str:
     """Return a sentence about stars of score 0, which the score does not order; empty if there are none."""
     above = sum(row.score > 0.0 for row in rank.targets)
     if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
@@ -226,23 +204,54 @@ def _zeros(rank: results.RankResult) -> str:
 
 def _score_cells(name: str) -> Cells:
     score = SCORES[name]
-    look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (score_taken(name),)}
-    return Cells(score.label, lambda row: score_number(row.score, name), **look)
+    look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (_score_taken(name),)}
+    return Cells(score.label, lambda row: words.score_number(row.score, name), **look)
 
 
-def _kept(name: str, first: int) -> Cells:
-    """Return the column of how many of the first stars stay among them."""
-    column: dict[str, Any] = {"fields": (name,), "kind": results.SensitivityRow}
-    return Cells(f"of {first}", lambda row: count_text(getattr(row, name)), **column)
+def _score_taken(name: str) -> results.Taken:
+    """Return the column of a score in files, with the unit of that score."""
+    (taken,) = results.taken_of(RankedTarget, "score")
+    return replace(taken, column=replace(taken.column, unit=SCORES[name].unit))
+
+
+def ranking_csv(rank: RankResult, limit: int | None = None) -> str:
+    """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
+
+    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
+    a ``limit`` the first stars alone.
+    """
+    rows = rank.targets[:limit]
+    names = (*results.names_of(RankedTarget), *(item.column.name for item in results.own_taken(rows)))
+    return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
+
+
+def ranking_ecsv(rank: RankResult, limit: int | None = None) -> str:
+    """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
+
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked. With a
+    ``limit`` the first stars alone, and the header says of how many.
+    """
+    rows = rank.targets[:limit]
+    meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
+    if len(rows) < len(rank.targets):
+        meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
+    columns = [*results.taken_of(RankedTarget), *results.own_taken(rows)]
+    score = _score_taken(rank.score_name)
+    return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
 
 
 def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed."""
+
+    def kept(name: str, first: int) -> Cells:
+        """Return the column of how many of the first stars stay among them."""
+        return Cells(f"of {first}", lambda row: count_text(getattr(row, name)), fields=(name,), kind=SensitivityRow)
+
     cells = row_cells(
-        results.SensitivityRow,
+        SensitivityRow,
         "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
-        kept_first=_kept("kept_first", result.first),
-        kept=_kept("kept", result.top),
+        kept_first=kept("kept_first", result.first),
+        kept=kept("kept", result.top),
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
@@ -250,14 +259,20 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     print_note(
         console,
         f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: "
-        f"{tau_text(result.top)}; tau of: their number; of {result.first}, of {result.top}: how many of the "
+        f"{words.tau_text(result.top)}; tau of: their number; of {result.first}, of {result.top}: how many of the "
         "nominal first stars stay among them; biggest fall: of these.",
     )
 
 
 def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
     """Print what moves from one ranking to another one, of the first ``limit`` stars of either."""
-    before, after = result.before, result.after
+
+    def setting(item: results.SettingChange) -> str:
+        """Return a setting before and after; of texts in several parts, such as samples, those that differ."""
+        before, after = item.before.split("; "), item.after.split("; ")
+        gone, new = ([part for part in own if part not in other] for own, other in ((before, after), (after, before)))
+        return f"{item.key} {'; '.join(gone) or MISSING} → {'; '.join(new) or MISSING}"
+
     old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
     rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
     cells = [
@@ -267,166 +282,70 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
     ]
     count = len(result.targets)
     first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else counted(count, "star")
-    print_plain(console, f"What moves from {before.name} (before) to {after.name} (after): {first}", bold=True)
+    title = f"What moves from {result.before.name} (before) to {result.after.name} (after): {first}"
+    print_plain(console, title, bold=True)
     print_table(console, "", cells, rows, last_width=70)
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
     spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
     print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
-    if result.settings is None:
-        print_note(console, "The file does not say how its ranking was made: settings are not compared.")
-    else:
-        said = "; ".join(map(_setting_text, result.settings))
-        print_note(console, f"Settings that differ: {said or 'none'}.")
+    unsaid = "The file does not say how its ranking was made: settings are not compared."
+    said = "" if result.settings is None else "; ".join(map(setting, result.settings)) or "none"
     print_note(
         console,
+        f"Settings that differ: {said}." if said else unsaid,
         "before, after: rank among all stars of the sample; score ×: score after over score before; Kendall's tau: "
         "tau-b of the scores, of stars among the first of either ranking with a score above zero in either (1: the "
         "same order; 0: an unrelated one; equal scores are no order).",
     )
 
 
-def _setting_text(item: results.SettingChange) -> str:
-    """Return a setting before and after; of texts in several parts, such as samples, those that differ."""
-    parts = item.before.split("; "), item.after.split("; ")
-    gone, new = ("; ".join(part for part in own if part not in other) or MISSING for own, other in (parts, parts[::-1]))
-    return f"{item.key} {gone} → {new}"
-
-
 def print_explanation(explanation: results.Explanation, console: Console) -> None:
     """Print why a star stands where it stands."""
     star = explanation.star
-    print_plain(console, full_name(star.name, star.hip), bold=True)
+    print_plain(console, words.full_name(star.name, star.hip), bold=True)
     print_plain(console, *explanation.sentences)
     console.print()
-    _print_neighbours(explanation, console)
+    cells = row_cells(
+        RankedTarget,
+        "rank name score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
+        "detection_margin/2 status",
+        score=_score_cells(explanation.score_name),
+    )
+    rows = [row for row in (explanation.better, star, explanation.worse) if row is not None]
+    print_table(console, "Between its neighbours", cells, rows)
     console.print()
-    _print_bands(explanation.bands, console)
-    _print_limits(explanation, console)
+    cells = row_cells(
+        results.BandStanding,
+        "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
+        "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
+        dominant=lambda band: words.term_text(band.dominant),
+    )
+    title = "Its reference planet and its population, band by band"
+    print_table(console, title, cells, explanation.bands, explained=True, legend=True)
+    band = next((item for item in explanation.bands if item.band == star.band), None)
+    if band is not None and band.exposure_s is not None:
+        frames = f"frames of {significant(band.exposure_s)} s"
+        print_note(console, *(f"{band.band}: {held}." for held in words.held_texts(band)))
+        caps = (words.cap_sentence(name, gain) for name, gain in band.gain_caps.items())
+        print_note(console, *(f"{band.band}, {frames}: {cap}." for cap in caps))
+        if helpful := words.remedies_text(band.remedies):
+            print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
     if explanation.ranks:
         ranks = (f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in explanation.ranks.items())
         print_note(console, f"Rank under other assumptions: {', '.join(ranks)}.")
 
 
-def _print_neighbours(explanation: results.Explanation, console: Console) -> None:
-    cells = row_cells(
-        results.RankedTarget,
-        "rank name score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
-        "detection_margin/2 status",
-        score=_score_cells(explanation.score_name),
-    )
-    rows = [row for row in (explanation.better, explanation.star, explanation.worse) if row is not None]
-    print_table(console, "Between its neighbours", cells, rows)
-
-
-def _print_bands(bands: Sequence[results.BandStanding], console: Console) -> None:
-    cells = row_cells(
-        results.BandStanding,
-        "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
-        "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
-        dominant=lambda band: term_text(band.dominant),
-    )
-    title = "Its reference planet and its population, band by band"
-    print_table(console, title, cells, bands, explained=True, legend=True)
-
-
-def _print_limits(explanation: results.Explanation, console: Console) -> None:
-    """Print what binds and what would help in the star's best band."""
-    band = next((item for item in explanation.bands if item.band == explanation.star.band), None)
-    if band is None or band.exposure_s is None:
-        return
-    for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
-        if limit:
-            print_note(console, f"{band.band}: the {name} is held by {limit_text(limit)}.")
-    for name, gain in band.gain_caps.items():
-        print_note(console, f"{band.band}, frames of {significant(band.exposure_s)} s: {cap_sentence(name, gain)}.")
-    if helpful := remedies_text(band.remedies):
-        print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
-
-
-TIERS = {
-    1: "the reference planet is detected in the given time",
-    2: "it would be in at most ten times the time, or with a tenth of the drift or more, one of the two changed",
-    3: "a planet at most ten times as bright would be",
-    4: "none of these",
-}
-"""Tiers of priority, in words."""
-
-
-def priority_blocks(
-    rank: results.RankResult,
-    rows: Sequence[results.RankedTarget],
-    named: Callable[[results.RankedTarget], doc.Inline] = lambda row: pretty_name(row.name),
-) -> Iterator[doc.Block]:
-    """Yield the priorities of the first stars: a table, and what an ensemble of instruments says where one was asked.
-
-    Parameters
-    ----------
-    rank : RankResult
-    rows : sequence of RankedTarget
-        The stars that are shown.
-    named : callable
-        Writes the name of a star.
-    """
-    ensemble = rank.ensemble
-    sure = "" if ensemble is None else " p_reachable rank_median between p_rank_le_10"
-    columns = doc.row_columns(
-        results.RankedTarget,
-        "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
-        "expected_planets_unconditional"
-        f"{sure}",
-        name=named,
-        limit=Cells("", lambda row: LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING, label="limit"),
-        drift=Cells("", lambda row: _factor(row.required_drift_factor), label="drift factor", right=True),
-        brighter=Cells("", lambda row: _factor(row.required_contrast_factor), label="planet factor", right=True),
-        between=Cells("", _between, label="5 to 95 %", right=True),
-    )
-    tiers = "; ".join(f"{tier}: {text}" for tier, text in TIERS.items())
-    caption = (
-        f"What a detection of the reference planet by a search of the strategy asks for. Tier {tiers}. Detection time: "
-        "the least of all visits in any band, whatever was given; drift factor, planet factor: the largest "
-        "drift, or the least brightness of the planet, over that assumed, with which the given time is enough, each "
-        "changed alone. Expected planets are of one observation: those that nothing known excludes, and all."
-    )
-    yield doc.table("Priorities", caption, columns, rows)
-    if ensemble is not None:
-        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
-
-
-def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
-    """Yield how the ranking depends on assumptions."""
-    columns = doc.row_columns(
-        results.SensitivityRow,
-        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
-        kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
-        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
-        largest_fall=lambda row: pretty_name(row.largest_fall),
-        best=lambda row: pretty_name(row.best),
-    )
-    caption = (
-        f"The same {count_text(sensitivity.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
-        f"{count_text(sensitivity.n_ok)} reference planets are detected. Kept of first "
-        f"{sensitivity.first}, of first {sensitivity.top}: how many of the nominal first stars stay there. "
-        f"Tau: {tau_text(sensitivity.top)}."
-    )
-    yield doc.Paragraph(sensitivity.statement)
-    yield doc.table("Sensitivity of the ranking", caption, columns, sensitivity.rows)
-
-
-def _factor(value: float | None) -> str:
-    return MISSING if value is None else f"×{significant(value, 2)}"
-
-
-def _between(row: results.RankedTarget) -> str:
+def _between(row: RankedTarget) -> str:
     return MISSING if row.rank_p05 is None else f"{row.rank_p05:.0f} to {row.rank_p95:.0f}"
 
 
-def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.RankedTarget], console: Console) -> None:
+def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[RankedTarget], console: Console) -> None:
     """Print what becomes of the shown stars under an ensemble of instruments, and what changes it."""
     cells = row_cells(
-        results.RankedTarget,
+        RankedTarget,
         "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
         "limited_by/1",
-        between=Cells("5 to 95 %", lambda row: f"{row.rank_p05:.0f} to {row.rank_p95:.0f}", True),
+        between=Cells("5 to 95 %", _between),
     )
     title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
     print_table(console, title, cells, shown)
@@ -435,7 +354,7 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
         Cells("values, 5 to 95 %", lambda bar: f"{bar.low} to {bar.high}", right=False),
         Cells("planets", lambda bar: f"{significant(bar.planets_low, 2)} to {significant(bar.planets_high, 2)}"),
         Cells("stars detected", lambda bar: f"{bar.n_reachable_low} to {bar.n_reachable_high}"),
-        Cells("tau", lambda bar: f"{decimals(bar.tau_low, 2)} to {decimals(bar.tau_high, 2)}", gives_way=1),
+        Cells("tau", lambda bar: words.interval_text(bar.tau_low, bar.tau_high), gives_way=1),
     ]
     title = "What the expected planets of one observation of every star hang on, one number at a time"
     print_table(console, title, bars, ensemble.bars[:N_BARS])
@@ -451,27 +370,64 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[results.Ran
     )
 
 
-def ranking_csv(rank: results.RankResult, limit: int | None = None) -> str:
-    """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
+def priority_blocks(
+    rank: RankResult,
+    rows: Sequence[RankedTarget],
+    named: Callable[[RankedTarget], doc.Inline] = lambda row: pretty_name(row.name),
+) -> Iterator[doc.Block]:
+    """Yield the priorities of the first stars: a table, and what an ensemble of instruments says where one was asked.
 
-    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
-    a ``limit`` the first stars alone.
+    Parameters
+    ----------
+    rank : RankResult
+    rows : sequence of RankedTarget
+        The stars that are shown.
+    named : callable
+        Writes the name of a star.
     """
-    rows = rank.targets[:limit]
-    names = (*results.names_of(results.RankedTarget), *(item.column.name for item in results.own_taken(rows)))
-    return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
+
+    def factor(name: str, label: str) -> Cells:
+        """Return the column of a factor that would be enough."""
+
+        def text(row: RankedTarget) -> str:
+            value = getattr(row, name)
+            return MISSING if value is None else f"×{significant(value, 2)}"
+
+        return Cells("", text, label=label)
+
+    def limit(row: RankedTarget) -> str:
+        return words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING
+
+    sure = "" if rank.ensemble is None else " p_reachable rank_median between p_rank_le_10"
+    yield doc.row_table(
+        "Priorities",
+        words.text("texts.priorities", tiers="; ".join(f"{tier}: {text}" for tier, text in TIERS.items())),
+        RankedTarget,
+        "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
+        f"expected_planets_unconditional{sure}",
+        rows,
+        name=named,
+        limit=Cells("", limit, label="limit"),
+        drift=factor("required_drift_factor", "drift factor"),
+        brighter=factor("required_contrast_factor", "planet factor"),
+        between=Cells("", _between, label="5 to 95 %"),
+    )
+    if rank.ensemble is not None:
+        yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
 
 
-def ranking_ecsv(rank: results.RankResult, limit: int | None = None) -> str:
-    """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
-
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked. With a
-    ``limit`` the first stars alone, and the header says of how many.
-    """
-    rows = rank.targets[:limit]
-    meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
-    if len(rows) < len(rank.targets):
-        meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
-    columns = [*results.taken_of(results.RankedTarget), *results.own_taken(rows)]
-    score = score_taken(rank.score_name)
-    return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
+def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
+    """Yield how the ranking depends on assumptions."""
+    tau = words.tau_text(sensitivity.top)
+    yield doc.Paragraph(sensitivity.statement)
+    yield doc.row_table(
+        "Sensitivity of the ranking",
+        words.text("texts.sensitivity", sensitivity=sensitivity, tau=tau),
+        SensitivityRow,
+        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
+        sensitivity.rows,
+        kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
+        largest_fall=lambda row: pretty_name(row.largest_fall),
+        best=lambda row: pretty_name(row.best),
+    )

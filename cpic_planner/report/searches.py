@@ -13,32 +13,10 @@ from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.jobs import RunFolder
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report import document as doc, drawing
+from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.answers import flag_lines
 from cpic_planner.report.cells import print_note, print_table, row_cells
-from cpic_planner.report.document import page_html
-from cpic_planner.report.drawing import (
-    Look,
-    Picture,
-    band_style,
-    contrast_axes,
-    literal,
-    new_figure,
-    save,
-    separation_ticks,
-    style,
-)
-from cpic_planner.report.words import (
-    duration_text,
-    full_name,
-    pretty_name,
-    prose,
-    share_text,
-    significant,
-    star_text,
-    status_text,
-    terms,
-)
+from cpic_planner.report.drawing import Look, Picture, literal, with_style
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, RecoveredRow, RocResult, RocRow
 
 if TYPE_CHECKING:
@@ -49,24 +27,34 @@ if TYPE_CHECKING:
 
 _HALF_STEPS = 2.0
 """Levels of a search that the terminal shows, in each unit."""
+_POINTS = (
+    "band:row,left separation_arcsec contrast_limit_blind contrast_limit_known_place/4 contrast_limit_threshold/3 "
+    "{measured}core_throughput/7 azimuth_share/6 threshold/8"
+)
+_MEASURED = "measured_limit/1 measured_throughput/5 "
+_RECOVERED = (
+    "band:row,left separation_arcsec contrast n_injected/2 n_recovered/1 recovered recovered_low/3 recovered_high/3 "
+    "predicted"
+)
+_PROGRAMME = (
+    "band:row,left separation_arcsec contrast visits frames em_gain visit_time_s/1 time_s resolution_elements/2"
+)
 
 
-def curve_sentences(result: results.CurveResult) -> list[str]:
+def curve_sentences(result: CurveResult) -> list[str]:
     """Return what contrast curves say, in sentences."""
     said = []
     for band in result.bands:
         rows = [row for row in result.points if row.band == band.band and row.contrast_limit_blind is not None]
         best = min(rows, key=lambda row: row.contrast_limit_blind or math.inf, default=None)
         if best is None:
-            said.append(f"{band.band}: no limit: {band.message or status_text(band.status)}.")
+            said.append(f"{band.band}: no limit: {band.message or words.status_text(band.status)}.")
             continue
-        assert best.contrast_limit_blind is not None  # as the rows are chosen
         said.append(
             f"{band.band}: half of the planets of contrast {best.contrast_limit_blind:.1e} at "
             f"{best.separation_arcsec:.2f} arcsec are found blind in {_programme_text(band)}."
         )
-        if band.images_message:
-            said.append(f"No images in {band.band}: {band.images_message}.")
+        said += _no_images(band)
         ratios = [
             row.measured_limit / row.contrast_limit_threshold
             for row in rows
@@ -75,8 +63,8 @@ def curve_sentences(result: results.CurveResult) -> list[str]:
         if ratios:
             mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
             said.append(
-                f"In {band.images} simulated images the limit at the threshold is {significant(mean, 2)} times the "
-                f"predicted one, mean of {len(ratios)} separation{'s' * (len(ratios) != 1)}."
+                f"In {band.images} simulated images the limit at the threshold is {words.significant(mean, 2)} times "
+                f"the predicted one, mean of {words.counted(len(ratios), 'separation')}."
             )
     if result.recovered:
         n, hits = (sum(getattr(row, name) for row in result.recovered) for name in ("n_injected", "n_recovered"))
@@ -85,69 +73,55 @@ def curve_sentences(result: results.CurveResult) -> list[str]:
     return said
 
 
-def roc_sentences(result: results.RocResult) -> list[str]:
+def roc_sentences(result: RocResult) -> list[str]:
     """Return what an operating characteristic says, in sentences."""
     said = []
     for band in result.bands:
         row = next((one for one in result.levels if one.band == band.band and one.sigma == result.sigma), None)
         if row is None or band.contrast is None or band.separation_arcsec is None:
-            said.append(f"{band.band}: no answer: {band.message or status_text(band.status)}.")
+            said.append(f"{band.band}: no answer: {band.message or words.status_text(band.status)}.")
             continue
+        blind, placed = map(words.share_text, (row.detection_probability, row.detection_probability_known_place))
         said.append(
             f"{band.band}: a planet of contrast {band.contrast:.2e} at {band.separation_arcsec:.2f} arcsec is found "
-            f"blind with {share_text(row.detection_probability)} % and at its known place with "
-            f"{share_text(row.detection_probability_known_place)} %, at {result.sigma:g}σ ({row.false_alarms:.1e} "
-            f"false alarms a search), in {_programme_text(band)}."
+            f"blind with {blind} % and at its known place with {placed} %, at {result.sigma:g}σ "
+            f"({row.false_alarms:.1e} false alarms a search), in {_programme_text(band)}."
         )
         if row.n_planets:
             said.append(
-                f"Searches of {row.n_planets} simulated images find it in {row.n_detected}, and have {row.n_false} "
-                f"false alarm{'s' * (row.n_false != 1)} in {row.n_searches} without it."
+                f"Searches of {row.n_planets} simulated images find it in {row.n_detected}, and have "
+                f"{words.counted(row.n_false, 'false alarm')} in {row.n_searches} without it."
             )
-        if band.images_message:
-            said.append(f"No images in {band.band}: {band.images_message}.")
+        said += _no_images(band)
     return said
+
+
+def _no_images(band: results.SearchedProgramme) -> list[str]:
+    return [f"No images in {band.band}: {band.images_message}."] if band.images_message else []
 
 
 def _programme_text(band: results.SearchedProgramme) -> str:
     """Return a programme in words."""
     if band.time_s is None or band.visits is None:
         return "no programme"
-    visits = f"{band.visits} visit{'s' * (band.visits != 1)}"
-    return f"{visits}, {duration_text(band.time_s)} in all"
+    return f"{words.counted(band.visits, 'visit')}, {words.duration_text(band.time_s)} in all"
 
 
-def print_curve(result: results.CurveResult, console: Console, *, full: bool = False) -> None:
-    """Print contrast limits, recovered planets, and what they say.
-
-    Parameters
-    ----------
-    result : CurveResult
-    console : Console
-    full : bool
-        Also the programme of each band.
-    """
-    title = f"{star_text(result)}; contrast limits at {result.sigma:g}σ in {duration_text(result.time_s)}"
+def print_curve(result: CurveResult, console: Console, *, full: bool = False) -> None:
+    """Print contrast limits, recovered planets, and what they say; with ``full`` also the programme of each band."""
+    time = words.duration_text(result.time_s)
+    title = f"{words.star_text(result)}; contrast limits at {result.sigma:g}σ in {time}"
     measured = any(row.measured_limit is not None for row in result.points)
-    layout = (
-        "band separation_arcsec contrast_limit_blind contrast_limit_known_place/4 contrast_limit_threshold/3 "
-        f"{'measured_limit/1 measured_throughput/5 ' * measured}core_throughput/7 azimuth_share/6 threshold/8 status"
-    )
-    cells = row_cells(results.CurveRow, layout)
+    cells = row_cells(CurveRow, f"{_POINTS.format(measured=_MEASURED * measured)} status")
     print_table(console, title, cells, result.points, explained=True, legend=True)
     if result.recovered:
-        layout = (
-            "band separation_arcsec contrast n_injected/2 n_recovered/1 recovered recovered_low/3 recovered_high/3 "
-            "predicted"
-        )
         console.print()
-        print_table(console, "Injected planets", row_cells(results.RecoveredRow, layout), result.recovered, legend=True)
-    if full:
-        _print_programmes(results.SearchedProgramme, result.bands, console)
-    _print_below(console, curve_sentences(result), flag_lines(result.bands, result.note))
+        cells = row_cells(RecoveredRow, _RECOVERED)
+        print_table(console, "Injected planets", cells, result.recovered, legend=True)
+    _print_below(result, results.SearchedProgramme, curve_sentences(result), console, full)
 
 
-def print_roc(result: results.RocResult, console: Console, *, full: bool = False) -> None:
+def print_roc(result: RocResult, console: Console, *, full: bool = False) -> None:
     """Print levels of a search, its false alarms and detections, and what they say.
 
     Parameters
@@ -157,7 +131,6 @@ def print_roc(result: results.RocResult, console: Console, *, full: bool = False
     full : bool
         Also the programme of each band, and every level.
     """
-    title = f"{star_text(result)}; detections and false alarms"
     images = any(row.n_searches for row in result.levels)
     counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
     layout = (
@@ -165,26 +138,26 @@ def print_roc(result: results.RocResult, console: Console, *, full: bool = False
         "detection_probability_known_place/4"
     )
     rows = [row for row in result.levels if full or row.sigma == result.sigma or not row.sigma * _HALF_STEPS % 1.0]
-    print_table(console, title, row_cells(results.RocRow, layout), rows, legend=True)
-    if full:
-        _print_programmes(results.RocProgramme, result.bands, console)
-    _print_below(console, roc_sentences(result), flag_lines(result.bands, result.note))
+    title = f"{words.star_text(result)}; detections and false alarms"
+    print_table(console, title, row_cells(RocRow, layout), rows, legend=True)
+    _print_below(result, results.RocProgramme, roc_sentences(result), console, full)
 
 
-def _print_below(console: Console, said: Sequence[str], flags: Sequence[str]) -> None:
+def _print_below(
+    result: CurveResult | RocResult,
+    kind: type[results.SearchedProgramme],
+    said: Sequence[str],
+    console: Console,
+    full: bool,
+) -> None:
     """Say what numbers mean, and what is to be known beside them."""
+    if full:
+        console.print()
+        print_table(console, "Programmes", row_cells(kind, _PROGRAMME), result.bands, legend=True)
     print_note(console, *said)
-    if flags:
+    if flags := flag_lines(result.bands, result.note):
         console.print()
         print_note(console, *flags)
-
-
-def _print_programmes(
-    kind: type[results.SearchedProgramme], rows: Sequence[results.SearchedProgramme], console: Console
-) -> None:
-    layout = "band separation_arcsec contrast visits frames em_gain visit_time_s/1 time_s resolution_elements/2"
-    console.print()
-    print_table(console, "Programmes", row_cells(kind, layout), rows, legend=True)
 
 
 _LIMITS: tuple[tuple[str, str, Look], ...] = (
@@ -193,149 +166,102 @@ _LIMITS: tuple[tuple[str, str, Look], ...] = (
     ("contrast_limit_known_place", "half found at a known place", {"ls": (0, (4, 2)), "lw": 1.3}),
     ("contrast_limit_threshold", "at the threshold", {"ls": ":", "lw": 1.7}),
 )
-
-
 _HIGH, _LOW = 3.9, 2.9
 """Heights of the curves and of a row of smaller panels, inches."""
-
-
 _GREY = "#444444"
-
-
 _POINT: Look = {"ms": 5, "ls": "none", "lw": 1.0, "mec": "white", "mew": 0.5}
-
-
 _CONTOURS = (0.1, 0.3, 0.5, 0.7, 0.9)
-
-
 _FEWEST = 0.3
 """False alarms counted and expected below which nothing is shown."""
-
 
 Panel = Callable[["Axes"], None]
 
 
+def _curve_panels(result: CurveResult) -> dict[str, list[Panel]]:
+    """Return what draws the curves, the map of completeness of each band, and recovered planets where they are."""
+    top = math.ceil(10.0 * max((share for one in result.maps for share in one.azimuth_share), default=0.0)) / 10.0
+    panels: dict[str, list[Panel]] = {
+        "curves": [lambda axes: _draw_curves(axes, result)],
+        "maps": [lambda axes, one=one: _draw_map(axes, one, result, top) for one in result.maps],  # type: ignore[misc]
+        "recovered": [lambda axes: _draw_recovered(axes, result.recovered)] * bool(result.recovered),
+    }
+    return {key: drawn for key, drawn in panels.items() if drawn}
+
+
+@with_style
 def curve_figure(result: CurveResult) -> Figure:
     """Draw the contrast curves of all bands, their maps of completeness, and recovered planets."""
-    panels: list[Panel] = [_map_panel(result, one) for one in result.maps]
-    if result.recovered:
-        panels.append(lambda axes: _draw_recovered(axes, result.recovered))
-    with style():
-        rows = math.ceil(len(panels) / 2)
-        figure = new_figure(_HIGH + _LOW * rows)
-        grid = figure.add_gridspec(1 + rows, 2, height_ratios=[_HIGH, *[_LOW] * rows])
-        _draw_curves(figure.add_subplot(grid[0, :]), result)
-        for number, draw in enumerate(panels):
-            last = number == len(panels) - 1 and number % 2 == 0
-            draw(figure.add_subplot(grid[1 + number // 2, slice(None) if last else number % 2]))
-        figure.suptitle(literal(_title(result)), fontsize=12)
+    (curves, *panels) = [panel for drawn in _curve_panels(result).values() for panel in drawn]
+    rows = math.ceil(len(panels) / 2)
+    figure = drawing.new_figure(_HIGH + _LOW * rows)
+    grid = figure.add_gridspec(1 + rows, 2, height_ratios=[_HIGH, *[_LOW] * rows])
+    curves(figure.add_subplot(grid[0, :]))
+    for number, draw in enumerate(panels):
+        last = number == len(panels) - 1 and number % 2 == 0
+        draw(figure.add_subplot(grid[1 + number // 2, slice(None) if last else number % 2]))
+    figure.suptitle(literal(_title(result)), fontsize=12)
     return figure
 
 
 def curve_pictures(result: CurveResult) -> dict[str, Picture]:
     """Return the same as pictures of a report: ``curves``, and where they are there ``maps`` and ``recovered``."""
-    level, bands = f"{result.sigma:g}", ", ".join(dict.fromkeys(row.band for row in result.points))
-    alone: list[Panel] = [lambda axes: _draw_curves(axes, result)]
-    found = {
-        "curves": _picture(
-            alone,
-            _HIGH,
-            alt=f"Contrast limit against separation in {bands or 'no band'}.",
-            caption="Contrast of planets on the diagonal of a quadrant that one programme shows: those of which half "
-            "are found blind and at a known place, and that whose significance is the threshold of small samples for "
-            f"the false-alarm probability of {level}σ. Symbols: the last, measured in simulated images.",
-        )
-    }
-    if result.maps:
-        found["maps"] = _picture(
-            [_map_panel(result, one) for one in result.maps],
-            _LOW,
-            alt=f"Probability of a detection by separation and contrast in {bands}.",
-            caption="Probability that one programme finds a planet blind, wherever around the star it stands: where a "
-            "part of the circle lies outside the dark hole, planets there are not found. Dashed: contrast of which "
-            "half are found on the diagonal.",
-        )
-    if result.recovered:
-        found["recovered"] = _picture(
-            [lambda axes: _draw_recovered(axes, result.recovered)],
-            _LOW,
-            alt=f"Fraction of {sum(row.n_injected for row in result.recovered)} injected planets that were recovered, "
-            "against the fraction predicted.",
-            caption="Planets put one at a time into simulated images at drawn azimuths and searched for blind: "
-            "fraction found against that which the law of detection expects, one point a separation and contrast. "
-            "Bars: 68 %.",
-        )
-    return found
+    bands = ", ".join(dict.fromkeys(row.band for row in result.points)) or "no band"
+    about = {"bands": bands, "sigma": result.sigma, "n_injected": sum(row.n_injected for row in result.recovered)}
+    heights = {"curves": _HIGH, "maps": _LOW, "recovered": _LOW}
+    return {key: _picture(panels, heights[key], key, about) for key, panels in _curve_panels(result).items()}
 
 
+@with_style
 def roc_figure(result: RocResult) -> Figure:
     """Draw the probability of a detection against false alarms, and false alarms counted in images."""
-    with style():
-        counted = any(row.n_searches for row in result.levels)
-        figure = new_figure(_HIGH)
-        _draw_roc(figure.add_subplot(1, 1 + counted, 1), result)
-        if counted:
-            _draw_alarms(figure.add_subplot(1, 2, 2), result)
-        figure.suptitle(literal(_title(result)), fontsize=12)
+    counted = any(row.n_searches for row in result.levels)
+    figure = drawing.new_figure(_HIGH)
+    _draw_roc(figure.add_subplot(1, 1 + counted, 1), result)
+    if counted:
+        _draw_alarms(figure.add_subplot(1, 2, 2), result)
+    figure.suptitle(literal(_title(result)), fontsize=12)
     return figure
 
 
 def roc_pictures(result: RocResult) -> dict[str, Picture]:
     """Return the same as pictures of a report: ``roc``, and with images ``alarms``."""
     bands = ", ".join(dict.fromkeys(row.band for row in result.levels)) or "no band"
-    found = {
-        "roc": _picture(
-            [lambda axes: _draw_roc(axes, result)],
-            _HIGH,
-            alt=f"Probability of a detection against false alarms of a search in {bands}.",
-            caption="Probability that the planet is found as the level of a detection moves, against the false alarms "
-            "that one search expects: of a blind search in all its resolution elements, of a look at a known place in "
-            f"that one. Rings: the level of {result.sigma:g}σ. Symbols with bars of 68 %: blind searches of simulated "
-            "images.",
-        )
-    }
+    about = {"bands": bands, "sigma": result.sigma}
+    found = {"roc": _picture([lambda axes: _draw_roc(axes, result)], _HIGH, "roc", about)}
     if any(row.n_searches for row in result.levels):
-        found["alarms"] = _picture(
-            [lambda axes: _draw_alarms(axes, result)],
-            _LOW,
-            alt="False alarms counted in images without planets against those expected.",
-            caption="Peaks of noise that pass for a planet in images without any, against as many as the level of the "
-            "search allows. Bars: one standard deviation.",
-        )
+        found["alarms"] = _picture([lambda axes: _draw_alarms(axes, result)], _LOW, "alarms", about)
     return found
 
 
-def _picture(panels: Sequence[Panel], height: float, *, alt: str, caption: str) -> Picture:
-    with style():
-        columns = min(len(panels), 2)
-        rows = math.ceil(len(panels) / columns)
-        figure = new_figure(height * rows)
-        for number, draw in enumerate(panels):
-            draw(figure.add_subplot(rows, columns, number + 1))
-        return save(figure, alt=alt, caption=caption)
+@with_style
+def _picture(panels: Sequence[Panel], height: float, name: str, about: Mapping[str, Any]) -> Picture:
+    columns = min(len(panels), 2)
+    rows = math.ceil(len(panels) / columns)
+    figure = drawing.new_figure(height * rows)
+    for number, draw in enumerate(panels):
+        draw(figure.add_subplot(rows, columns, number + 1))
+    return drawing.picture(figure, name, **about)
 
 
 def _title(result: CurveResult | RocResult) -> str:
-    star = f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
-    return f"{star}: one programme of at most {duration_text(result.time_s)}"
+    star = f"{words.pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"
+    return f"{star}: one programme of at most {words.duration_text(result.time_s)}"
 
 
 def _draw_curves(axes: Axes, result: CurveResult) -> None:
     from matplotlib.lines import Line2D
 
-    contrast_axes(axes)
-    looks, handles, shown = band_style([one.band for one in result.bands]), [], []
-    for band, (colour, marker) in looks.items():
+    drawing.contrast_axes(axes)
+    handles, shown = [], []
+    for band, (colour, marker) in drawing.band_style([one.band for one in result.bands]).items():
         rows = [row for row in result.points if row.band == band]
         handles.append(Line2D([], [], color=colour, lw=2.0, label=band))
-        single = len(rows) == 1
         for name, _, look in _LIMITS:
-            x, y = _line(rows, name)
-            axes.plot(x, y, color=colour, marker="_" if single else "", ms=14, **look)
+            x, y = _column(rows, "separation_arcsec"), _column(rows, name)
+            axes.plot(x, y, color=colour, marker="_" if len(rows) == 1 else "", ms=14, **look)
             shown += y[np.isfinite(y)].tolist()
-        seen = [row for row in rows if row.measured_limit is not None]
-        if seen:
-            x, y = _line(seen, "measured_limit")
+        if seen := [row for row in rows if row.measured_limit is not None]:
+            x, y = _column(seen, "separation_arcsec"), _column(seen, "measured_limit")
             errors = np.array([row.measured_limit_error or 0.0 for row in seen])
             axes.errorbar(x, y, errors, color=colour, marker=marker, zorder=5, **_POINT)
             shown += y.tolist()
@@ -343,61 +269,45 @@ def _draw_curves(axes: Axes, result: CurveResult) -> None:
     if any(row.measured_limit is not None for row in result.points):
         look = {"color": _GREY, "marker": "o", "ms": 5, "ls": "none"}
         handles.append(Line2D([], [], label=f"measured in {result.images} images", **look))
-    _of_contrasts(axes, [row.separation_arcsec for row in result.points], shown)
+    # Without the corners of the hole, where limits climb unbounded.
+    if separations := [row.separation_arcsec for row in result.points]:
+        drawing.separation_ticks(axes, min(separations) / 1.04, max(separations) * 1.04)
+    if shown:
+        axes.set_ylim(min(shown) / 1.5, float(np.percentile(shown, 97)) * 1.8)
+    drawing.power_ticks(axes.yaxis)
     below: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6, "columnspacing": 1.6}
     axes.legend(handles=handles, ncols=4, **below)
 
 
-def _of_contrasts(axes: Axes, separations: Sequence[float], contrasts: Sequence[float]) -> None:
-    """Set the limits of the axes to what is shown, without the corners of the hole, where limits climb unbounded."""
-    if separations:
-        separation_ticks(axes, min(separations) / 1.04, max(separations) * 1.04)
-    if contrasts:
-        low, high = min(contrasts), float(np.percentile(contrasts, 97))
-        axes.set_ylim(low / 1.5, high * 1.8)
-    drawing.power_ticks(axes.yaxis)
-
-
-def _line(rows: Sequence[CurveRow], name: str) -> tuple[np.ndarray, np.ndarray]:
-    return _column(rows, "separation_arcsec"), _column(rows, name)
-
-
-def _map_panel(result: CurveResult, one: CompletenessMap) -> Panel:
-    rows = [row for row in result.points if row.band == one.band]
-    top = max(share for other in result.maps for share in other.azimuth_share)
-    return lambda axes: _draw_map(axes, one, rows, math.ceil(10.0 * top) / 10.0)
-
-
-def _draw_map(axes: Axes, one: CompletenessMap, rows: Sequence[CurveRow], top: float) -> None:
-    contrast_axes(axes)
+def _draw_map(axes: Axes, one: CompletenessMap, result: CurveResult, top: float) -> None:
+    drawing.contrast_axes(axes)
     axes.grid(visible=False)
     place, contrast = np.array(one.separation_arcsec), np.array(one.contrast)
     chance = np.array(one.azimuth_share)[:, None] * np.array(one.chance)
-    look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": top, "shading": "nearest", "rasterized": True}
+    look: Look = {"cmap": drawing.STACK_COLOURS, "vmin": 0.0, "vmax": top}
     if len(place) > 1:
-        mesh = axes.pcolormesh(place, contrast, chance.T, **look)
+        mesh = axes.pcolormesh(place, contrast, chance.T, shading="nearest", rasterized=True, **look)
         lines = axes.contour(place, contrast, chance.T, levels=_CONTOURS, colors="white", linewidths=0.8)
         bar = axes.figure.colorbar(mesh, ax=axes, label="found blind, at any PA", ticks=_CONTOURS)
         bar.add_lines(lines)
-        separation_ticks(axes, place[0], place[-1])
+        drawing.separation_ticks(axes, place[0], place[-1])
     else:
         axes.plot(np.full(contrast.shape, place[0]), contrast, color=_GREY, lw=0.5)
-        axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], cmap=look["cmap"], vmin=0.0, vmax=top)
-        separation_ticks(axes, place[0] / 1.2, place[0] * 1.2)
-    x, y = _line(rows, "contrast_limit_blind")
-    axes.plot(x, y, color="#D55E00", ls=(0, (4, 2)), lw=2.0, label="half found on the diagonal")
+        axes.scatter(np.full(contrast.shape, place[0]), contrast, c=chance[0], **look)
+        drawing.separation_ticks(axes, place[0] / 1.2, place[0] * 1.2)
+    rows = [row for row in result.points if row.band == one.band]
+    line: Look = {"color": "#D55E00", "ls": (0, (4, 2)), "lw": 2.0, "label": "half found on the diagonal"}
+    axes.plot(_column(rows, "separation_arcsec"), _column(rows, "contrast_limit_blind"), **line)
     axes.legend(loc="lower center", fontsize=8, labelcolor="white")
-    axes.set_ylabel("contrast (flux ratio)")
-    axes.set_ylim(contrast[0], contrast[-1])
+    axes.set(ylabel="contrast (flux ratio)", ylim=(contrast[0], contrast[-1]))
     drawing.power_ticks(axes.yaxis)
     axes.set_title(one.band, fontsize=10)
 
 
 def _draw_recovered(axes: Axes, rows: Sequence[RecoveredRow]) -> None:
-    looks = band_style([row.band for row in rows])
     axes.grid(visible=True)
     axes.plot([0, 1], [0, 1], color=_GREY, lw=1.0, ls=":")
-    for band, (colour, marker) in looks.items():
+    for band, (colour, marker) in drawing.band_style([row.band for row in rows]).items():
         mine = [row for row in rows if row.band == band]
         _draw_shares(axes, mine, "predicted", color=colour, marker=marker, label=band)
     axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="fraction predicted", ylabel="fraction recovered")
@@ -408,32 +318,33 @@ def _draw_recovered(axes: Axes, rows: Sequence[RecoveredRow]) -> None:
 def _draw_roc(axes: Axes, result: RocResult) -> None:
     from matplotlib.lines import Line2D
 
-    looks, handles = band_style([one.band for one in result.bands]), []
+    handles = []
     axes.grid(visible=True)
     axes.set(xscale="log", ylim=(-0.03, 1.03), xlabel="false alarms of one search", ylabel="probability of a detection")
-    counted = False
-    for band, (colour, marker) in looks.items():
+    for band, (colour, marker) in drawing.band_style([one.band for one in result.bands]).items():
         rows = [row for row in result.levels if row.band == band]
         if not rows:
             continue
         handles.append(Line2D([], [], color=colour, lw=2.0, label=band))
-        for suffix, dashes, width in (("", "-", 2.0), ("_known_place", (0, (4, 2)), 1.5)):
+        mark = [row.sigma for row in rows].index(result.sigma)
+        for suffix, _, look in _SEARCHES:
             x, y = (_column(rows, f"{name}{suffix}") for name in ("false_alarms", "detection_probability"))
-            axes.plot(x, y, color=colour, ls=dashes, lw=width)
-            mark = [row.sigma for row in rows].index(result.sigma)
+            axes.plot(x, y, color=colour, **look)
             axes.scatter(x[mark], y[mark], s=70, facecolors="none", edgecolors=colour, linewidths=1.4, zorder=6)
         if rows[0].n_planets:
-            counted = True
             _draw_shares(axes, rows, "false_alarms", color=colour, marker=marker)
-    handles += [
-        Line2D([], [], color=_GREY, ls=ls, lw=lw, label=label)
-        for label, ls, lw in (("blind", "-", 2.0), ("at a known place", (0, (4, 2)), 1.5))
-    ]
-    look: Look = {"color": _GREY, "ls": "none", "marker": "o"}
-    handles.append(Line2D([], [], mfc="none", ms=8, label=f"level of {result.sigma:g}σ", **look))
-    if counted:
-        handles.append(Line2D([], [], ms=5, label="blind, in images", **look))
+    handles += [Line2D([], [], color=_GREY, label=label, **look) for _, label, look in _SEARCHES]
+    grey: Look = {"color": _GREY, "ls": "none", "marker": "o"}
+    handles.append(Line2D([], [], mfc="none", ms=8, label=f"level of {result.sigma:g}σ", **grey))
+    if any(row.n_planets for row in result.levels):
+        handles.append(Line2D([], [], ms=5, label="blind, in images", **grey))
     axes.legend(handles=handles, loc="upper left")
+
+
+_SEARCHES: tuple[tuple[str, str, Look], ...] = (
+    ("", "blind", {"ls": "-", "lw": 2.0}),
+    ("_known_place", "at a known place", {"ls": (0, (4, 2)), "lw": 1.5}),
+)
 
 
 def _column(rows: Sequence[CurveRow | RecoveredRow | RocRow], name: str) -> np.ndarray:
@@ -450,7 +361,7 @@ def _draw_alarms(axes: Axes, result: RocResult) -> None:
     axes.grid(visible=True)
     axes.set(xscale="log", yscale="log", xlabel="false alarms expected", ylabel="false alarms in the images")
     ends = [1.0]
-    for band, (colour, marker) in band_style([one.band for one in result.bands]).items():
+    for band, (colour, marker) in drawing.band_style([one.band for one in result.bands]).items():
         rows = [row for row in result.levels if row.band == band and row.n_searches]
         expected = np.array([row.n_searches * row.false_alarms for row in rows])
         counts = np.array([row.n_false for row in rows], float)
@@ -471,23 +382,14 @@ def _draw_alarms(axes: Axes, result: RocResult) -> None:
 
 CURVE_PRODUCTS = ("curve.csv", "completeness.csv", "recovered.csv", "report.html")
 """Names of the files of a report of contrast curves."""
-
-
 ROC_PRODUCTS = ("roc.csv", "report.html")
 """Names of the files of a report of operating characteristics."""
-
-
 _WORDS = "contrast; significance; threshold; speckle floor; blind search; separation; dark hole; core throughput; RDI"
-
-
-_PROGRAMME = (
-    "band:row,left separation_arcsec contrast visits frames em_gain visit_time_s time_s resolution_elements images"
-)
 
 
 @dataclass(frozen=True)
 class SearchedReport:
-    """Searches and their pictures, by the keys of `searched_figures.curve_pictures` or `roc_pictures`."""
+    """Searches and their pictures, by the keys of `curve_pictures` or `roc_pictures`."""
 
     result: Any
     pictures: Mapping[str, Picture]
@@ -495,39 +397,34 @@ class SearchedReport:
 
 CURVE_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of contrast curves, in their order."""
-
-
 ROC_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
 """Sections of the report of operating characteristics, in their order."""
 
 
-def write_curve(folder: RunFolder, result: results.CurveResult) -> None:
+def write_curve(folder: RunFolder, result: CurveResult) -> None:
     """Write ``curve.csv``, ``completeness.csv``, ``recovered.csv`` and ``report.html``, each whole."""
-    folder.write("curve.csv", _csv(results.CurveRow, result.points))
+    folder.write("curve.csv", _csv(CurveRow, result.points))
     folder.write("completeness.csv", completeness_csv(result))
-    folder.write("recovered.csv", _csv(results.RecoveredRow, result.recovered))
-    about = "Contrast curves for CPI-C: how faint a planet one programme of the star shows, by separation and band."
+    folder.write("recovered.csv", _csv(RecoveredRow, result.recovered))
     page = SearchedReport(result, curve_pictures(result))
-    folder.write("report.html", _page(CURVE_SECTIONS, page, result, "contrast curve", about, curve_sentences(result)))
+    folder.write("report.html", _page(CURVE_SECTIONS, page, "contrast curve", curve_sentences(result)))
 
 
-def write_roc(folder: RunFolder, result: results.RocResult) -> None:
+def write_roc(folder: RunFolder, result: RocResult) -> None:
     """Write ``roc.csv`` and ``report.html``, each whole."""
-    folder.write("roc.csv", _csv(results.RocRow, result.levels))
-    about = "Operating characteristic for CPI-C: how likely a search finds a planet, against its false alarms."
+    folder.write("roc.csv", _csv(RocRow, result.levels))
     page = SearchedReport(result, roc_pictures(result))
-    folder.write("report.html", _page(ROC_SECTIONS, page, result, "detection statistics", about, roc_sentences(result)))
+    folder.write("report.html", _page(ROC_SECTIONS, page, "detection statistics", roc_sentences(result)))
 
 
-def completeness_csv(result: results.CurveResult) -> str:
+def completeness_csv(result: CurveResult) -> str:
     """Return the maps of completeness as CSV, one line a band, separation and contrast."""
     names = ("band", "separation_arcsec", "contrast", "azimuth_share", "chance", "chance_known_place")
     rows = []
     for one in result.maps:
         columns = zip(one.separation_arcsec, one.azimuth_share, one.chance, one.chance_known_place, strict=True)
         for place, share, *chances in columns:
-            for cell in zip(one.contrast, *chances, strict=True):
-                contrast, blind, known = cell
+            for contrast, blind, known in zip(one.contrast, *chances, strict=True):
                 rows.append(dict(zip(names, (one.band, place, contrast, share, blind, known), strict=True)))
     return results.csv_text(names, rows)
 
@@ -537,32 +434,20 @@ def _csv(kind: type[results.Result], rows: Sequence[results.Result]) -> str:
 
 
 def _page(
-    sections: Registry[doc.Section[doc.D]],
-    page: doc.D,
-    result: results.SearchedResult,
-    what: str,
-    about: str,
-    sentences: Sequence[str],
+    sections: Registry[doc.Section[SearchedReport]], page: SearchedReport, what: str, sentences: Sequence[str]
 ) -> str:
-    star = full_name(result.target, result.hip)
+    result, star = page.result, words.full_name(page.result.target, page.result.hip)
     title = f"CPI-C {what} of {star}, configuration {result.config_hash}"
+    about = words.text(f"texts.{result.kind}_about")
     summary = [doc.Paragraph(" ".join(sentences), "lead")]
-    return page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
+    return doc.page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
 
 
 @doc.section_of(CURVE_SECTIONS, "curves", "Contrast curves")
 def _curves(page: SearchedReport) -> Iterator[doc.Block]:
     yield doc.Figure(page.pictures["curves"], key="curves")
-    layout = (
-        "band:row,left separation_arcsec contrast_limit_blind contrast_limit_known_place contrast_limit_threshold "
-        "measured_limit measured_throughput core_throughput azimuth_share threshold"
-    )
-    yield doc.table(
-        "Contrast limits",
-        "Limits by band and separation.",
-        doc.row_columns(results.CurveRow, layout),
-        page.result.points,
-    )
+    layout, caption = _POINTS.format(measured=_MEASURED), "Limits by band and separation."
+    yield doc.row_table("Contrast limits", caption, CurveRow, layout, page.result.points)
 
 
 @doc.section_of(CURVE_SECTIONS, "completeness", "Completeness")
@@ -573,15 +458,10 @@ def _completeness(page: SearchedReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CURVE_SECTIONS, "injected", "Injected planets")
 def _injected(page: SearchedReport) -> Iterator[doc.Block]:
-    if "recovered" not in page.pictures:
-        return
-    yield doc.Figure(page.pictures["recovered"], key="recovered")
-    layout = (
-        "band:row,left separation_arcsec contrast n_injected n_recovered recovered recovered_low recovered_high "
-        "predicted"
-    )
-    caption = "Planets found by blind searches, with the interval that holds 68 %, and what the law expects."
-    yield doc.table("Injected planets", caption, doc.row_columns(results.RecoveredRow, layout), page.result.recovered)
+    if "recovered" in page.pictures:
+        yield doc.Figure(page.pictures["recovered"], key="recovered")
+        caption = "Planets found by blind searches, with the interval that holds 68 %, and what the law expects."
+        yield doc.row_table("Injected planets", caption, RecoveredRow, _RECOVERED, page.result.recovered)
 
 
 @doc.section_of(ROC_SECTIONS, "detections", "Detections and false alarms")
@@ -593,7 +473,7 @@ def _detections(page: SearchedReport) -> Iterator[doc.Block]:
         "detection_probability_known_place n_searches n_false n_planets n_detected recovered"
     )
     caption = "Levels of a detection: what the law expects, and what searches of simulated images counted."
-    yield doc.table("Levels", caption, doc.row_columns(results.RocRow, layout), page.result.levels)
+    yield doc.row_table("Levels", caption, RocRow, layout, page.result.levels)
 
 
 @doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
@@ -601,9 +481,9 @@ def _detections(page: SearchedReport) -> Iterator[doc.Block]:
 def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
     """Yield the programme of each band, and what was taken for granted."""
     result = page.result
-    kind = results.RocProgramme if isinstance(result, results.RocResult) else results.SearchedProgramme
+    kind = results.RocProgramme if isinstance(result, RocResult) else results.SearchedProgramme
     caption = "The programme that every number of a band is about."
-    yield doc.table("Programmes", caption, doc.row_columns(kind, _PROGRAMME), result.bands)
+    yield doc.row_table("Programmes", caption, kind, f"{_PROGRAMME} images", result.bands)
     for one in result.bands:
         if one.message or one.images_message:
             yield doc.Paragraph(f"{one.band}: {one.message or one.images_message}", "note")
@@ -613,7 +493,7 @@ def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
     yield doc.Facts(
         [
             ("Instrument", result.instrument),
-            ("Wall time", f"at most {duration_text(result.time_s)} a band"),
+            ("Wall time", f"at most {words.duration_text(result.time_s)} a band"),
             ("Level", f"the false-alarm probability of {result.sigma:g}σ in each resolution element"),
             ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {result.n_modes} modes."]),
             ("Date", result.date_utc[:10]),
@@ -629,5 +509,5 @@ def _reproduced(page: SearchedReport) -> Iterator[doc.Block]:
     tables = "`curve.csv`, `completeness.csv`, `recovered.csv`" if page.result.kind == "curve" else "`roc.csv`"
     note = f"Numbers in full: `{page.result.kind}.json`; tables: {tables}."
     yield from doc.reproduced_blocks(page.result, doc.marked(note))
-    yield doc.Items(prose()["credits"])
-    yield doc.Fold("Glossary", [doc.Facts(terms(_WORDS))])
+    yield doc.Items(words.prose()["credits"])
+    yield doc.Fold("Glossary", [doc.Facts(words.terms(_WORDS))])

@@ -9,115 +9,91 @@ from typing import TYPE_CHECKING, Any
 
 from cpic_core import listed
 from cpic_planner import results
+from cpic_planner.report import words
 from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.confirm import modelled_groups
-from cpic_planner.report.words import (
-    MISSING,
-    count_text,
-    counted,
-    decimals,
-    duration_text,
-    shortened,
-    significant,
-    size_text,
-)
+from cpic_planner.report.words import count_text, counted, shortened
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
 _WIDE = 60
-
-
+_FEW = 3
 _OPTION = {"stars": "--catalog", "planets": "--known-planets"}
 """Option that takes a table of each kind."""
 
 
-_WORDS = {"not known": "heading not known"}
-
-
 def print_columns(result: results.ColumnsResult, console: Console) -> None:
     """Print what the columns of a file are taken for, and how many of its rows can be used."""
+
+    def unit(row: results.ColumnTaken) -> str:
+        return f"{row.unit} (assumed)" if row.unit_assumed else row.unit or words.MISSING
+
+    def remark(row: results.ColumnTaken) -> str:
+        unknown = "heading not known" if row.reason == "not known" else row.reason
+        return row.convention if row.quantity else unknown
+
+    def first(row: results.ReasonLeftOut) -> str:
+        return f"row {row.row}{f' ({row.name})' * bool(row.name)}: {row.value}"
+
+    def is_shown(note: str) -> bool:
+        """Tell whether a remark says what the tables show."""
+        said = note.removeprefix(f"{result.file}: ")
+        return said.startswith("columns not used") or " left out: " in said or " taken as missing: " in said
+
+    taken: dict[str, Any] = {"quantity": lambda row: row.quantity or "not used", "unit": unit, "reason": remark}
+    left_out: dict[str, Any] = {"first": Cells("first", first, right=False, label="first of them")}
     for table in result.tables:
         rows = f"{table.n_usable} of {table.n_rows} row{'s' * (table.n_rows != 1)} can be used"
         title = f"{result.file} as a table of {table.taken_as} ({_OPTION[table.taken_as]}): {rows}"
-        cells = row_cells(
-            results.ColumnTaken,
-            "heading quantity unit reason",
-            quantity=lambda row: row.quantity or "not used",
-            unit=_unit,
-            reason=_remark,
-        )
+        cells = row_cells(results.ColumnTaken, "heading quantity unit reason", **taken)
         print_table(console, title, cells, table.columns, last_width=_WIDE)
         if table.left_out:
-            shown = row_cells(
-                results.ReasonLeftOut,
-                "done count column first reason",
-                first=Cells("first", _first, right=False, label="first of them"),
-            )
-            print_table(console, "Left out, by reason", shown, table.left_out, last_width=_WIDE)
-        print_plain(console, *(note for note in table.notes if not _is_shown(note, result.file)))
+            cells = row_cells(results.ReasonLeftOut, "done count column first reason", **left_out)
+            print_table(console, "Left out, by reason", cells, table.left_out, last_width=_WIDE)
+        print_plain(console, *(note for note in table.notes if not is_shown(note)))
     if len(result.tables) > 1:
         print_note(console, "The file can be read both as stars and as planets: the option decides.")
     if any(row.unit_assumed for table in result.tables for row in table.columns):
         print_note(console, "(assumed): the file names no unit, and this one is taken.")
 
 
-def _unit(row: results.ColumnTaken) -> str:
-    return f"{row.unit} (assumed)" if row.unit_assumed else row.unit or MISSING
-
-
-def _remark(row: results.ColumnTaken) -> str:
-    return row.convention if row.quantity else _WORDS.get(row.reason, row.reason)
-
-
-def _first(row: results.ReasonLeftOut) -> str:
-    return f"row {row.row}{f' ({row.name})' * bool(row.name)}: {row.value}"
-
-
-def _is_shown(note: str, file: str) -> bool:
-    """Tell whether a remark says what the tables show."""
-    said = note.removeprefix(f"{file}: ")
-    return said.startswith("columns not used") or " left out: " in said or " taken as missing: " in said
-
-
-_FEW = 3
-
-
-def _columns(sequences: Sequence[results.PlannedSequenceRow]) -> str:
-    """Return the names of the first columns of sequences, the visit where there are programmes."""
+def _sequence_cells(
+    kind: type[results.Result], sequences: Sequence[results.PlannedSequenceRow], more: str
+) -> list[Cells]:
+    """Return the columns of sequences, with the visit where there are programmes."""
     visit = " visit" if any(item.visit for item in sequences) else ""
-    return f"obsid kind{visit} target/2 band frames"
-
-
-_OWN: dict[str, Any] = {
-    "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
-    "target": lambda item: shortened(item.target),
-    "frames": Cells(
-        "frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}", fields=("n_frames", "exposure_s")
-    ),
-}
+    special: dict[str, Any] = {
+        "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
+        "target": lambda item: shortened(item.target),
+        "frames": Cells(
+            "frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}", fields=("n_frames", "exposure_s")
+        ),
+        "adu": Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}", fields=("adu_min", "adu_max")),
+        "start_utc": lambda item: item.start_utc[:19],
+    }
+    return row_cells(kind, f"obsid kind{visit} target/2 band frames {more}", **special)
 
 
 def print_simulation(result: results.SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
     """Print what the frames of each sequence hold, and where its files are."""
-    cells = row_cells(
-        results.SimulatedSequence,
-        f"{_columns(result.sequences)} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
-        adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}", fields=("adu_min", "adu_max")),
-        **_OWN,
-    )
-    print_table(
-        console, f"{result.name}: {counted(len(result.sequences), 'sequence')}", cells, result.sequences[:limit]
-    )
-    if len(result.sequences) > limit:
-        print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
+    sequences = result.sequences
+    more = "em_gain adu saturated_pixels cosmic_rays/1 size_bytes"
+    cells = _sequence_cells(results.SimulatedSequence, sequences, more)
+    print_table(console, f"{result.name}: {counted(len(sequences), 'sequence')}", cells, sequences[:limit])
+    if len(sequences) > limit:
+        print_note(console, f"... and {len(sequences) - limit} more: see {out / 'simulation.json'}")
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
     print_note(console, note)
     for programme in result.programmes:
         _print_programme(programme, out, console, limit)
-    _print_left_out(result.sequences, console)
-    print_plain(console, *_files_text(result.sequences, out), wraps=False)
+    _print_left_out(sequences, console)
+    files = [str(out / item.file) for item in sequences]
+    if len(sequences) > _FEW:
+        folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
+        files = [f"files in {listed([*folders], _FEW)}"]
+    print_plain(console, *files, wraps=False)
 
 
 def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
@@ -139,53 +115,39 @@ def _print_programme(programme: results.SimulatedProgramme, out: Path, console: 
     )
     print_table(console, title, cells, list(visits.values())[:limit])
     more = len(visits) - limit
-    listed = f"The visits are listed in {out / programme.file}."
     scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
-    span = f"The programme spans {decimals(programme.span_days, 2)} days{scheme}."
-    print_note(console, " ".join([f"{count_text(more)} more are not shown."] * (more > 0) + [span, listed]))
+    said = [f"{count_text(more)} more are not shown."] * (more > 0)
+    said += [f"The programme spans {words.decimals(programme.span_days, 2)} days{scheme}."]
+    print_note(console, " ".join([*said, f"The visits are listed in {out / programme.file}."]))
 
 
 def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
     """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
+    cells = [
+        Cells("left out", lambda row: row.effect.effect, right=False),
+        Cells("predicted size", lambda row: row.size),
+        Cells("", lambda row: row.where, right=False),
+    ]
     modelled = [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled]
     for group in modelled_groups(modelled):
         gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
-        cells = [
-            Cells("left out", lambda row: row.effect.effect, right=False),
-            Cells("predicted size", lambda row: row.size),
-            Cells("", lambda row: row.where, right=False),
-        ]
         print_plain(console, f"Left out of {listed(group.names, _FEW)} for the tolerance:", bold=True)
         print_table(console, "", cells, gone, last_width=console.width)
-        print_note(console, f"Predicted error: {group.errors}.")
         # All of a frame is kept here: what is said of its region does not apply.
-        print_note(console, f"Optics: {group.knobs.split('; ', 1)[1]}.")
-
-
-def _files_text(sequences: Sequence[results.SimulatedSequence], out: Path) -> list[str]:
-    """Return the files where there are few, folders where there are many."""
-    if len(sequences) <= _FEW:
-        return [str(out / item.file) for item in sequences]
-    folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
-    return [f"files in {listed([*folders], _FEW)}"]
+        print_note(console, f"Predicted error: {group.errors}.", f"Optics: {group.knobs.split('; ', 1)[1]}.")
 
 
 def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: int = 40) -> None:
     """Print the sequences of a simulation that has not been run, and what it would plan."""
-    cells = row_cells(
-        results.PlannedSequenceRow,
-        f"{_columns(plan.sequences)} em_gain/1 start_utc/3",
-        start_utc=lambda item: item.start_utc[:19],
-        **_OWN,
-    )
-    print_table(
-        console, f"{plan.name}: {counted(plan.n_sequences, 'sequence')}", cells, plan.sequences[:limit], last_width=19
-    )
+    cells = _sequence_cells(results.PlannedSequenceRow, plan.sequences, "em_gain/1 start_utc/3")
+    title = f"{plan.name}: {counted(plan.n_sequences, 'sequence')}"
+    print_table(console, title, cells, plan.sequences[:limit], last_width=19)
     if plan.n_sequences > limit:
         print_note(console, f"... and {plan.n_sequences - limit} more")
     _print_left_out(plan.sequences, console)
-    time, disk = duration_text(plan.wall_s), size_text(1e6 * plan.disk_mb)
-    cost = f"about {time} with {plan.workers} worker(s), {significant(plan.memory_mb)} MB memory a worker, {disk} disk"
+    time, disk = words.duration_text(plan.wall_s), words.size_text(1e6 * plan.disk_mb)
+    memory = f"{words.significant(plan.memory_mb)} MB memory a worker"
+    cost = f"about {time} with {plan.workers} worker(s), {memory}, {disk} disk"
     print_plain(console, f"{count_text(plan.n_frames)} frames, {cost}", wraps=False)
 
 

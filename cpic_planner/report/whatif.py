@@ -13,33 +13,20 @@ from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.queries import with_unit
 from cpic_planner.registry import LIBRARIES
-from cpic_planner.report import document as doc
+from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.whatif_figures import WHATIF_FIGURES, plan_label, shown_rows
 from cpic_planner.report.words import (
     MISSING,
-    contrast_text,
     count_text,
     decimals,
-    duration_text,
+    interval_text,
     percent_text,
     pretty_name,
-    prose,
-    share_text,
     significant,
-    terms,
 )
-from cpic_planner.results import (
-    AssumedInstrument,
-    DoubtCell,
-    DoubtChoice,
-    DoubtDecision,
-    DoubtRecord,
-    RankChange,
-    StrategyOutcome,
-    WhatIfResult,
-)
+from cpic_planner.results import DifferenceRecord, DoubtCell, DoubtChoice, StrategyOutcome, WhatIfResult
 from simulator.config import unit_of
 
 if TYPE_CHECKING:
@@ -51,45 +38,41 @@ _EXCLUSIONS = {
     "stability": "companion stars (orbits that do not last)",
     "known_giants": "known giants (no room for another planet)",
 }
-
-
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
-
-
 _HANGS = 0.3
 """Share of a yield above which it is said to hang on one planet."""
-
-
 _MOST_LISTED, _MOST_EMPTY = 8, 3
-
-
 _HARDLY_USED, _FAR_BELOW = 0.02, 0.5
 """Share of the budget, and distance from the bound, of a calendar that is nearly empty."""
 
 
-def interval_text(low: float, high: float, digits: int = 2) -> str:
-    """Return the ends of an interval."""
-    return f"{decimals(low, digits)} to {decimals(high, digits)}"
+def _one_survey(item: results.EstimateRecord | DoubtChoice) -> str:
+    return f"{item.survey_low:.3g} to {item.survey_high:.3g}"
 
 
-def change_text(value: float) -> str:
-    """Return a change in planets with its sign."""
-    return f"{'+' if value > 0 else ''}{decimals(value, 3)}"
+def _signed(value: float, places: int) -> str:
+    """Return a change with its sign."""
+    return f"{'+' if value > 0 else ''}{decimals(value, places)}"
 
 
-def occurrence_text(item: StrategyOutcome) -> str:
+def planets_text(value: float) -> str:
+    """Return a mean number of planets of a star, which may be far below one."""
+    return "0" if value == 0 else "<0.001" if value < 0.001 else decimals(value, 3)
+
+
+def _most(strategies: Sequence[StrategyOutcome]) -> StrategyOutcome:
+    """Return the strategy that finds most planets."""
+    return max(strategies, key=lambda item: item.planets.mean)
+
+
+def _occurrence_text(item: StrategyOutcome) -> str:
     """Return how many new planets the range of the occurrence rate means; empty where none is stated."""
     found = item.occurrence
     if found is None:
         return ""
     rates = f"{found.planets_per_star_low:g} to {found.planets_per_star_high:g}"
     return f"{interval_text(found.low, found.high)} for {rates} planets a star"
-
-
-def exclusions_text(exclusions: Sequence[str]) -> str:
-    """Return what excludes planets of the population, in words."""
-    return ", ".join(_EXCLUSIONS[name] for name in exclusions) or "nothing"
 
 
 def best_by_value(strategies: Sequence[StrategyOutcome]) -> dict[str, StrategyOutcome]:
@@ -111,25 +94,24 @@ def hanging_text(item: StrategyOutcome) -> str:
     return f"{percent_text(one.share)} of the planets found are {one.name}"
 
 
-def empty_text(item: StrategyOutcome) -> str:
+def _empty_text(item: StrategyOutcome) -> str:
     """Return the sentence on a calendar that is empty, or hardly used and far below its bound; otherwise nothing."""
     plan, settings = item.schedule, item.settings
     needed, least = settings["detection"]["visits_needed"], settings["scheduler"]["min_gain"]
     if plan.visits and (plan.hours > _HARDLY_USED * settings["time_budget_h"] or plan.distance < _FAR_BELOW):
         return ""
-    if not plan.visits:
-        text = f"{item.name} plans no visit at all"
-    else:
+    text = f"{item.name} plans no visit at all"
+    if plan.visits:
         text = f"{item.name} plans {count_text(plan.visits)} visits only, {significant(plan.hours)} h"
     rule = f"A visit has to be worth {least:g} planets (scheduler.min_gain)."
     if needed > 1:
         worth = f"those of a star have to be worth {least:g} planets each on average (scheduler.min_gain)"
         rule = f"Where {needed} visits have to show a planet, {worth}."
-    if plan.bound <= 0.0:
-        return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule}"
-    bound = f"no calendar can be worth more than {significant(plan.bound, 2)}, this one is worth"
-    worth = significant(plan.value, 2)
-    return f"{text}: {bound} {worth}. {rule}"
+    why = "no visit of its stars fits into the calendar and shows a planet"
+    if plan.bound > 0.0:
+        bound = f"no calendar can be worth more than {significant(plan.bound, 2)}"
+        why = f"{bound}, this one is worth {significant(plan.value, 2)}"
+    return f"{text}: {why}. {rule}"
 
 
 def extent_text(result: WhatIfResult) -> str:
@@ -151,11 +133,6 @@ def _span_text(universe: Mapping[str, Any]) -> str:
     return f"{count_text(round(days))} days ({years} years) from {str(universe['start_utc'])[:10]}"
 
 
-def planets_text(value: float) -> str:
-    """Return a mean number of planets of a star, which may be far below one."""
-    return "0" if value == 0 else "<0.001" if value < 0.001 else decimals(value, 3)
-
-
 def between(
     result: WhatIfResult, first: str, second: str, quantity: Literal["planets", "hours"]
 ) -> tuple[float, float, float] | None:
@@ -170,12 +147,10 @@ def between(
 
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
-    sentences = [result.statement]
-    if new := _new_text(result):
-        sentences.append(new)
+    sentences = [result.statement, *_new_planets(result)]
     if result.doubt is not None:
         sentences.append(result.doubt.statement)
-    empty = [text for item in result.strategies if (text := empty_text(item))]
+    empty = [text for item in result.strategies if (text := _empty_text(item))]
     sentences += empty[:_MOST_EMPTY]
     if len(empty) > _MOST_EMPTY:
         sentences.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
@@ -187,7 +162,7 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
         more = f"; and so on for {len(others) - _MOST_LISTED} others" if len(others) > _MOST_LISTED else ""
         sentences.append(f"Other yields hang on one planet, too. {listed}{more}.")
     if len(order) > 1 and order[0].planets.mean > 0:
-        sentences += _runner_up(result, order[0], order[1])
+        sentences += _runner_up(result, order[0].name, order[1].name)
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     share = max(item.hours.mean / float(item.settings["time_budget_h"]) for item in result.strategies)
     if share < _SPENT:
@@ -198,60 +173,43 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
     return sentences
 
 
-def _new_text(result: WhatIfResult) -> str:
-    """Return the best strategy's new planets with other occurrence rates, and with nothing excluded."""
-    best = max(result.strategies, key=lambda item: item.planets.mean)
-    said = [occurrence_text(best)] if best.occurrence and best.new_planets.mean > 0 else []
+def _new_planets(result: WhatIfResult) -> list[str]:
+    """Return the best strategy's new planets with other occurrence rates, and with nothing excluded; none without."""
+    best = _most(result.strategies)
+    said = [_occurrence_text(best)] if best.occurrence and best.new_planets.mean > 0 else []
     if result.universe["exclusions"] and best.new_planets_unconditional.mean > 0:
-        whole = decimals(best.new_planets_unconditional.mean, 2)
-        names = [_EXCLUSIONS[name].split(" (")[0] for name in result.universe["exclusions"]]
-        said.append(f"{whole} with those that {' or '.join(names)} exclude")
-    if not said:
-        return ""
-    return (
-        f"New planets of {best.name}: {decimals(best.new_planets.mean, 2)}; in the same visits {', and '.join(said)}."
-    )
+        names = " or ".join(_EXCLUSIONS[name].split(" (")[0] for name in result.universe["exclusions"])
+        said.append(f"{decimals(best.new_planets_unconditional.mean, 2)} with those that {names} exclude")
+    new = f"New planets of {best.name}: {decimals(best.new_planets.mean, 2)}"
+    return [f"{new}; in the same visits {', and '.join(said)}."] if said else []
 
 
-def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutcome) -> list[str]:
-    difference, hours = (
-        between(result, best.name, other.name, "planets"),
-        between(result, best.name, other.name, "hours"),
-    )
+def _runner_up(result: WhatIfResult, best: str, other: str) -> list[str]:
+    difference, hours = between(result, best, other, "planets"), between(result, best, other, "hours")
     if difference is None or hours is None:
         return []
     mean, low, high = difference
     more = f"{decimals(abs(hours[0]), 0)} h {'more' if hours[0] >= 0 else 'less'}"
     planets, interval = f"{decimals(mean, 2)} planets", f"({interval_text(low, high)}), in {more}."
     if low > 0:
-        return [f"In the same universes {best.name} finds {planets} more than {other.name}, the next best {interval}"]
-    return [f"The lead of {best.name} on {other.name}, the next best, may be chance: {planets} {interval}"]
+        return [f"In the same universes {best} finds {planets} more than {other}, the next best {interval}"]
+    return [f"The lead of {best} on {other}, the next best, may be chance: {planets} {interval}"]
 
 
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
-
-
 _UNITS = {f"assumptions.exozodi{part}": "zodi" for part in ("", ".median", ".p95")}
 """Units of keys that do not end in them."""
-
-
 _GOALS = {
     "time": "as long as it pays, at most",
     "detect": "until the reference planet is detected, at most",
     "snr": "until the reference planet has the SNR asked for, at most",
 }
-
-
 _RULES = {
     "blind": "a search that does not know where planets are",
     "known_place": "significance at the planet's place, taken as known",
     "expected": "predicted significance reaches the threshold; no chance in it",
 }
-
-
 _HOSTS = {"any": "", "first": "stars with known planets come first", "only": "only stars with known planets"}
-
-
 _METHODS = {
     "auto": "whole plans of stars weighed against each other, with a limited search",
     "exact": "whole plans of stars weighed against each other, with a long search",
@@ -263,84 +221,90 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     """Return what all strategies share, as terms and texts."""
     shared = result.universe
     limits = "Sun, Moon, Earth limb, solar panels, South Atlantic Anomaly, in low Earth orbit"
-    set_to = f" with {', '.join(shared['changes'])}" if shared.get("changes") else ""
-    facts = [
+    changes = f" with {', '.join(shared['changes'])}" if shared.get("changes") else ""
+    preset = "Every default value has its source and confidence in the preset."
+    excluded = ", ".join(_EXCLUSIONS[name] for name in shared["exclusions"]) or "nothing"
+    return [
         ("Time", f"{_span_text(shared)}, planned in slots of {shared['slot_days']:g} days"),
-        (
-            "Instrument",
-            f"{shared['instrument']}{set_to}. Every default value has its source and confidence in the preset.",
-        ),
+        ("Instrument", f"{shared['instrument']}{changes}. {preset}"),
         ("Orbit and pointing limits", f"{shared['visibility']}: {limits}"),
         ("Stars", result.catalogue),
         ("Known planets", result.known_planets or "left out"),
-        ("What excludes unknown planets", exclusions_text(shared["exclusions"])),
+        ("What excludes unknown planets", excluded),
         ("Background stars", "not drawn" if shared["background"] == "off" else "drawn, as false alarms"),
+        *([("Already observed", result.observed)] if result.observed else []),
+        ("Universes", f"{count_text(result.n_universes)}, seed {shared['seed']}"),
     ]
-    if result.observed:
-        facts.append(("Already observed", result.observed))
-    facts.append(("Universes", f"{count_text(result.n_universes)}, seed {shared['seed']}"))
-    return facts
 
 
-def shared_facts(settings: Mapping[str, Any], used: AssumedInstrument | None = None) -> list[tuple[str, str]]:
+def shared_facts(settings: Mapping[str, Any], used: results.AssumedInstrument | None = None) -> list[tuple[str, str]]:
     """Return the rules and assumptions of a strategy, with numbers of the instrument if given, as terms and texts."""
+    stops = _setting_parts(
+        settings["stop"],
+        after_detection="a star is left once it has shown a planet",
+        after_empty="or after {} empty visits",
+        after_planets="the survey ends with {} planets",
+    )
+    revisits, scheduler = settings["revisits"], settings["scheduler"]
+    method = _METHODS.get(scheduler["method"], scheduler["method"])
+    share = f"at most {percent_text(settings['slot_share'])} of any slot"
+    again = f"up to {revisits['max_visits']} visits of a star, at least {revisits['min_gap_days']:g} days apart"
     return [
         ("Population of unknown planets", _population(settings["population"])),
         ("Targets", _targets(settings["targets"])),
         ("Visit", _visit(settings["visit"])),
-        ("Revisits", _revisits(settings["revisits"])),
+        ("Revisits", "none" if revisits["max_visits"] == 1 else again),
         ("Follow-up", _follow_up(settings["follow_up"])),
         ("Candidates", _candidates(settings)),
         ("Reference frames", LIBRARIES[settings["reduction"]["library"]].meaning),
         ("Detection", _detection(settings["detection"])),
         ("Changes to the instrument", _assumed(settings["assumptions"], used)),
-        ("Stop rules", _stops(settings["stop"])),
-        ("Calendar", _calendar(settings)),
+        ("Stop rules", ", ".join(stops) or "none"),
+        ("Calendar", f"{method}; {share}; no visit worth less than {scheduler['min_gain']:g} planets"),
     ]
+
+
+def _setting_parts(settings: Mapping[str, Any], **texts: str) -> list[str]:
+    """Return the texts of those settings that are set, in the order of the texts; of a list its length is told."""
+    given = {key: settings[key] for key in texts}
+    given = {key: len(value) if isinstance(value, list) else value for key, value in given.items()}
+    return [texts[key].format(value) for key, value in given.items() if value is not None and value is not False]
 
 
 def _population(population: Mapping[str, Any] | None) -> str:
     if population is None:
         return "none: only known planets are looked for"
     often = population.get("planets_per_star")
-    details = [str(population.get("description") or "")] + (
-        [f"{often:g} planets per star"] if often is not None else []
-    )
+    details = [population.get("description"), None if often is None else f"{often:g} planets per star"]
     return f"{population.get('name') or 'own'}: {', '.join(filter(None, details))}"
 
 
 def _targets(cuts: Mapping[str, Any]) -> str:
-    parts = [f"at most {cuts['max_targets']}"]
-    if cuts["v_mag_max"] is not None:
-        parts.append(f"V up to {cuts['v_mag_max']:g} mag")
-    if cuts["distance_max_pc"] is not None:
-        parts.append(f"within {cuts['distance_max_pc']:g} pc")
-    parts += ["dwarfs only"] if cuts["dwarfs_only"] else []
-    parts += ["no close companions"] if cuts["singles_only"] else []
-    parts += [f"{len(cuts['names'])} named stars"] if cuts["names"] else []
-    parts += [f"{len(cuts['exclude'])} stars left out by name"] if cuts["exclude"] else []
-    return ", ".join([*parts, *filter(None, [_HOSTS[cuts["known_planets"]]])])
+    parts = _setting_parts(
+        {**cuts, "names": cuts["names"] or None, "exclude": cuts["exclude"] or None},
+        max_targets="at most {}",
+        v_mag_max="V up to {:g} mag",
+        distance_max_pc="within {:g} pc",
+        dwarfs_only="dwarfs only",
+        singles_only="no close companions",
+        names="{} named stars",
+        exclude="{} stars left out by name",
+    )
+    return ", ".join(filter(None, [*parts, _HOSTS[cuts["known_planets"]]]))
 
 
 def _visit(visit: Mapping[str, Any]) -> str:
-    times = " or ".join(duration_text(value) for value in visit["time_s"])
+    times = " or ".join(words.duration_text(value) for value in visit["time_s"])
     bands = visit["bands"]
     chosen = bands[0] if len(bands) == 1 else f"the best of {', '.join(bands)}"
-    fixed = [f"frames of {visit['exposure_s']:g} s"] if visit["exposure_s"] is not None else []
-    fixed += [f"EM gain {visit['em_gain']:g}"] if visit["em_gain"] is not None else []
+    fixed = _setting_parts(visit, exposure_s="frames of {:g} s", em_gain="EM gain {:g}")
     return "; ".join([f"{chosen}, {_GOALS[visit['goal']]} {times} of wall time", *fixed])
-
-
-def _revisits(rule: Mapping[str, Any]) -> str:
-    if rule["max_visits"] == 1:
-        return "none"
-    return f"up to {rule['max_visits']} visits of a star, at least {rule['min_gap_days']:g} days apart"
 
 
 def _follow_up(rule: Mapping[str, Any]) -> str:
     if not rule["bands"]:
         return "none"
-    bands, time = ", ".join(rule["bands"]), duration_text(rule["time_s"])
+    bands, time = ", ".join(rule["bands"]), words.duration_text(rule["time_s"])
     text = f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
     if rule["snr"] is None:
         return text
@@ -354,10 +318,7 @@ def _candidates(settings: Mapping[str, Any]) -> str:
         return f"planets and false alarms are told apart by the {needed} visits that a detection takes"
     if not (bool(settings["follow_up"]["bands"]) if rule["check"] is None else rule["check"]):
         return "taken for planets after one visit; false alarms cost no telescope time"
-    return (
-        f"looked at again after {rule['gap_days']:g} days or more, by a planned visit or one of their own; what is "
-        f"seen again is a planet, what is not, after {rule['attempts']} such visits, is left"
-    )
+    return words.text("texts.whatif_candidates", **rule)
 
 
 def _detection(rule: Mapping[str, Any]) -> str:
@@ -368,48 +329,26 @@ def _detection(rule: Mapping[str, Any]) -> str:
         return text
     ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
     times = "" if rule["half_factor"] == 1.0 else f"{rule['half_factor']:g} times "
-    return (
-        f"{text}. Predicted over recovered SNR of images is {ratio:.3f} ± {error:.3f}. Half of the planets are found "
-        f"at {times}the significance that the law of simulated images asks for, which is known to "
-        f"{percent_text(rule['half_error'])}. These errors are drawn anew in each universe"
-    )
+    half_error = percent_text(rule["half_error"])
+    return words.text("texts.whatif_detection", text=text, ratio=ratio, error=error, times=times, half_error=half_error)
 
 
-def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
+def _assumed(assumed: Mapping[str, Any], used: results.AssumedInstrument | None) -> str:
     parts = []
     if assumed["contrast"] is not None:
-        parts.append(f"median raw contrast of the dark hole {contrast_text(assumed['contrast'], 2)}")
+        parts.append(f"median raw contrast of the dark hole {words.contrast_text(assumed['contrast'], 2)}")
     if assumed["drift"] != 1.0:
-        parts.append(f"wavefront drift × {assumed['drift']:g}")
-        if used is not None:
-            parts[-1] += f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)"
+        nm = f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)" if used else ""
+        parts.append(f"wavefront drift × {assumed['drift']:g}{nm}")
     if assumed["throughput"] != 1.0:
-        throughputs = (
-            "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
-        )
-        by_band = f" ({throughputs})" if throughputs else ""
-        parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band}")
+        by_band = ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items()) if used else ""
+        parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band and f' ({by_band})'}")
     if isinstance(dust := assumed["exozodi"], Mapping):
         law = f"lognormal with median {dust['median']:g} and 95 % below {dust['p95']:g} solar systems (zodi)"
         parts.append(f"dust drawn for each star, {law}")
     elif dust is not None:
         parts.append(f"dust of {dust:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
-
-
-def _stops(rule: Mapping[str, Any]) -> str:
-    parts = ["a star is left once it has shown a planet"] if rule["after_detection"] else []
-    if rule["after_empty"] is not None:
-        parts.append(f"or after {rule['after_empty']} empty visits")
-    if rule["after_planets"] is not None:
-        parts.append(f"the survey ends with {rule['after_planets']} planets")
-    return ", ".join(parts) or "none"
-
-
-def _calendar(settings: Mapping[str, Any]) -> str:
-    rule = settings["scheduler"]
-    method, share = _METHODS.get(rule["method"], rule["method"]), percent_text(settings["slot_share"])
-    return f"{method}; at most {share} of any slot; no visit worth less than {rule['min_gain']:g} planets"
 
 
 def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -446,12 +385,10 @@ def setting_text(value: Any, key: str = "") -> str:
 
 
 _LAST_COLUMN = 24
-
-
 _MOST_STRATEGIES = 20
 
 
-def print_whatif(result: results.WhatIfResult, console: Console, *, full: bool = True) -> None:
+def print_whatif(result: WhatIfResult, console: Console, *, full: bool = True) -> None:
     """Print the summary, the strategies, and their differences with the first one.
 
     Parameters
@@ -465,8 +402,7 @@ def print_whatif(result: results.WhatIfResult, console: Console, *, full: bool =
         print_plain(console, text, bold=i == 0)
     print_plain(console, f"Compared: {extent_text(result)}.")
     console.print()
-    rows = shown_rows(result.strategies, _MOST_STRATEGIES)
-    shown = [result.strategies[i] for i in rows]
+    shown = [result.strategies[i] for i in shown_rows(result.strategies, _MOST_STRATEGIES)]
     universes = f"{count_text(result.n_universes)} universes"
     title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
     print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN, legend=True)
@@ -477,14 +413,21 @@ def print_whatif(result: results.WhatIfResult, console: Console, *, full: bool =
         _print_differences(result, {item.name for item in shown}, console)
     _print_facts(result, shown, console)
     if full:
-        _print_images(shown, console)
+        print_plain(console, *_image_lines(shown))
         print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
-    else:
-        print_note(console, *filter(None, [_images_sentence(result.strategies)]))
+    elif samples := [item.images for item in result.strategies if item.images is not None and item.images.images]:
+        found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
+        expected = decimals(sum(sample.expected for sample in samples), 1)
+        said = f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
+        print_note(console, said)
+
+
+def _visits_made(item: StrategyOutcome) -> float:
+    return sum(target.visits for target in item.targets)
 
 
 _STRATEGIES = row_cells(
-    results.StrategyOutcome,
+    StrategyOutcome,
     "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
     planets=lambda item: decimals(item.planets.mean, 2),
     interval=Cells(
@@ -495,7 +438,7 @@ _STRATEGIES = row_cells(
     ),
     survey=Cells(
         "survey",
-        lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
+        lambda item: _one_survey(item.planets),
         legend="5 to 95 % of single surveys",
         fields=("planets.survey_low", "planets.survey_high"),
     ),
@@ -506,12 +449,7 @@ _STRATEGIES = row_cells(
         fields=("new_planets",),
     ),
     hours=lambda item: decimals(item.hours.mean, 0),
-    visits=computed(
-        "visits",
-        lambda item: sum(target.visits for target in item.targets),
-        lambda value: decimals(value, 1),
-        "made, mean",
-    ),
+    visits=computed("visits", _visits_made, lambda value: decimals(value, 1), "made, mean"),
     bound=computed(
         "bound %",
         lambda item: item.schedule.distance,
@@ -529,37 +467,35 @@ _STRATEGIES = row_cells(
 )
 
 
-def _print_differences(result: results.WhatIfResult, names: set[str], console: Console) -> None:
+def _print_differences(result: WhatIfResult, names: set[str], console: Console) -> None:
     """Print paired differences with the first strategy."""
     reference = result.strategies[0].name
-    by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    pairs = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
-    rows = [(name, item) for name, item in pairs if item is not None]
+    pairs = {first: by for (first, second), by in _pairs(result.differences).items() if second == reference}
+    rows = [(item.name, pairs.get(item.name, {})) for item in result.strategies[1:] if item.name in names]
 
-    def mean(name: str, quantity: Any, places: int) -> str:
-        item = by.get((name, quantity))
-        return MISSING if item is None else _signed(item.mean, places)
+    def mean(quantity: str, places: int) -> Callable[[tuple[str, _Differences]], str]:
+        return lambda row: _signed(row[1][quantity].mean, places) if quantity in row[1] else MISSING
 
     cells = [
-        Cells("planets", lambda row: _signed(row[1].mean, 2)),
-        Cells("interval", lambda row: interval_text(row[1].low, row[1].high), gives_way=2),
-        Cells("new", lambda row: mean(row[0], "new_planets", 2), gives_way=3),
-        Cells("hours", lambda row: mean(row[0], "hours", 0), gives_way=1),
-        Cells("verdict", lambda row: _likely(row[1]), right=False, gives_way=4),
+        Cells("planets", mean("planets", 2)),
+        Cells("interval", lambda row: interval_text(row[1]["planets"].low, row[1]["planets"].high), gives_way=2),
+        Cells("new", mean("new_planets", 2), gives_way=3),
+        Cells("hours", mean("hours", 0), gives_way=1),
+        Cells("verdict", lambda row: _verdict(row[1]).text.removeprefix("finds "), right=False, gives_way=4),
         Cells("strategy", itemgetter(0), right=False),
     ]
     title = f"Difference with {reference} in the same universes"
-    print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+    print_table(console, title, cells, [row for row in rows if "planets" in row[1]], last_width=_LAST_COLUMN)
 
 
-def _print_facts(result: results.WhatIfResult, strategies: list[results.StrategyOutcome], console: Console) -> None:
+def _print_facts(result: WhatIfResult, strategies: list[StrategyOutcome], console: Console) -> None:
     """Print planets found with all facts and without each."""
     facts = result.facts
     if facts is None or not facts.facts:
         return
     rows = {(row.strategy, row.fact): row for row in facts.rows}
 
-    def without(fact: str) -> Callable[[results.StrategyOutcome], str]:
+    def without(fact: str) -> Callable[[StrategyOutcome], str]:
         return lambda item: decimals(rows[item.name, fact].planets.mean, 2)
 
     cells = [
@@ -573,329 +509,170 @@ def _print_facts(result: results.WhatIfResult, strategies: list[results.Strategy
     console.print()
 
 
-def _likely(item: results.DifferenceRecord) -> str:
-    return "more" if item.low > 0 else "fewer" if item.high < 0 else "may be chance"
-
-
-def _signed(value: float, places: int) -> str:
-    return f"{'+' if value > 0 else ''}{decimals(value, places)}"
-
-
-def _images_sentence(strategies: Sequence[results.StrategyOutcome]) -> str:
-    """Return how many of the detections that were simulated as images show the planet; empty where none was."""
-    samples = [item.images for item in strategies if item.images is not None and item.images.images]
-    if not samples:
-        return ""
-    expected = decimals(sum(sample.expected for sample in samples), 1)
-    found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
-    return f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
-
-
-def _print_images(strategies: list[results.StrategyOutcome], console: Console) -> None:
-    for item in strategies:
-        sample = item.images
-        if sample is None:
-            continue
+def _image_lines(strategies: list[StrategyOutcome]) -> list[str]:
+    """Return what images say of the detections of each strategy that has some."""
+    lines = []
+    for name, sample in ((item.name, item.images) for item in strategies if item.images is not None):
         if sample.images == 0:
-            why = sample.note or "none asked for"
-            print_plain(console, f"{item.name}: no detection was simulated as images: {why}")
+            lines.append(f"{name}: no detection was simulated as images: {sample.note or 'none asked for'}")
             continue
         remark = f"; {sample.note}" if sample.note else ""
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
         sequences = f"{sample.images} simulated image sequences (of {sample.detections} detections)"
-        counts = f"{sample.found} of {sequences} show the planet"
-        expected = f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}"
-        print_plain(console, f"{item.name}: {counts}, {expected}{remark}")
+        correction = f"correction {decimals(sample.correction, 2)}{ends}"
+        counts = f"{sample.found} of {sequences} show the planet, {decimals(sample.expected, 1)} expected"
+        lines.append(f"{name}: {counts}; {correction}{remark}")
+    return lines
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Differences of two strategies by quantity."""
-
-    first: str
-    second: str
-    by: dict[str, results.DifferenceRecord]
-
-    def cell(self, quantity: str, places: int) -> doc.Inline:
-        """Return the mean of a difference and its interval."""
-        item = self.by.get(quantity)
-        if item is None:
-            return MISSING
-        sign = "+" if item.mean > 0 else ""
-        return doc.lines(f"{sign}{decimals(item.mean, places)}", doc.small(interval_text(item.low, item.high, places)))
-
-    @property
-    def correlation(self) -> str:
-        """How far the planets of both rise and fall together."""
-        return decimals(self.by["planets"].correlation, 2) if "planets" in self.by else MISSING
-
-    @property
-    def verdict(self) -> doc.Mark | str:
-        """Whether the first finds more planets than the second."""
-        item = self.by.get("planets")
-        if item is None:
-            return MISSING
-        if item.low > 0:
-            return doc.badge("ok", "finds more")
-        return doc.badge("invalid", "finds fewer") if item.high < 0 else doc.badge("unreachable", "may be chance")
+def targets_csv(result: WhatIfResult) -> str:
+    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
+    rows = []
+    for item in result.strategies:
+        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
+    return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
 
 
-def pairs_of(differences: Iterable[results.DifferenceRecord]) -> list[Pair]:
-    """Return the pairs of strategies that differences are of, in their order."""
-    pairs: dict[tuple[str, str], Pair] = {}
+_Differences = Mapping[str, DifferenceRecord]
+"""Differences of two strategies by quantity."""
+_Pair = tuple[tuple[str, str], _Differences]
+
+
+def _pairs(differences: Iterable[DifferenceRecord]) -> dict[tuple[str, str], dict[str, DifferenceRecord]]:
+    """Return differences by the names of the two strategies, in their order, and quantity."""
+    pairs: dict[tuple[str, str], dict[str, DifferenceRecord]] = {}
     for item in differences:
-        pairs.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
-    return list(pairs.values())
+        pairs.setdefault((item.first, item.second), {})[item.quantity] = item
+    return pairs
 
 
-_DIFFERENCES: tuple[doc.Column[Pair], ...] = (
-    doc.Column("First", lambda pair: pair.first, look="row left star"),
-    doc.Column("Second", lambda pair: pair.second, look="left star"),
-    doc.Column("Planets found", lambda pair: pair.cell("planets", 3)),
-    doc.Column("New planets", lambda pair: pair.cell("new_planets", 3)),
-    doc.Column("Characterised", lambda pair: pair.cell("characterised_planets", 3)),
-    doc.Column("Orbits known", lambda pair: pair.cell("orbits_known", 3)),
-    doc.Column("Telescope time", lambda pair: pair.cell("hours", 0), "h"),
-    doc.Column("Correlation", lambda pair: pair.correlation, "planets"),
-    doc.Column("Verdict", lambda pair: pair.verdict, look="left"),
-)
+def _verdict(by: _Differences) -> doc.Mark:
+    """Return whether the first of two strategies finds more planets than the second."""
+    item = by["planets"]
+    if item.low > 0:
+        return doc.badge("ok", "finds more")
+    return doc.badge("invalid", "finds fewer") if item.high < 0 else doc.badge("unreachable", "may be chance")
 
 
-def difference_table(pairs: Sequence[Pair]) -> doc.Table:
-    """Return the differences of some pairs."""
-    caption = (
-        "First less second strategy, mean a survey with its 90 % interval. Correlation: how far the two rise and fall "
-        "together from universe to universe; the nearer to 1, the surer the difference. The verdict is about planets "
-        "found, new and known."
+def _difference_table(pairs: Sequence[_Pair]) -> doc.Table:
+    def cell(quantity: str, places: int) -> Callable[[_Pair], doc.Inline]:
+        def text(pair: _Pair) -> doc.Inline:
+            item = pair[1].get(quantity)
+            if item is None:
+                return MISSING
+            return doc.lines(_signed(item.mean, places), doc.small(interval_text(item.low, item.high, places)))
+
+        return text
+
+    def of_planets(text: Callable[[_Differences], doc.Inline]) -> Callable[[_Pair], doc.Inline]:
+        return lambda pair: text(pair[1]) if "planets" in pair[1] else MISSING
+
+    columns: tuple[doc.Column[_Pair], ...] = (
+        doc.Column("First", lambda pair: pair[0][0], look="row left star"),
+        doc.Column("Second", lambda pair: pair[0][1], look="left star"),
+        doc.Column("Planets found", cell("planets", 3)),
+        doc.Column("New planets", cell("new_planets", 3)),
+        doc.Column("Characterised", cell("characterised_planets", 3)),
+        doc.Column("Orbits known", cell("orbits_known", 3)),
+        doc.Column("Telescope time", cell("hours", 0), "h"),
+        doc.Column("Correlation", of_planets(lambda by: decimals(by["planets"].correlation, 2)), "planets"),
+        doc.Column("Verdict", of_planets(_verdict), look="left"),
     )
-    return doc.table("Differences", caption, _DIFFERENCES, pairs)
+    return doc.table("Differences", words.text("texts.whatif_differences"), columns, pairs)
 
 
-_COUNTED = {"planets": "Planets found", "new_planets": "New planets", "known_planets": "Known planets"}
-
-
-def fact_tables(
-    named: Callable[[results.StrategyOutcome], doc.Inline],
-    strategies: Sequence[results.StrategyOutcome],
-    facts: results.FactsRecord,
-) -> Iterator[doc.Block]:
-    """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets.
-
-    Parameters
-    ----------
-    named : callable
-        Writes the name of a strategy.
-    strategies : sequence of StrategyOutcome
-    facts : FactsRecord
-    """
+def _fact_tables(report: WhatIfReport, facts: results.FactsRecord) -> Iterator[doc.Block]:
+    """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets."""
     rows = {(row.strategy, row.fact): row for row in facts.rows}
 
-    def without(fact: str, quantity: str) -> Callable[[results.StrategyOutcome], doc.Inline]:
-        def cell(item: results.StrategyOutcome) -> doc.Inline:
-            row: results.FactRow = rows[item.name, fact]
-            change = getattr(row, f"{quantity}_change")
-            ends = f"({interval_text(change.low, change.high, 3)})"
-            sure = change.low > 0.0 or change.high < 0.0
-            said = change_text(change.mean)
-            mean = decimals(getattr(row, quantity).mean, 2)
-            return doc.lines(mean, doc.strong(said) if sure else said, doc.small(ends))
+    def with_all(quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
+        return lambda item: decimals(getattr(item, quantity).mean, 2)
+
+    def without(fact: str, quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
+        def cell(item: StrategyOutcome) -> doc.Inline:
+            row = rows[item.name, fact]
+            change: results.ChangeRecord = getattr(row, f"{quantity}_change")
+            said, sure = _signed(change.mean, 3), change.low > 0.0 or change.high < 0.0
+            ends = doc.small(f"({interval_text(change.low, change.high, 3)})")
+            return doc.lines(decimals(getattr(row, quantity).mean, 2), doc.strong(said) if sure else said, ends)
 
         return cell
 
-    def with_all(quantity: str) -> Callable[[results.StrategyOutcome], doc.Inline]:
-        return lambda item: decimals(getattr(item, quantity).mean, 2)
-
-    for quantity, title in _COUNTED.items():
+    counted = {"planets": "Planets found", "new_planets": "New planets", "known_planets": "Known planets"}
+    for quantity, title in counted.items():
         columns = (
-            doc.Column("Strategy", named, look="row left star"),
+            doc.Column("Strategy", report.named, look="row left star"),
             doc.Column("With all facts", with_all(quantity)),
             *(doc.Column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
         )
-        caption = (
-            f"{title}, mean of a survey. In each column but the first the strategies are planned and played as if that "
-            "fact were not known, in the same universes; below the number how much more is found than with all facts, "
-            "bold where that is more than chance, with its 90 % interval."
-        )
         yield doc.Heading(title)
-        yield doc.table(f"{title} without each fact", caption, columns, strategies)
+        caption = words.text("texts.whatif_facts", title=title)
+        yield doc.table(f"{title} without each fact", caption, columns, report.result.strategies)
 
 
-def _correction(images: results.ImageSample) -> doc.Inline:
-    ends = "" if images.low is None or images.high is None else interval_text(images.low, images.high)
-    return doc.lines(decimals(images.correction, 2), doc.small(ends))
-
-
-def image_table(
-    named: Callable[[results.StrategyOutcome], doc.Inline],
-    confirmed: Sequence[tuple[results.StrategyOutcome, results.ImageSample]],
-) -> doc.Table:
-    """Return what images say of the detections of strategies; ``named`` writes their names."""
-
-    def corrected(row: tuple[results.StrategyOutcome, results.ImageSample]) -> str:
-        correction = row[1].correction
-        return MISSING if correction is None else decimals(correction * row[0].planets.mean, 2)
-
-    columns: tuple[doc.Column[tuple[results.StrategyOutcome, results.ImageSample]], ...] = (
-        doc.Column("Strategy", lambda row: named(row[0]), look="row left star"),
-        doc.Column("Detections", lambda row: count_text(row[1].detections), "sampled"),
-        doc.Column("Sequences", lambda row: count_text(row[1].images), "simulated"),
-        doc.Column("Expected", lambda row: decimals(row[1].expected, 1)),
-        doc.Column("Found", lambda row: count_text(row[1].found)),
-        doc.Column("Correction", lambda row: _correction(row[1])),
-        doc.Column("Planets found", corrected, "corrected"),
-        doc.Column("Note", lambda row: row[1].note, look="left wide"),
-    )
-    caption = (
-        "Detections of each strategy that were simulated as images, reduced and measured by the same rule, beside what "
-        "the law of the strategy expects of them. Correction: found over expected, with its 90 % interval; the yields "
-        "above are not multiplied with it, the last column is."
-    )
-    return doc.table("Confirmed by images", caption, columns, confirmed)
-
-
-def _star_columns() -> list[doc.Column[results.SurveyTarget]]:
-    return doc.row_columns(
-        results.SurveyTarget,
-        "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
-        "follow_up_h alarm_h new_planets known_seen planets_per_100h",
-        name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
-        distance_pc=lambda star: significant(star.distance_pc, 4),
-        first_utc=lambda star: star.first_utc or MISSING,
-        new_planets=lambda star: planets_text(star.new_planets),
-        known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
-    )
-
-
-def strategy_blocks(item: results.StrategyOutcome, reference: results.StrategyOutcome) -> Iterator[doc.Block]:
-    """Yield what there is to say of one strategy: how it differs from the reference, and its stars."""
-    if item.description:
-        yield doc.Paragraph(f"{item.description}.")
-    if item.name != reference.name:
-        differences: list[doc.Inline] = [f"Set as {reference.name} is."]
-        if changed := changed_settings(item.settings, reference.settings):
-            differences = [f"Set otherwise than in {reference.name}: "]
-            for number, (key, own, other) in enumerate(changed, 1):
-                differences += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
-        yield doc.Paragraph(differences, "note")
-    if not item.targets:
-        yield doc.Paragraph("No star is visited.")
-        return
-    caption = (
-        f"Stars of {item.name} by planets found per hour of telescope time. A visit: mean of those planned. Visits "
-        "made, times and planets: mean of a survey."
-    )
-    stars = doc.table(f"Stars of {item.name}", caption, _star_columns(), item.targets, look="compact")
-    yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
-
-
-def _value(item: results.SettingSource) -> doc.Inline:
-    text = setting_text(item.value, "" if item.unit else item.key)
-    return [text, " ", doc.small(item.unit)] if item.unit else text
-
-
-def source_table(sources: Sequence[results.SettingSource], n_strategies: int) -> doc.Table:
-    """Return where settings are from, each for the strategies that have it."""
-
-    def used_by(item: results.SettingSource) -> str:
-        return "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies)
-
-    columns: tuple[doc.Column[results.SettingSource], ...] = (
-        doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
-        doc.Column("Value", _value),
-        doc.Column("Standing", lambda item: item.confidence, look="left"),
-        doc.Column("Source", lambda item: item.source, look="left wide"),
-        doc.Column("Strategies", used_by, look="left wide"),
-    )
-    caption = "Settings that were stated with a source. P: published; I: inferred from published or measured numbers; "
-    return doc.table("Sources of the settings", f"{caption}A: assumed.", columns, sources, look="compact")
-
-
-def doubt_blocks(found: DoubtRecord) -> Iterator[doc.Block]:
+def _doubt_blocks(found: results.DoubtRecord) -> Iterator[doc.Block]:
     """Yield the table of all plans under all values, and what to take where one strategy is settled."""
     cells = {(cell.strategy, cell.planned_for, cell.played_under): cell for cell in found.cells}
-    what = found.quantity.replace("_", " ")
 
     def under(text: str, shown: Callable[[DoubtCell], doc.Inline]) -> Callable[[DoubtChoice], doc.Inline]:
         return lambda item: shown(cells[item.strategy, item.planned_for, text])
 
     def planets(cell: DoubtCell) -> doc.Inline:
-        loss = "best" if cell.loss.mean == 0.0 else f"loses {decimals(cell.loss.mean, 3)}"
-        ends = "" if cell.loss.mean == 0.0 else f"({interval_text(cell.loss.low, cell.loss.high, 3)})"
-        mean = decimals(cell.planets.mean, 2)
-        return doc.lines(doc.strong(mean) if cell.loss.mean == 0.0 else mean, doc.small(loss), doc.small(ends))
+        mean, loss = decimals(cell.planets.mean, 2), cell.loss
+        if loss.mean == 0.0:
+            return doc.lines(doc.strong(mean), doc.small("best"))
+        ends = f"({interval_text(loss.low, loss.high, 3)})"
+        return doc.lines(mean, doc.small(f"loses {decimals(loss.mean, 3)}"), doc.small(ends))
 
     def regret(cell: DoubtCell) -> doc.Inline:
+        hours = doc.small(f"{decimals(cell.hours, 0)} h")
         if cell.planned_for == cell.played_under:
-            return doc.lines("0", doc.small(f"{decimals(cell.hours, 0)} h"))
-        sign = "+" if cell.regret.mean > 0.0 else ""
-        error = doc.small(f"± {decimals(cell.regret.error, 3)}")
-        return doc.lines(f"{sign}{decimals(cell.regret.mean, 3)}", error, doc.small(f"{decimals(cell.hours, 0)} h"))
+            return doc.lines("0", hours)
+        return doc.lines(_signed(cell.regret.mean, 3), doc.small(f"± {decimals(cell.regret.error, 3)}"), hours)
 
     def alone(item: DoubtChoice) -> doc.Inline:
         own = cells[item.strategy, item.planned_for, item.planned_for].planets
-        survey = f"{own.survey_low:.3g} to {own.survey_high:.3g}"
-        return doc.lines(interval_text(own.low, own.high), doc.small(survey))
+        return doc.lines(interval_text(own.low, own.high), doc.small(_one_survey(own)))
 
     def mixed(item: DoubtChoice) -> doc.Inline:
-        survey = f"{item.survey_low:.3g} to {item.survey_high:.3g}"
-        return doc.lines(interval_text(item.low, item.high), doc.small(survey))
+        return doc.lines(interval_text(item.low, item.high), doc.small(_one_survey(item)))
 
-    chosen = {(item.strategy, item.planned_for) for item in (found.decision.cautious, found.decision.expected)}
+    plan: doc.Column[DoubtChoice] = doc.Column("Plan", plan_label, look="row left star")
+    heads = {value.text: f"{found.key} {value.text}" for value in found.values}
+    weights = {value.text: f"weight {words.share_text(value.weight)} %" for value in found.values}
     columns: tuple[doc.Column[DoubtChoice], ...] = (
-        doc.Column("Plan", plan_label, look="row left star"),
-        *(
-            doc.Column(f"{found.key} {value.text}", under(value.text, planets), f"weight {share_text(value.weight)} %")
-            for value in found.values
-        ),
+        plan,
+        *(doc.Column(head, under(text, planets), weights[text]) for text, head in heads.items()),
         doc.Column("Largest loss", lambda item: decimals(item.largest_loss, 3), "planets"),
         doc.Column("Mean", lambda item: decimals(item.planets, 2), "by the weights"),
         doc.Column("If as planned", alone, "mean; one survey"),
         doc.Column("With the doubt", mixed, "mean; one survey"),
     )
-    caption = (
-        f"Each row is a calendar with its frames, made for one value of {found.key}; each column plays it under one "
-        f"value, in the same universes: {what} found, mean of a survey; below it how many fewer than the best plan "
-        "finds there, with the 90 % interval. Visits and frames stay as planned, although a team would know the value "
-        "after the first visits. The last two columns: interval of the mean (90 %), and below it of one survey (5 to "
-        f"95 %), if {found.key} is what the plan was made for, by the number of universes alone; and with the doubt "
-        f"about it. Weights: {found.weights_from}. Shaded: the cautious choice, and that of most by the weights."
-    )
-
-    def picked(item: DoubtChoice) -> bool:
-        return (item.strategy, item.planned_for) in chosen
-
-    yield doc.table("Plans under doubt", caption, columns, found.choices, look="compact", picked=picked)
+    chosen = {plan_label(item) for item in (found.decision.cautious, found.decision.expected)}
+    about = {"key": found.key, "what": found.quantity.replace("_", " "), "weights": found.weights_from}
+    caption = words.text("texts.whatif_doubt", **about)
+    look: dict[str, Any] = {"look": "compact", "picked": lambda item: plan_label(item) in chosen}
+    yield doc.table("Plans under doubt", caption, columns, found.choices, **look)
     if len(found.of_strategies) > 1:
         yield doc.Heading("If the strategy is settled")
         yield _settled(found)
-    regrets: tuple[doc.Column[DoubtChoice], ...] = (
-        doc.Column("Plan", plan_label, look="row left star"),
-        *(doc.Column(f"{found.key} {value.text}", under(value.text, regret)) for value in found.values),
-    )
-    caption = (
-        "What the same strategy would have gained had it been planned for the value of the column, in what its "
-        "scheduler counts: value_new and value_known a planet, less min_gain a visit, for which it plans no visit that "
-        "is worth less. With its standard error, and the telescope time that the plan uses. Below 0 by more than "
-        "chance: the plan made for another value does better than that made for the true one."
-    )
-    yield doc.Fold(
-        "Regret against the same strategy", [doc.table("Regret", caption, regrets, found.choices, look="compact")]
-    )
+    regrets = (plan, *(doc.Column(head, under(text, regret)) for text, head in heads.items()))
+    made = doc.table("Regret", words.text("texts.whatif_regret"), regrets, found.choices, look="compact")
+    yield doc.Fold("Regret against the same strategy", [made])
 
 
-def _settled(found: DoubtRecord) -> doc.Table:
+def _settled(found: results.DoubtRecord) -> doc.Table:
     """Return what to plan for, strategy by strategy."""
 
-    def loss(item: DoubtDecision) -> str:
+    def loss(item: results.DoubtDecision) -> str:
         one = item.cautious
         return f"{decimals(one.largest_loss, 3)} at {one.largest_loss_under}" if one.largest_loss > 0.0 else "0"
 
-    def knowing(item: DoubtDecision) -> doc.Inline:
+    def knowing(item: results.DoubtDecision) -> doc.Inline:
         worth = item.value_of_knowing
-        ends = doc.small(interval_text(worth.low, worth.high, 3))
-        return doc.lines(decimals(worth.mean, 3), ends)
+        return doc.lines(decimals(worth.mean, 3), doc.small(interval_text(worth.low, worth.high, 3)))
 
-    columns: tuple[doc.Column[DoubtDecision], ...] = (
+    columns: tuple[doc.Column[results.DoubtDecision], ...] = (
         doc.Column("Strategy", lambda item: item.strategy, look="row left star"),
         doc.Column("Cautious", lambda item: item.cautious.planned_for, "planned for"),
         doc.Column("Its largest loss", loss, "planets"),
@@ -903,21 +680,14 @@ def _settled(found: DoubtRecord) -> doc.Table:
         doc.Column("Mean", lambda item: decimals(item.expected.planets, 2), "by the weights"),
         doc.Column("Worth of knowing", knowing, "planets"),
     )
-    caption = (
-        f"Which value of {found.key} to plan each strategy for. Losses are those against the best plan of the same "
-        "strategy. Worth of knowing: planets more a survey where the value is known before the plan is made."
-    )
+    caption = words.text("texts.whatif_settled", key=found.key)
     return doc.table("Settled strategies", caption, columns, found.of_strategies)
 
 
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""
-
-
 _DESCRIBED = 12
 """Strategies whose descriptions stand in the table of yields."""
-
-
 _WORDS = "contrast; SNR; significance; threshold; blind search; separation; dark hole; RDI"
 """Terms of the glossary that this report uses."""
 
@@ -963,13 +733,14 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
     first, *others = lead_sentences(result)
     named = f": {result.name}" if result.name else ""
     description = f"{result.description}. " if result.description else ""
+    universes = f"{count_text(result.n_universes)} synthetic universes with real stars"
+    about = f"Survey strategies for CPI-C: {extent_text(result)}, played in the same {universes}."
     return doc.document_of(
         WHATIF_SECTIONS,
         report,
         title=f"CPI-C survey strategies{named}, configuration {result.config_hash}",
         heading=result.name or "Survey strategies",
-        about=f"{description}Survey strategies for CPI-C: {extent_text(result)}, played in the same "
-        f"{count_text(result.n_universes)} synthetic universes with real stars.",
+        about=f"{description}{about}",
         summary=[doc.Paragraph(doc.strong(first), "lead"), *(doc.Paragraph(text, "lead") for text in others)],
     )
 
@@ -977,122 +748,102 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
 @doc.section_of(WHATIF_SECTIONS, "strategies", "Strategies")
 def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
     strategies = report.result.strategies
-    best = max(strategies, key=lambda item: item.planets.mean)
+    best = _most(strategies)
 
     def described(item: StrategyOutcome) -> doc.Inline:
         text = item.description if len(strategies) <= _DESCRIBED else ""
         return [report.named(item), doc.small(text) if text else ""]
 
-    def one_survey(item: StrategyOutcome) -> str:
-        return f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"
-
-    def counted(name: str) -> Callable[[StrategyOutcome], doc.Inline]:
+    def counted(
+        name: str, remark: Callable[[StrategyOutcome], str] = lambda _: ""
+    ) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
-            estimate = getattr(item, name)
-            one = {"planets": hanging_text, "new_planets": occurrence_text}.get(name, lambda _: "")(item)
+            estimate: results.EstimateRecord = getattr(item, name)
             interval = doc.small(interval_text(estimate.low, estimate.high))
-            return doc.lines(decimals(estimate.mean, 2), interval, doc.small(one) if one else "")
+            return doc.lines(decimals(estimate.mean, 2), interval, doc.small(remark(item)))
 
         return cell
 
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", described, look="row left described"),
-        doc.Column("Planets found", counted("planets"), "new and known", look="wide"),
-        doc.Column("One survey", one_survey, "5 to 95 %"),
-        doc.Column("New planets", counted("new_planets"), "still allowed"),
+        doc.Column("Planets found", counted("planets", hanging_text), "new and known", look="wide"),
+        doc.Column("One survey", lambda item: _one_survey(item.planets), "5 to 95 %"),
+        doc.Column("New planets", counted("new_planets", _occurrence_text), "still allowed"),
         doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
         doc.Column("Known planets", counted("known_planets")),
         doc.Column("Characterised", counted("characterised_planets")),
         doc.Column("Orbits known", counted("orbits_known")),
-        doc.Column("Chance of any", lambda item: share_text(item.any_planet), "%"),
-        doc.Column("Chance of a new one", lambda item: share_text(item.any_new_planet), "%"),
+        doc.Column("Chance of any", lambda item: words.share_text(item.any_planet), "%"),
+        doc.Column("Chance of a new one", lambda item: words.share_text(item.any_new_planet), "%"),
         doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
     )
-    caption = (
-        "Planets that one survey finds: mean over universes, with the 90 % interval of the mean. One survey: 5 % of "
-        "the surveys find fewer, 5 % more. New planets still allowed: those that radial velocities, companion "
-        "stars and known giants do not exclude; they are the ones that count. Nothing excluded: what the same visits "
-        "would find of the whole population, had nobody looked before. Chance: share of the surveys that find at "
-        "least one. The strategy that finds most is shaded."
-    )
+    caption = words.text("texts.whatif_yields")
     yield doc.table("Yields", caption, columns, strategies, picked=lambda item: item is best and best.planets.mean > 0)
     yield from report.drawn("sweep", "yields")
 
 
 @doc.section_of(WHATIF_SECTIONS, "differences", "Differences")
 def _differences(report: WhatIfReport) -> Iterator[doc.Block]:
-    pairs, first = pairs_of(report.result.differences), report.reference.name
-    with_first = [pair for pair in pairs if pair.second == first]
+    pairs, first = list(_pairs(report.result.differences).items()), report.reference.name
+    with_first = [pair for pair in pairs if pair[0][1] == first]
     if not with_first:
         return
-    yield difference_table(with_first)
-    if others := [pair for pair in pairs if pair.second != first]:
-        yield doc.Fold(f"All other pairs ({len(others)})", [difference_table(others)])
+    yield _difference_table(with_first)
+    if others := [pair for pair in pairs if pair[0][1] != first]:
+        yield doc.Fold(f"All other pairs ({len(others)})", [_difference_table(others)])
     yield from report.drawn("differences")
 
 
 @doc.section_of(WHATIF_SECTIONS, "facts", "Which fact moved which number")
 def _facts(report: WhatIfReport) -> Iterator[doc.Block]:
     facts = report.result.facts
-    if facts is None or not facts.facts:
-        return
-    yield doc.Paragraph(facts.statement)
-    yield from fact_tables(report.named, report.result.strategies, facts)
+    if facts is not None and facts.facts:
+        yield doc.Paragraph(facts.statement)
+        yield from _fact_tables(report, facts)
 
 
 @doc.section_of(WHATIF_SECTIONS, "doubt", "Planned for one value, played under another")
 def _doubt(report: WhatIfReport) -> Iterator[doc.Block]:
     found = report.result.doubt
-    if found is None:
-        return
-    yield doc.Paragraph(found.statement)
-    yield from report.drawn("doubt")
-    yield from doubt_blocks(found)
-
-
-def _hourly(item: StrategyOutcome) -> str:
-    return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
-
-
-def _hours(item: StrategyOutcome) -> doc.Inline:
-    ends = interval_text(item.hours.survey_low, item.hours.survey_high, 0)
-    return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
-
-
-def _alarms(item: StrategyOutcome) -> str:
-    return f"{planets_text(item.noise_alarms.mean)}; {planets_text(item.background_alarms.mean)}"
-
-
-def _budget(item: StrategyOutcome) -> doc.Inline:
-    return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(f"({percent_text(item.time_use.budget_share)})"))
-
-
-def _visits(item: StrategyOutcome) -> str:
-    reserve = item.schedule.reserve_visits
-    return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
+    if found is not None:
+        yield doc.Paragraph(found.statement)
+        yield from report.drawn("doubt")
+        yield from _doubt_blocks(found)
 
 
 @doc.section_of(WHATIF_SECTIONS, "cost", "Time and cost")
 def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
+    def hours(item: StrategyOutcome) -> doc.Inline:
+        ends = interval_text(item.hours.survey_low, item.hours.survey_high, 0)
+        return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
+
+    def budget(item: StrategyOutcome) -> doc.Inline:
+        share = f"({percent_text(item.time_use.budget_share)})"
+        return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(share))
+
+    def hourly(item: StrategyOutcome) -> str:
+        return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
+
+    def planned(item: StrategyOutcome) -> str:
+        reserve = item.schedule.reserve_visits
+        return count_text(item.schedule.visits) + (f" + {count_text(reserve)}" if reserve else "")
+
+    def alarms(item: StrategyOutcome) -> str:
+        return f"{planets_text(item.noise_alarms.mean)}; {planets_text(item.background_alarms.mean)}"
+
     columns: tuple[doc.Column[StrategyOutcome], ...] = (
         doc.Column("Strategy", report.named, look="row left star"),
-        doc.Column("Telescope time", _hours, "h"),
-        doc.Column("Budget", _budget, "h; of the survey"),
-        doc.Column("Planets", _hourly, "per 100 h"),
+        doc.Column("Telescope time", hours, "h"),
+        doc.Column("Budget", budget, "h; of the survey"),
+        doc.Column("Planets", hourly, "per 100 h"),
         doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
-        doc.Column("Visits planned", _visits, "and in reserve"),
-        doc.Column("Visits made", lambda item: decimals(sum(star.visits for star in item.targets), 1), "mean"),
+        doc.Column("Visits planned", planned, "and in reserve"),
+        doc.Column("Visits made", lambda item: decimals(_visits_made(item), 1), "mean"),
         doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
-        doc.Column("False alarms", _alarms, "noise; background"),
+        doc.Column("False alarms", alarms, "noise; background"),
         doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
     )
-    caption = (
-        "Telescope time holds slews, settling and occultations; in brackets the range of single surveys, 5 to 95 %. "
-        "From the bound: how far the planned calendar is below what no calendar of such visits can pass. False alarms: "
-        "noise and background stars that a survey takes for planets. Spent on them: visits that only false alarms "
-        "asked for, where candidates are looked at again."
-    )
-    yield doc.table("Time and cost", caption, columns, report.result.strategies)
+    yield doc.table("Time and cost", words.text("texts.whatif_cost"), columns, report.result.strategies)
     yield from report.drawn("curves", "time")
 
 
@@ -1103,26 +854,22 @@ def _where(report: WhatIfReport) -> Iterator[doc.Block]:
         yield doc.Paragraph("No strategy visits a star.")
 
 
-def _rank_of(rank: int | None) -> str:
-    return "not visited" if rank is None else str(rank)
-
-
 @doc.section_of(WHATIF_SECTIONS, "changes", "Changes of rank")
 def _changes(report: WhatIfReport) -> Iterator[doc.Block]:
-    changes: dict[str, list[RankChange]] = {}
+    def rank(value: int | None) -> str:
+        return "not visited" if value is None else str(value)
+
+    changes: dict[str, list[results.RankChange]] = {}
     for change in report.result.rank_changes:
         changes.setdefault(change.strategy, []).append(change)
     if not changes:
         return
     reference = report.reference.name
-    yield doc.Paragraph(
-        f"Stars that a strategy ranks elsewhere than {reference} does, by planets found per hour; the largest changes "
-        "of each strategy. Planets are those found at the star, mean of a survey."
-    )
-    columns: tuple[doc.Column[RankChange], ...] = (
+    yield doc.Paragraph(words.text("texts.whatif_changes", reference=reference))
+    columns: tuple[doc.Column[results.RankChange], ...] = (
         doc.Column("Star", lambda change: pretty_name(change.star), look="row left star"),
-        doc.Column("Rank in", lambda change: _rank_of(change.first_rank), reference),
-        doc.Column("Rank here", lambda change: _rank_of(change.rank)),
+        doc.Column("Rank in", lambda change: rank(change.first_rank), reference),
+        doc.Column("Rank here", lambda change: rank(change.rank)),
         doc.Column("Why", lambda change: change.why, look="left wide"),
     )
     for name, rows in changes.items():
@@ -1144,7 +891,26 @@ def _images(report: WhatIfReport) -> Iterator[doc.Block]:
         none = "No images were asked for: detections are those of the analytic model with the detection law that stands"
         yield doc.Paragraph([f"{none} under ", doc.link("assumptions", "Assumptions"), "."])
         return
-    yield image_table(report.named, confirmed)
+
+    def correction(row: tuple[StrategyOutcome, results.ImageSample]) -> doc.Inline:
+        low, high = row[1].low, row[1].high
+        ends = "" if low is None or high is None else interval_text(low, high)
+        return doc.lines(decimals(row[1].correction, 2), doc.small(ends))
+
+    def corrected(row: tuple[StrategyOutcome, results.ImageSample]) -> str:
+        return MISSING if row[1].correction is None else decimals(row[1].correction * row[0].planets.mean, 2)
+
+    columns: tuple[doc.Column[tuple[StrategyOutcome, results.ImageSample]], ...] = (
+        doc.Column("Strategy", lambda row: report.named(row[0]), look="row left star"),
+        doc.Column("Detections", lambda row: count_text(row[1].detections), "sampled"),
+        doc.Column("Sequences", lambda row: count_text(row[1].images), "simulated"),
+        doc.Column("Expected", lambda row: decimals(row[1].expected, 1)),
+        doc.Column("Found", lambda row: count_text(row[1].found)),
+        doc.Column("Correction", correction),
+        doc.Column("Planets found", corrected, "corrected"),
+        doc.Column("Note", lambda row: row[1].note, look="left wide"),
+    )
+    yield doc.table("Confirmed by images", words.text("texts.whatif_images"), columns, confirmed)
 
 
 @doc.section_of(WHATIF_SECTIONS, "details", "Each strategy")
@@ -1154,25 +920,73 @@ def _details(report: WhatIfReport) -> Iterator[doc.Block]:
         most = f"The first strategy and the {len(shown) - 1} that find most; `targets.csv` has the stars of all {n}."
         yield doc.Paragraph(doc.marked(most), "note")
     for item in shown:
-        yield doc.Group(report.anchors[item.name], item.name, list(strategy_blocks(item, report.reference)))
+        yield doc.Group(report.anchors[item.name], item.name, list(_strategy_blocks(item, report.reference)))
+
+
+def _strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterator[doc.Block]:
+    """Yield what there is to say of one strategy: how it differs from the reference, and its stars."""
+    if item.description:
+        yield doc.Paragraph(f"{item.description}.")
+    if item.name != reference.name:
+        differences: list[doc.Inline] = [f"Set as {reference.name} is."]
+        if changed := changed_settings(item.settings, reference.settings):
+            differences = [f"Set otherwise than in {reference.name}: "]
+            for number, (key, own, other) in enumerate(changed, 1):
+                differences += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
+        yield doc.Paragraph(differences, "note")
+    if not item.targets:
+        yield doc.Paragraph("No star is visited.")
+        return
+    stars = doc.row_table(
+        f"Stars of {item.name}",
+        words.text("texts.whatif_stars", name=item.name),
+        results.SurveyTarget,
+        "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
+        "follow_up_h alarm_h new_planets known_seen planets_per_100h",
+        item.targets,
+        look="compact",
+        name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
+        distance_pc=lambda star: significant(star.distance_pc, 4),
+        first_utc=lambda star: star.first_utc or MISSING,
+        new_planets=lambda star: planets_text(star.new_planets),
+        known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
+    )
+    yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
 
 
 @doc.section_of(WHATIF_SECTIONS, "reading", "How to read this")
 def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Items(prose()["reading"])
+    yield doc.Items(words.prose()["reading"])
 
 
 @doc.section_of(WHATIF_SECTIONS, "assumptions", "Assumptions")
 def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     result, reference = report.result, report.reference
+    n_strategies = len(result.strategies)
     yield doc.Heading("Of all strategies")
     yield doc.Facts([*universe_facts(result), *doc.notes_fact(result.notes)])
     others: doc.Inline = ["; the others differ as told under ", doc.link("details", "Each strategy")]
-    yield doc.Heading([f"Of {reference.name}", others if len(result.strategies) > 1 else ""])
+    yield doc.Heading([f"Of {reference.name}", others if n_strategies > 1 else ""])
     yield doc.Facts(shared_facts(reference.settings, reference.instrument))
     if not result.sources:
         return
-    rows = source_table(result.sources, len(result.strategies))
+
+    def value(item: results.SettingSource) -> doc.Inline:
+        text = setting_text(item.value, "" if item.unit else item.key)
+        return [text, " ", doc.small(item.unit)] if item.unit else text
+
+    def used_by(item: results.SettingSource) -> str:
+        return "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies)
+
+    columns: tuple[doc.Column[results.SettingSource], ...] = (
+        doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
+        doc.Column("Value", value),
+        doc.Column("Standing", lambda item: item.confidence, look="left"),
+        doc.Column("Source", lambda item: item.source, look="left wide"),
+        doc.Column("Strategies", used_by, look="left wide"),
+    )
+    caption = words.text("texts.whatif_sources")
+    rows = doc.table("Sources of the settings", caption, columns, result.sources, look="compact")
     yield doc.Fold(f"Where these numbers are from ({len(result.sources)})", [rows])
 
 
@@ -1184,26 +998,13 @@ def _missing(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "glossary", "Glossary")
 def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Facts([*prose()["whatif_terms"].items(), *terms(_WORDS)])
+    yield doc.Facts([*words.prose()["whatif_terms"].items(), *words.terms(_WORDS)])
 
 
 @doc.section_of(WHATIF_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     result = report.result
-    note = (
-        "Numbers in full: `whatif.json`; stars of all strategies: `targets.csv`; their calendars, one line a visit: "
-        "`visits.csv`, `visits.ecsv`, `visits.json`; every universe, star, detection and orbit: "
-        "`universes.parquet`, `stars.parquet`, `detections.parquet`, `orbits.parquet`. Times, host and package "
-        "versions of the run: `run.json`."
-    )
-    yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
+    note = doc.marked(words.text("texts.whatif_files"))
+    yield from doc.reproduced_blocks(result, note, seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
-    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *prose()["credits"]))
-
-
-def targets_csv(result: results.WhatIfResult) -> str:
-    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
-    rows = []
-    for item in result.strategies:
-        rows += [{"strategy": item.name} | results.values_of(target) for target in item.targets]
-    return results.csv_text(("strategy", *results.names_of(results.SurveyTarget)), rows)
+    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *words.prose()["credits"]))

@@ -9,20 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cpic_core import FloatArray
+from cpic_planner import results
 from cpic_planner.report import drawing
-from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, new_figure, place_labels, save, style
+from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, with_style
 from cpic_planner.report.ranking_figures import map_longitude, marker_area, sky_axes
-from cpic_planner.report.words import decimals, pretty_name, significant
-from cpic_planner.results import (
-    CurvePoint,
-    DifferenceRecord,
-    DoubtChoice,
-    EstimateRecord,
-    StrategyOutcome,
-    SurveyTarget,
-    WhatIfResult,
-)
+from cpic_planner.report.words import decimals, hidden_sentence, pretty_name, significant
+from cpic_planner.results import StrategyOutcome, SurveyTarget, WhatIfResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -32,13 +24,10 @@ if TYPE_CHECKING:
 
 FEW = 8
 """Strategies that can be told apart by colour and marker in one plot."""
-
-
 MOST_ROWS = 40
 """Rows of a figure that can be read."""
-
-
 _LABEL_LENGTH = 34
+_DASHED: Look = {"color": "#111111", "lw": 1.1, "ls": "--", "zorder": 1}
 
 
 @dataclass(frozen=True)
@@ -102,12 +91,11 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
         lines.setdefault(f"{base} {rest}".strip(), {})[values[key].text] = index
     texts, settings = list(settings_by_key[key]), list(settings_by_key[key].values())
     units = {"x" if item.text.startswith("x") and not item.unit else item.unit for item in settings}
-    amounts = [_number(item.value) for item in settings]
-    if None in amounts or len(units) > 1:
+    amounts = [number for item in settings if (number := _number(item.value)) is not None]
+    if len(amounts) < len(settings) or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
     ordered = sorted(zip(amounts, texts, strict=True))
-    numbers = tuple(float(value) for value, _ in ordered)  # type: ignore[arg-type]
-    return Sweep(key, tuple(text for _, text in ordered), numbers, units.pop(), lines)
+    return Sweep(key, tuple(text for _, text in ordered), tuple(value for value, _ in ordered), units.pop(), lines)
 
 
 def _number(value: Any) -> float | None:
@@ -139,12 +127,10 @@ def left_out(strategies: Sequence[StrategyOutcome], most: int = MOST_ROWS) -> st
     return f" Shown are the first strategy and the {most - 1} of all {len(strategies)} that find most."
 
 
+_Visits = Mapping[str, Sequence[tuple[int, SurveyTarget]]]
+"""Stars by name, each with index and record of every strategy that visits it."""
 _RING_AREA = 75.0
-
-
 _LABELLED = 14
-
-
 _SPREAD = 0.76
 """Height of a row that the marks of its strategies share."""
 
@@ -163,6 +149,7 @@ def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
     return {name: visits[name] for name in order}
 
 
+@with_style
 def calendar_figure(result: WhatIfResult) -> Picture | None:
     """Draw a mark for every planned visit: stars down, dates across; none where nothing is visited."""
     stars = visited(result)
@@ -172,41 +159,28 @@ def calendar_figure(result: WhatIfResult) -> Picture | None:
     many = len(result.strategies) > FEW
     begins = np.array(result.slot_utc, "datetime64[D]").astype(float)  # days since 1970, as matplotlib counts
     step = float(result.universe["slot_days"])
-    with style():
-        each = 0.62 if len(rows) <= 10 and not many else 0.3
-        figure = new_figure(1.7 + each * max(len(rows), 3))
-        axes = figure.subplots()
-        for row in range(len(rows)):
-            axes.axhspan(row - 0.5, row + 0.5, color="#F4F6F8" if row % 2 else "white", lw=0, zorder=0)
-        if many:
-            _counts(axes, rows, begins, step, len(result.strategies))
-        else:
-            _marks(axes, result, rows, begins + 0.5 * step)
-        axes.set_yticks(range(len(rows)), [_star_label(name, members) for name, members in rows.items()])
-        axes.tick_params(axis="y", length=0)
-        axes.set(ylim=(len(rows) - 0.5, -0.5), xlim=(begins[0] - step, begins[-1] + 2 * step))
-        drawing.date_axis(axes)
-        axes.grid(visible=True, axis="x")
-        hidden = len(stars) - len(rows)
+    each = 0.62 if len(rows) <= 10 and not many else 0.3
+    figure, axes = drawing.panels(1.7 + each * max(len(rows), 3), grid="x")
+    for row in range(len(rows)):
+        axes.axhspan(row - 0.5, row + 0.5, color="#F4F6F8" if row % 2 else "white", lw=0, zorder=0)
+    if many:
+        _counts(axes, rows, begins, step, len(result.strategies))
+        drawn = "Shade: in how many strategies a visit is planned in that slot."
+    else:
+        _marks(axes, result, rows, begins + 0.5 * step)
         drawn = f"One mark for each slot of {step:g} days with a visit, a colour and shape for each strategy."
-        if many:
-            drawn = "Shade: in how many strategies a visit is planned in that slot."
-        return save(
-            figure,
-            alt=f"Calendar of visits of {len(rows)} stars by {len(result.strategies)} strategies.",
-            caption=f"Planned visits, those held in reserve included; stars by the best rank that any strategy gives "
-            f"them; ● marks stars with a known planet. {drawn} Stop rules cancel later visits once a planet is found."
-            + (f" Stars of lower rank, not shown: {hidden}." if hidden else ""),
-        )
+    drawing.name_rows(axes, [_star_label(name, members) for name, members in rows.items()], marks=False)
+    axes.set(ylim=(len(rows) - 0.5, -0.5), xlim=(begins[0] - step, begins[-1] + 2 * step))
+    drawing.date_axis(axes)
+    more = hidden_sentence("Stars of lower rank", len(stars) - len(rows))
+    return drawing.picture(figure, "calendar", rows=rows, strategies=result.strategies, drawn=drawn, more=more)
 
 
 def _star_label(name: str, members: Sequence[tuple[int, SurveyTarget]]) -> str:
     return literal(pretty_name(name)) + (" ●" if any(target.known_planets for _, target in members) else "")
 
 
-def _marks(
-    axes: Axes, result: WhatIfResult, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], middle: np.ndarray
-) -> None:
+def _marks(axes: Axes, result: WhatIfResult, rows: _Visits, middle: np.ndarray) -> None:
     n = len(result.strategies)
     offsets = _SPREAD * ((np.arange(n) + 0.5) / n - 0.5)
     places: list[tuple[list[float], list[float]]] = [([], []) for _ in range(n)]
@@ -220,9 +194,7 @@ def _marks(
     axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)
 
 
-def _counts(
-    axes: Axes, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], begins: np.ndarray, step: float, n: int
-) -> None:
+def _counts(axes: Axes, rows: _Visits, begins: np.ndarray, step: float, n: int) -> None:
     """Draw how many strategies visit each star in each slot."""
     from matplotlib.ticker import MaxNLocator
 
@@ -237,6 +209,7 @@ def _counts(
     axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015, ticks=MaxNLocator(6, integer=True))
 
 
+@with_style
 def stars_figure(result: WhatIfResult) -> Picture | None:
     """Draw the visited stars on the sky, coloured by planets found for the time; none where nothing is visited."""
     from matplotlib.colors import LogNorm
@@ -252,38 +225,31 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
     areas = 2.0 * marker_area([row.v_mag for row in rows])
     hosts = np.array([any(target.known_planets for _, target in stars[row.name]) for row in rows])
     fruitful = values > 0
-    with style():
-        figure = new_figure(4.8)
-        axes = sky_axes(figure)
-        if (~fruitful).any():
-            look: Look = {"facecolors": "white", "lw": 0.9, "edgecolors": "#777777", "zorder": 3}
-            label = f"nothing found ({(~fruitful).sum()})"
-            axes.scatter(x[~fruitful], y[~fruitful], s=areas[~fruitful], label=label, **look)
-        if fruitful.any():
-            ends = values[fruitful].min(), max(values[fruitful].max(), 1.001 * values[fruitful].min())
-            order = np.flatnonzero(fruitful)[::-1]
-            look = {"cmap": "viridis_r", "norm": LogNorm(*ends), "edgecolors": "#333333", "linewidths": 0.4}
-            dots = axes.scatter(x[order], y[order], s=areas[order], c=values[order], zorder=4, **look)
-            bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
-            bar.ax.yaxis.set_major_formatter("{x:g}")
-            bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
-        if hosts.any():
-            look = {"facecolors": "none", "lw": 1.3, "edgecolors": "#D55E00", "zorder": 5}
-            label = f"known planet ({hosts.sum()})"
-            axes.scatter(x[hosts], y[hosts], s=areas[hosts] + _RING_AREA, label=label, **look)
-        figure.legend(loc="outside lower center", ncols=4)
-        first = slice(_LABELLED)
-        reach = np.sqrt((areas + _RING_AREA * hosts) / np.pi)[first] * drawing.SCREEN_DPI / 72.0
-        names = [literal(pretty_name(row.name)) for row in rows[first]]
-        hours, px, py = axes.get_xticklabels(), x[first].tolist(), y[first].tolist()
-        place_labels(axes, px, py, names, fontsize=9, avoid=hours, reach_px=reach.tolist())
-        return save(
-            figure,
-            alt=f"Map of the sky with {len(rows)} visited stars; most planets for the time: "
-            f"{', '.join(pretty_name(row.name) for row in rows[:3])}.",
-            caption="Stars that any strategy visits. Colour: planets found, new and known, per 100 h of telescope time "
-            "in the strategy that does best there; area grows with brightness; rings mark stars with a known planet.",
-        )
+    figure = drawing.new_figure(4.8)
+    axes = sky_axes(figure)
+    if (~fruitful).any():
+        look: Look = {"facecolors": "white", "lw": 0.9, "edgecolors": "#777777", "zorder": 3}
+        label = f"nothing found ({(~fruitful).sum()})"
+        axes.scatter(x[~fruitful], y[~fruitful], s=areas[~fruitful], label=label, **look)
+    if fruitful.any():
+        ends = values[fruitful].min(), max(values[fruitful].max(), 1.001 * values[fruitful].min())
+        order = np.flatnonzero(fruitful)[::-1]
+        look = {"cmap": "viridis_r", "norm": LogNorm(*ends), "edgecolors": "#333333", "linewidths": 0.4}
+        dots = axes.scatter(x[order], y[order], s=areas[order], c=values[order], zorder=4, **look)
+        bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
+    if hosts.any():
+        look = {"facecolors": "none", "lw": 1.3, "edgecolors": "#D55E00", "zorder": 5}
+        axes.scatter(x[hosts], y[hosts], s=areas[hosts] + _RING_AREA, label=f"known planet ({hosts.sum()})", **look)
+    figure.legend(loc="outside lower center", ncols=4)
+    first = slice(_LABELLED)
+    reach = np.sqrt((areas + _RING_AREA * hosts) / np.pi)[first] * drawing.SCREEN_DPI / 72.0
+    names = [literal(pretty_name(row.name)) for row in rows[first]]
+    near: Look = {"avoid": axes.get_xticklabels(), "reach_px": reach.tolist()}
+    drawing.place_labels(axes, x[first].tolist(), y[first].tolist(), names, fontsize=9, **near)
+    fruits = ", ".join(pretty_name(row.name) for row in rows[:3])
+    return drawing.picture(figure, "visited_stars", rows=rows, first=fruits)
 
 
 _PARTS: tuple[tuple[str, str, str, str], ...] = (
@@ -294,48 +260,35 @@ _PARTS: tuple[tuple[str, str, str, str], ...] = (
     ("alarm_h", "false alarms", "#CC79A7", "xx"),
     ("unused_h", "unused budget", "#EFEFEF", ""),
 )
-
-
-_DIFFERENCES: tuple[Literal["planets", "new_planets"], ...] = ("planets", "new_planets")
-
-
 _UNUSED_REACH = 1.35
-
-
 _DETECTED: tuple[tuple[str, str, float, bool], ...] = (
     ("snr", "SNR", 1.0, True),
     ("margin", "significance / threshold", 1.0, True),
     ("contrast", "contrast (10⁻⁹)", 1e9, True),
     ("separation_arcsec", "separation (arcsec)", 1.0, False),
 )
+_ALL_PLANETS = "planets found, new and known"
 
 
+@with_style
 def yields_figure(result: WhatIfResult) -> Picture:
     """Draw the mean yield with its interval, and the range of single surveys, of every strategy."""
-    rows = shown_rows(result.strategies)
-    looks = looks_of(result.strategies)
-    with style():
-        figure, (left, right) = _rowed(result, rows, 2)
-        for axes, quantity in ((left, "planets"), (right, "new_planets")):
-            for place, i in enumerate(rows):
-                estimate: EstimateRecord = getattr(result.strategies[i], quantity)
-                ends = [estimate.survey_low, estimate.survey_high]
-                axes.plot(ends, [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6)
-                _draw_mean(axes, place, estimate, looks[i])
-            axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
-        left.set_xlabel("planets found, new and known")
-        right.set_xlabel("new planets found")
-        best = max(result.strategies, key=lambda item: item.planets.mean)
-        return save(
-            figure,
-            alt=f"Planets found by {len(rows)} strategies; most by {best.name}, {significant(best.planets.mean)} a "
-            "survey.",
-            caption="Marker and thick line: mean over universes with its 90 % interval, how well the mean is known. "
-            "Thin line: 5 to 95 % of single surveys, what chance will make of one real survey."
-            + left_out(result.strategies),
-        )
+    rows, looks = shown_rows(result.strategies), looks_of(result.strategies)
+    figure, panels = _row_panels(result, rows, 2)
+    quantities = {"planets": _ALL_PLANETS, "new_planets": "new planets found"}
+    for axes, (quantity, label) in zip(panels, quantities.items(), strict=True):
+        for place, i in enumerate(rows):
+            estimate: results.EstimateRecord = getattr(result.strategies[i], quantity)
+            ends = [estimate.survey_low, estimate.survey_high]
+            axes.plot(ends, [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6)
+            _draw_mean(axes, place, estimate, looks[i])
+        axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
+        axes.set_xlabel(label)
+    best = max(result.strategies, key=lambda item: item.planets.mean)
+    return drawing.picture(figure, "yields", rows=rows, best=best, more=left_out(result.strategies))
 
 
+@with_style
 def differences_figure(result: WhatIfResult) -> Picture | None:
     """Draw paired differences with the first strategy; none where there is only one."""
     if len(result.strategies) < 2:
@@ -344,29 +297,22 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
     places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
     looks = looks_of(result.strategies)
     by_pair = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    rows = list(places.values())
-    with style():
-        figure, panels = _rowed(result, rows, 2)
-        for axes, quantity in zip(panels, _DIFFERENCES, strict=True):
-            for place, (name, i) in enumerate(places.items()):
-                item = by_pair.get((name, quantity))
-                if item is not None:
-                    sure = item.low > 0.0 or item.high < 0.0
-                    look = looks[i] if sure else ("#8C8C8C", looks[i][1])
-                    _draw_mean(axes, place, item, look, sure=sure)
-            axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
-            axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
-        better = [name for name in places if (item := by_pair.get((name, "planets"))) is not None and item.low > 0]
-        return save(
-            figure,
-            alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
-            f"{f' and {len(better) - FEW} others' if len(better) > FEW else ''}.",
-            caption=f"Planets found more (right) or fewer (left) than by {reference} in the same universes, mean with "
-            "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance."
-            + left_out(result.strategies),
-        )
+    figure, panels = _row_panels(result, list(places.values()), 2)
+    quantities: tuple[Literal["planets", "new_planets"], ...] = ("planets", "new_planets")
+    for axes, quantity in zip(panels, quantities, strict=True):
+        for place, (name, i) in enumerate(places.items()):
+            if (item := by_pair.get((name, quantity))) is not None:
+                sure = item.low > 0.0 or item.high < 0.0
+                _draw_mean(axes, place, item, looks[i] if sure else ("#8C8C8C", looks[i][1]), sure=sure)
+        axes.axvline(0.0, **_DASHED)
+        axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
+    better = [name for name in places if (item := by_pair.get((name, "planets"))) is not None and item.low > 0]
+    others = f" and {len(better) - FEW} others" if len(better) > FEW else ""
+    names = f"{', '.join(better[:FEW]) or 'none'}{others}"
+    return drawing.picture(figure, "differences", reference=reference, better=names, more=left_out(result.strategies))
 
 
+@with_style
 def time_figure(result: WhatIfResult) -> Picture:
     """Draw where the telescope time goes."""
     rows = shown_rows(result.strategies)
@@ -374,60 +320,45 @@ def time_figure(result: WhatIfResult) -> Picture:
     used = np.array([sum(getattr(use, name) for name, *_ in _PARTS[:-1]) for use in uses])
     unused = np.array([use.unused_h for use in uses])
     end = min(float((used + unused).max()), _UNUSED_REACH * float(used.max())) or float((used + unused).max()) or 1.0
-    with style():
-        figure, (axes,) = _rowed(result, rows, 1)
-        left = np.zeros(len(rows))
-        for name, label, colour, hatch in _PARTS:
-            widths = np.array([getattr(use, name) for use in uses])
-            look: Look = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0.4, "height": 0.66}
-            axes.barh(range(len(rows)), widths, left=left, label=label, **look)
-            left += widths
-        axes.set_xlim(0.0, end)
-        for place in range(len(rows)):
-            if unused[place] > 0 and used[place] < 0.88 * end:
-                text, place_xy = f"{significant(unused[place])} h unused", (used[place], place)
-                look = {"textcoords": "offset points", "va": "center", "fontsize": 8, "color": "#333333"}
-                axes.annotate(text, place_xy, (4, 0), **look)
-        axes.set_xlabel("telescope time a survey (h)")
-        figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
-        cut = bool((used + unused).max() > end)
-        totals = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
-        return save(
-            figure,
-            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(totals[:FEW])}.",
-            caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
-            "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
-            "left for a frame."
-            + (" Unused budget runs on beyond the axis." if cut else "")
-            + left_out(result.strategies),
-        )
+    figure, (axes,) = _row_panels(result, rows, 1)
+    left = np.zeros(len(rows))
+    for name, label, colour, hatch in _PARTS:
+        widths = np.array([getattr(use, name) for use in uses])
+        look: Look = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0.4, "height": 0.66}
+        axes.barh(range(len(rows)), widths, left=left, label=label, **look)
+        left += widths
+    axes.set_xlim(0.0, end)
+    for place in range(len(rows)):
+        if unused[place] > 0 and used[place] < 0.88 * end:
+            text, place_xy = f"{significant(unused[place])} h unused", (used[place], place)
+            look = {"textcoords": "offset points", "va": "center", "fontsize": 8, "color": "#333333"}
+            axes.annotate(text, place_xy, (4, 0), **look)
+    axes.set_xlabel("telescope time a survey (h)")
+    figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
+    cut = " Unused budget runs on beyond the axis." if (used + unused).max() > end else ""
+    totals = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
+    words: dict[str, Any] = {"totals": ", ".join(totals[:FEW]), "cut": cut, "more": left_out(result.strategies)}
+    return drawing.picture(figure, "telescope_time", **words)
 
 
+@with_style
 def detections_figure(result: WhatIfResult) -> Picture | None:
     """Draw what the detected planets are like; none where nothing is detected."""
     rows = [i for i in shown_rows(result.strategies) if result.strategies[i].quantiles]
     if not rows:
         return None
     looks = looks_of(result.strategies)
-    with style():
-        figure, panels = _rowed(result, rows, len(_DETECTED))
-        for axes, (name, title, scale, log) in zip(panels, _DETECTED, strict=True):
-            for place, i in enumerate(rows):
-                levels = result.strategies[i].quantiles.get(name)
-                if levels is not None:
-                    _draw_quantiles(axes, place, [scale * level for level in levels], looks[i][0])
-            if log:
-                drawing.plain_log_axis(axes)
-            axes.set_xlabel(title)
-        empty = len(result.strategies) - len([item for item in result.strategies if item.quantiles])
-        return save(
-            figure,
-            alt="Ranges of SNR, margin, contrast and separation of the detections of each strategy.",
-            caption="Detections of all universes. Box: the middle half, with the median; line: 5 to 95 %. Contrast is "
-            "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out."
-            + (f" Strategies without any detection, not shown: {empty}." if empty else "")
-            + left_out(result.strategies),
-        )
+    figure, panels = _row_panels(result, rows, len(_DETECTED))
+    for axes, (name, title, scale, log) in zip(panels, _DETECTED, strict=True):
+        for place, i in enumerate(rows):
+            levels = result.strategies[i].quantiles.get(name)
+            if levels is not None:
+                _draw_quantiles(axes, place, [scale * level for level in levels], looks[i][0])
+        if log:
+            drawing.plain_log_axis(axes)
+        axes.set_xlabel(title)
+    empty = hidden_sentence("Strategies without any detection", sum(not item.quantiles for item in result.strategies))
+    return drawing.picture(figure, "detections", empty=empty, more=left_out(result.strategies))
 
 
 def _draw_quantiles(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
@@ -438,7 +369,12 @@ def _draw_quantiles(axes: Axes, place: int, levels: Sequence[float], colour: str
 
 
 def _draw_mean(
-    axes: Axes, place: int, item: EstimateRecord | DifferenceRecord, look: tuple[str, str], *, sure: bool = True
+    axes: Axes,
+    place: int,
+    item: results.EstimateRecord | results.DifferenceRecord,
+    look: tuple[str, str],
+    *,
+    sure: bool = True,
 ) -> None:
     colour, marker = look
     axes.plot([item.low, item.high], [place, place], color=colour, lw=8.0, solid_capstyle="butt", alpha=0.45)
@@ -446,101 +382,72 @@ def _draw_mean(
     axes.plot([item.mean], [place], marker=marker, ms=5.5, color=colour, ls="none", mfc=face, mec=colour)
 
 
-def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
+def _row_panels(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
     """Return the panels that share their rows, first strategy at the top."""
-    each = 0.42 if len(rows) <= 12 else 0.24
-    figure = new_figure(1.5 + each * max(len(rows), 2))
-    panels = list(figure.subplots(1, columns, sharey=True, squeeze=False)[0])
-    for axes in panels:
-        axes.grid(visible=True, axis="x")
+    many = len(rows) > 12
+    height = 1.5 + (0.24 if many else 0.42) * max(len(rows), 2)
+    figure, panels = drawing.panels(height, columns, grid="x", sharey=True, squeeze=False)
+    for axes in panels[0]:
         axes.tick_params(axis="y", length=0)
-    small = len(rows) > 12
     labels = [row_label(result.strategies[i].name) for i in rows]
-    panels[0].set_yticks(range(len(rows)), labels, fontsize=8 if small else 9.5)
-    panels[0].set_ylim(len(rows) - 0.4, -0.6)
-    return figure, panels
+    drawing.name_rows(panels[0][0], labels, fontsize=8 if many else 9.5)
+    return figure, list(panels[0])
 
 
 _What = Literal["curve", "convergence"]
-
-
 _BAND_ALPHA = 0.18
-
-
 _MOST_VALUES = 16
 """Values of a sweep that shades can tell apart."""
-
-
 _LOG_RANGE = 8.0
-
-
 _BUDGET_REACH = 1.3
 """A budget beyond this many times the longest line is told in the caption: drawing it would squeeze the lines."""
 
 
+@with_style
 def curves_figure(result: WhatIfResult) -> Picture:
     """Draw planets found against telescope time used, with the 90 % interval of the mean."""
     strategies = result.strategies
     longest = max(item.hours.survey_high for item in strategies) or 1.0
     budgets = sorted({float(item.settings["time_budget_h"]) for item in strategies})
     drawn = [budget for budget in budgets if budget <= _BUDGET_REACH * longest]
-    end = 1.04 * max([longest, *drawn])
-    with style():
-        figure, shown = _panels(result, "curve")
-        for axes in figure.axes:
-            for budget in drawn:
-                axes.axvline(budget, color="#111111", lw=1.1, ls="--", zorder=1)
-            axes.set(xlim=(0.0, end), ylim=(0.0, None))
-        figure.supxlabel("telescope time used (h)", fontsize=10.5)
-        figure.supylabel("planets found, new and known", fontsize=10.5)
-        budgets_text = _listed([f"{significant(budget, 4)} h" for budget in budgets])
-        where = "dashed" if len(drawn) == len(budgets) else "dashed where on the axis" if drawn else "beyond the axis"
-        best = max(strategies, key=lambda item: item.planets.mean)
-        return save(
-            figure,
-            alt=f"Planets found against telescope time for {len(strategies)} strategies; {best.name} ends highest, at "
-            f"{significant(best.planets.mean)} planets after {significant(best.hours.mean)} hours.",
-            caption="Planets found by the time that so many hours of telescope time were used, mean over universes"
-            f"{shown} A line ends, at its marker, where 95 % of the surveys of the strategy "
-            f"have ended. Budget: {budgets_text} ({where}).",
-        )
+    figure, shown = _curves(result, "curve", "telescope time used (h)")
+    for axes in figure.axes:
+        for budget in drawn:
+            axes.axvline(budget, **_DASHED)
+        axes.set(xlim=(0.0, 1.04 * max([longest, *drawn])), ylim=(0.0, None))
+    texts = [f"{significant(budget, 4)} h" for budget in budgets]
+    listed = ", ".join(texts) if len(texts) <= 4 else f"{texts[0]} to {texts[-1]}"
+    where = "dashed" if len(drawn) == len(budgets) else "dashed where on the axis" if drawn else "beyond the axis"
+    best = max(strategies, key=lambda item: item.planets.mean)
+    words: dict[str, Any] = {"strategies": strategies, "best": best, "shown": shown, "budgets": listed, "where": where}
+    return drawing.picture(figure, "yield_curves", **words)
 
 
+@with_style
 def convergence_figure(result: WhatIfResult) -> Picture:
     """Draw mean and interval against the number of universes."""
-    with style():
-        figure, shown = _panels(result, "convergence")
-        for axes in figure.axes:
-            drawing.plain_log_axis(axes)
-        figure.supxlabel("universes", fontsize=10.5)
-        figure.supylabel("planets found, new and known", fontsize=10.5)
-        widest = max(item.planets.high - item.planets.low for item in result.strategies)
-        return save(
-            figure,
-            alt=f"Mean number of planets found against the number of universes up to {result.n_universes}.",
-            caption="Has the Monte Carlo converged? Mean of the first universes"
-            f"{shown} At the end the widest interval is {significant(widest, 2)} "
-            "planets; four times the universes halve it.",
-        )
+    figure, shown = _curves(result, "convergence", "universes")
+    for axes in figure.axes:
+        drawing.plain_log_axis(axes)
+    widest = max(item.planets.high - item.planets.low for item in result.strategies)
+    return drawing.picture(figure, "convergence", n_universes=result.n_universes, shown=shown, widest=widest)
 
 
-def _listed(texts: Sequence[str]) -> str:
-    return ", ".join(texts) if len(texts) <= 4 else f"{texts[0]} to {texts[-1]}"
-
-
-def _panels(result: WhatIfResult, what: _What) -> tuple[Figure, str]:
+def _curves(result: WhatIfResult, what: _What, label: str) -> tuple[Figure, str]:
     """Draw one panel; for a long sweep one of each line, coloured by the value. Return the end of the caption too."""
     strategies, sweep = result.strategies, sweep_of(result.strategies)
     if len(strategies) > FEW and sweep is not None and len(sweep.lines) <= FEW and len(sweep.values) <= _MOST_VALUES:
-        return _sweep_panels(strategies, sweep, what), "."
-    figure = new_figure(4.4)
-    axes = figure.subplots()
-    chosen = [strategies[i] for i in shown_rows(strategies, FEW)]
-    for item, (colour, marker) in zip(chosen, looks_of(chosen), strict=True):
-        _line(axes, item, what, colour, marker, band=True)
-    axes.grid(visible=True)
-    figure.legend(loc="outside upper center", ncols=3)
-    return figure, f" with the 90 % interval of the mean.{left_out(strategies, FEW)}"
+        figure, shown = _sweep_panels(strategies, sweep, what), "."
+    else:
+        figure, axes = drawing.panels(4.4)
+        chosen = [strategies[i] for i in shown_rows(strategies, FEW)]
+        for item, (colour, marker) in zip(chosen, looks_of(chosen), strict=True):
+            _line(axes, item, what, colour, marker, band=True)
+        figure.legend(loc="outside upper center", ncols=3)
+        shown = f" with the 90 % interval of the mean.{left_out(strategies, FEW)}"
+    figure.supxlabel(label, fontsize=10.5)
+    figure.supylabel(_ALL_PLANETS, fontsize=10.5)
+    return figure, shown
 
 
 def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _What) -> Figure:
@@ -548,8 +455,7 @@ def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _Wh
 
     columns = min(3, len(sweep.lines))
     rows = -(-len(sweep.lines) // columns)
-    figure = new_figure(1.3 + 2.5 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    figure, grid = drawing.panels(1.3 + 2.5 * rows, columns, rows, sharex=True, sharey=True, squeeze=False)
     # The last yellow of the map is too light for a line.
     shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.85, len(sweep.values)))
     looks = [(mpl.colors.to_hex(shade), BAND_STYLE[i % len(BAND_STYLE)][1]) for i, shade in enumerate(shades)]
@@ -559,7 +465,6 @@ def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _Wh
             if value in members:
                 handles[value] = _line(axes, strategies[members[value]], what, *look, band=False)
         axes.set_title(row_label(name), fontsize=9.5)
-        axes.grid(visible=True)
     for axes in grid.flat[len(sweep.lines) :]:
         axes.remove()
     texts = [literal(f"{sweep.key}={value}") for value in sweep.values]
@@ -569,7 +474,7 @@ def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _Wh
 
 
 def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: str, *, band: bool) -> Artist:
-    points: list[CurvePoint] = item.curve if what == "curve" else item.convergence
+    points: list[results.CurvePoint] = item.curve if what == "curve" else item.convergence
     x, mean, low, high = (np.array([getattr(point, name) for point in points]) for name in ("x", "mean", "low", "high"))
     if what == "curve":
         # Beyond the end nothing changes: the next point holds what the surveys end with, however far it is.
@@ -584,47 +489,37 @@ def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: s
     return line
 
 
+@with_style
 def sweep_figure(result: WhatIfResult) -> Picture | None:
     """Draw yield against the varied key, a line for every base strategy; none where nothing is varied."""
     strategies, sweep = result.strategies, sweep_of(result.strategies)
     if sweep is None:
         return None
-    numbers = sweep.numbers
-    places = np.arange(len(sweep.values), dtype=float) if numbers is None else np.array(numbers)
+    places = np.arange(len(sweep.values), dtype=float) if sweep.numbers is None else np.array(sweep.numbers)
     best = {line: max(strategies[i].planets.mean for i in members.values()) for line, members in sweep.lines.items()}
     kept = set(sorted(best, key=lambda line: -best[line])[:FEW])
     lines = [line for line in sweep.lines if line in kept]
-    with style():
-        figure = new_figure(4.6)
-        panels = figure.subplots(1, 2, sharex=True)
-        for axes, quantity in zip(panels, ("planets", "new_planets"), strict=True):
-            for line, (colour, marker) in zip(lines, BAND_STYLE, strict=False):
-                members = sweep.lines[line]
-                at = [i for i, value in enumerate(sweep.values) if value in members]
-                estimates = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
-                means = [item.mean for item in estimates]
-                errors = [[item.mean - item.low for item in estimates], [item.high - item.mean for item in estimates]]
-                look: Look = {"color": colour, "marker": marker, "lw": 1.5, "ms": 6, "elinewidth": 1.1, "capsize": 2.5}
-                axes.errorbar(places[at], means, yerr=np.maximum(errors, 0.0), label=row_label(line), **look)
-            axes.grid(visible=True)
-            axes.set_ylim(0.0, None)
-        _value_axis(panels[0], sweep, places)
-        panels[0].set_ylabel("planets found, new and known")
-        panels[1].set_ylabel("new planets found")
-        figure.supxlabel(literal(sweep.title), fontsize=10.5)
-        handles, texts = panels[0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="outside upper center", ncols=3)
-        hidden = len(sweep.lines) - len(lines)
-        return save(
-            figure,
-            alt=f"Planets found against {sweep.key} for {len(lines)} strategies and {len(sweep.values)} values.",
-            caption=f"Planets found for every value of {sweep.key}, with the 90 % interval of the mean. All points "
-            "share the same universes, so two of them differ more surely than their intervals suggest: see the "
-            f"differences.{f' Strategies that find less, not shown: {hidden}.' if hidden else ''}",
-        )
+    figure, panels = drawing.panels(4.6, 2, sharex=True)
+    quantities = {"planets": _ALL_PLANETS, "new_planets": "new planets found"}
+    for axes, (quantity, label) in zip(panels, quantities.items(), strict=True):
+        for line, (colour, marker) in zip(lines, BAND_STYLE, strict=False):
+            members = sweep.lines[line]
+            at = [i for i, value in enumerate(sweep.values) if value in members]
+            estimates = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
+            means = [item.mean for item in estimates]
+            errors = [[item.mean - item.low for item in estimates], [item.high - item.mean for item in estimates]]
+            look: Look = {"color": colour, "marker": marker, "lw": 1.5, "ms": 6, "elinewidth": 1.1, "capsize": 2.5}
+            axes.errorbar(places[at], means, yerr=np.maximum(errors, 0.0), label=row_label(line), **look)
+        axes.set_ylim(0.0, None)
+        axes.set_ylabel(label)
+    _value_axis(panels[0], sweep, places)
+    figure.supxlabel(literal(sweep.title), fontsize=10.5)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    more = hidden_sentence("Strategies that find less", len(sweep.lines) - len(lines))
+    return drawing.picture(figure, "sweep", sweep=sweep, lines=lines, more=more)
 
 
-def _value_axis(axes: Axes, sweep: Sweep, places: FloatArray) -> None:
+def _value_axis(axes: Axes, sweep: Sweep, places: np.ndarray) -> None:
     """Set ticks at the values as they were written; a logarithmic axis for wide ranges."""
     from matplotlib.ticker import NullLocator
 
@@ -640,11 +535,12 @@ def _value_axis(axes: Axes, sweep: Sweep, places: FloatArray) -> None:
 _DARK, _ROOM = 0.4, 34.0
 
 
-def plan_label(item: DoubtChoice) -> str:
+def plan_label(item: results.DoubtChoice) -> str:
     """Return the name of a plan: its strategy, and the value that it is planned for."""
     return f"{item.strategy}, for {item.planned_for}"
 
 
+@with_style
 def doubt_figure(result: WhatIfResult) -> Picture | None:
     """Draw what every plan loses under every value; none where no number is in doubt."""
     found = result.doubt
@@ -657,42 +553,27 @@ def doubt_figure(result: WhatIfResult) -> Picture | None:
     own = [[cells[item.strategy, item.planned_for, text] for text in texts] for item in rows]
     losses = np.array([[cell.loss.mean for cell in row] for row in own])
     most = max(float(losses.max()), 1e-3)
-    chosen = {"cautious": found.decision.cautious, "most": found.decision.expected}
-    with style():
-        figure = new_figure(1.6 + 0.29 * len(rows))
-        axes = figure.subplots()
-        drawn = axes.imshow(losses, aspect="auto", cmap="cividis_r", vmin=0.0, vmax=most)
-        for y, (row, item) in enumerate(zip(own, rows, strict=True)):
-            for x, cell in enumerate(row):
-                text = f"{decimals(cell.planets.mean, 2)}  (−{decimals(cell.loss.mean, 3)})"
-                text = f"{decimals(cell.planets.mean, 2)}  best" if cell.loss.mean == 0.0 else text
-                colour = "white" if cell.loss.mean > _DARK * most else "black"
-                axes.text(x, y, text, ha="center", va="center", fontsize=min(8.5, _ROOM / len(texts)), color=colour)
-            names = [
-                name
-                for name, one in chosen.items()
-                if (one.strategy, one.planned_for) == (item.strategy, item.planned_for)
-            ]
-            if names:
-                axes.text(len(texts) - 0.45, y, ", ".join(names), va="center", fontsize=9.5, fontweight="bold")
-            if y and item.strategy != rows[y - 1].strategy:
-                axes.axhline(y - 0.5, color="white", lw=3.0)
-        axes.set_yticks(range(len(rows)), [row_label(plan_label(item)) for item in rows])
-        axes.set_xticks(range(len(texts)), [literal(text) for text in texts])
-        axes.set_xlabel(literal(f"{found.key} that turns out to be true"))
-        axes.set_ylabel("plan")
-        axes.tick_params(length=0)
-        figure.colorbar(drawn, ax=axes, pad=0.12, label="planets fewer than the best plan")
-        what = found.quantity.replace("_", " ")
-        hidden = len(found.choices) - len(rows)
-        return save(
-            figure,
-            alt=f"Loss of {len(rows)} plans under {len(texts)} values of {found.key}.",
-            caption=f"Each row is a plan made for one value of {found.key}, each column the value that turns out to be "
-            f"true: {what} found in a survey, and in brackets how many fewer than the best plan finds there. The "
-            "cautious plan is that whose largest loss is the smallest; the plan marked most finds most by the weights."
-            f"{f' Plans that lose more, not shown: {hidden}.' if hidden else ''}",
-        )
+    chosen = {"cautious": plan_label(found.decision.cautious), "most": plan_label(found.decision.expected)}
+    figure, axes = drawing.panels(1.6 + 0.29 * len(rows), grid="")
+    drawn = axes.imshow(losses, aspect="auto", cmap="cividis_r", vmin=0.0, vmax=most)
+    for y, (row, item) in enumerate(zip(own, rows, strict=True)):
+        for x, cell in enumerate(row):
+            loss = "best" if cell.loss.mean == 0.0 else f"(−{decimals(cell.loss.mean, 3)})"
+            colour = "white" if cell.loss.mean > _DARK * most else "black"
+            look: Look = {"ha": "center", "va": "center", "fontsize": min(8.5, _ROOM / len(texts)), "color": colour}
+            axes.text(x, y, f"{decimals(cell.planets.mean, 2)}  {loss}", **look)
+        if names := [name for name, plan in chosen.items() if plan == plan_label(item)]:
+            axes.text(len(texts) - 0.45, y, ", ".join(names), va="center", fontsize=9.5, fontweight="bold")
+        if y and item.strategy != rows[y - 1].strategy:
+            axes.axhline(y - 0.5, color="white", lw=3.0)
+    axes.set_yticks(range(len(rows)), [row_label(plan_label(item)) for item in rows])
+    axes.set_xticks(range(len(texts)), [literal(text) for text in texts])
+    axes.set(xlabel=literal(f"{found.key} that turns out to be true"), ylabel="plan")
+    axes.tick_params(length=0)
+    figure.colorbar(drawn, ax=axes, pad=0.12, label="planets fewer than the best plan")
+    about: dict[str, Any] = {"key": found.key, "what": found.quantity.replace("_", " ")}
+    more = hidden_sentence("Plans that lose more", len(found.choices) - len(rows))
+    return drawing.picture(figure, "doubt", rows=rows, values=found.values, more=more, **about)
 
 
 WHATIF_FIGURES: dict[str, tuple[str, Callable[[WhatIfResult], Picture | None]]] = {

@@ -6,6 +6,7 @@ import functools
 import json
 import math
 import re
+import string
 from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from typing import Any
@@ -162,6 +163,11 @@ def chosen_text(count: int, whole: int | None, noun: str = "star") -> str:
     return f"{text} of {count_text(whole)}" if chosen else text
 
 
+def interval_text(low: float, high: float, digits: int = 2) -> str:
+    """Return the ends of an interval."""
+    return f"{decimals(low, digits)} to {decimals(high, digits)}"
+
+
 def percent_text(value: float | None) -> str:
     """Return a fraction as per cent."""
     return MISSING if value is None or not math.isfinite(value) else f"{significant(100.0 * value, 2)} %"
@@ -194,6 +200,7 @@ _TEXTS: dict[str, Callable[[Any], str]] = {
     "min": lambda value: decimals(value / _MINUTE_S, 1),
     "bytes": size_text,
     "star": short_name,
+    "name": pretty_name,
 }
 
 
@@ -207,8 +214,8 @@ def formatted(value: Any, form: str = "") -> str:
     form : str
         ``.3f`` (decimals), ``.3g`` (significant digits, no exponent), ``.2e``, ``g``, ``d`` (thin spaces between
         thousands), ``%`` (per cent without the sign), ``time`` (s, min or h), ``min`` (minutes of a time in s),
-        ``bytes``, ``star`` (readable name, cut to the width of a column); empty: three significant digits of numbers,
-        everything else as it is.
+        ``bytes``, ``name`` (of a star, as people write it), ``star`` (the same, cut to the width of a column); empty:
+        three significant digits of numbers, everything else as it is.
 
     Returns
     -------
@@ -338,6 +345,12 @@ def remedy_text(remedy: str) -> str:
     return _spelled(REMEDIES, remedy)
 
 
+def held_texts(row: results.EtcAnswer | results.BandStanding) -> list[str]:
+    """Return what the exposure and the gain of frames are held by, in words."""
+    limits = {"exposure": row.exposure_limited_by, "EM gain": row.gain_limited_by}
+    return [f"the {name} is held by {limit_text(limit)}" for name, limit in limits.items() if limit]
+
+
 def remedies_text(remedies: Mapping[str, float]) -> str:
     """Return what would raise the SNR, the most helpful first and by which factor; empty if nothing would."""
     helpful = sorted(remedies.items(), key=lambda item: -item[1])
@@ -450,6 +463,34 @@ def prose() -> Mapping[str, Any]:
     return dict(parse_yaml(text, where="prose.yaml"))
 
 
+def text(name: str, /, **values: Any) -> str:
+    """Return a text of ``prose.yaml`` with values in its braces.
+
+    They are written as `formatted` says; ``#``: how many there are.
+
+    Parameters
+    ----------
+    name : str
+        Of the text, with those of the mappings that it stands in: ``pictures.yields.alt``.
+    **values
+        What the braces name.
+    """
+    found: Any = prose()
+    for part in name.split("."):
+        found = found[part]
+    return _Prose().format(found, **values)
+
+
+def hidden_sentence(what: str, count: int) -> str:
+    """Return the sentence that says of how many things a picture shows nothing; empty for none."""
+    return f" {what}, not shown: {count}." if count else ""
+
+
+class _Prose(string.Formatter):
+    def format_field(self, value: Any, form: str) -> str:
+        return str(len(value)) if form == "#" else formatted(value, form) if form else str(value)
+
+
 def terms(words: str = "") -> list[tuple[str, str]]:
     """Return terms and their meanings in the order of the glossary: all, or those named, with ``; `` between them."""
     named = words.split("; ") if words else prose()["terms"]
@@ -476,16 +517,17 @@ LEAST_SIZE = 1e-6
 def dial_text(result: results.ImagedResult) -> str:
     """Return the setting of the dial in words: ``fidelity standard``, ``tolerance 2 %``."""
     if result.fidelity == "custom" and result.tolerance:
-        return f"tolerance {_percent(max(result.tolerance.values()))}"
+        return f"tolerance {error_percent(max(result.tolerance.values()))}"
     return f"fidelity {result.fidelity}"
 
 
 def error_text(errors: Mapping[Quantity, float | None]) -> str:
     """Return errors of quantities in words."""
-    return ", ".join(f"{QUANTITIES[name]} {_percent(value)}" for name, value in errors.items())
+    return ", ".join(f"{QUANTITIES[name]} {error_percent(value)}" for name, value in errors.items())
 
 
-def _percent(value: float | None) -> str:
+def error_percent(value: float | None) -> str:
+    """Return an error as per cent, which may have no bound, or be too small to matter."""
     if value is None:
         return "without a bound"
     if 0 < value < LEAST_SIZE:

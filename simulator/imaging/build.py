@@ -6,7 +6,7 @@ from dataclasses import replace
 from catalogs import Spectrum, load_reference_spectrum
 from cpic_core import FloatArray, InputError, stream
 from simulator.config import Instrument
-from simulator.imaging.dark_hole import DarkHole, HoleResult
+from simulator.imaging.dark_hole import DarkHole
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil import Aberrations, cell_means, draw_aberrations, flat_aberrations, upsample
@@ -139,7 +139,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     return aberrations.plus_opd(mirror.opd_nm(commands, samples))
 
 
-def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
+def dark_hole_of(instrument: Instrument, band: str) -> DarkHole:
     """Return the dark hole of one band: shipped, cached or dug now; see `simulator.imaging.store.hole_state`.
 
     Parameters
@@ -177,11 +177,11 @@ def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> Ho
     if instrument.dark_hole.control in ("off", "surface"):
         return "none"
     state = dark_hole_of(instrument, band)
-    dark = isinstance(state, DarkHole) and mean_contrast <= 1.5 * state.limit_contrast
+    dark = state.reached and mean_contrast <= 1.5 * state.limit_contrast
     return "reached" if dark else "not_reached"
 
 
-def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
+def dig(instrument: Instrument, band: str) -> tuple[DarkHole, str]:
     """Return the search for the hole of one band whatever is stored, and the key to store it under.
 
     Parameters

@@ -28,7 +28,7 @@ lambda/D, and the hole seems to begin closer to the star than it does.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -425,8 +425,8 @@ class HoleScore:
 
 
 @dataclass(frozen=True, eq=False)
-class HoleState:
-    """The fields that a hole that was reached shares with one that was not.
+class DarkHole:
+    """The state of the mirror that a search found; a dark hole only where it was `reached`.
 
     Attributes
     ----------
@@ -460,24 +460,18 @@ class HoleState:
     own: HoleScore
     limit_contrast: float
 
-
-class DarkHole(HoleState):
-    """A hole as dark as asked."""
-
-
-class UnreachedHole(HoleState):
-    """The search ended above the asked contrast: never to be taken for a hole."""
+    @property
+    def reached(self) -> bool:
+        """Whether the hole is as dark as asked."""
+        return self.wide.mean <= self.limit_contrast
 
     @property
     def reason(self) -> str:
-        """One sentence for people."""
+        """One sentence for people on a hole that was not reached."""
         return (
             f"{self.band} {self.zone.mode}: mean contrast {self.wide.mean:.2g} after {len(self.search.strong)} "
             f"iterations ({self.search.ended}), asked {self.limit_contrast:.2g}"
         )
-
-
-HoleResult: TypeAlias = DarkHole | UnreachedHole
 
 
 def default_settings(
@@ -524,7 +518,7 @@ def solve_dark_hole(
     inner_arcsec: float | None = None,
     settings: ControlSettings | None = None,
     limit_contrast: float | None = None,
-) -> HoleResult:
+) -> DarkHole:
     """Find the mirror state of one band and say how dark it is.
 
     Parameters
@@ -546,12 +540,12 @@ def solve_dark_hole(
     settings : ControlSettings, optional
         `default_settings` of the mode if omitted.
     limit_contrast : float, optional
-        Mean contrast over the controlled bandwidth that makes it a `DarkHole`: 2e-9 in ``4q``, 8e-9 in ``2q``, 5e-8
+        Mean contrast over the controlled bandwidth at which it counts as reached: 2e-9 in ``4q``, 8e-9 in ``2q``, 5e-8
         with a single Jacobian, and half the sensing error more.
 
     Returns
     -------
-    DarkHole or UnreachedHole
+    DarkHole
 
     Raises
     ------
@@ -582,8 +576,7 @@ def solve_dark_hole(
         search = again if min(again.history) < min(search.history) else search
     wide = score(search.commands_nm)
     own = score_hole(imager, aberrations, mirror, search.commands_nm, zone)
-    kind = DarkHole if wide.mean <= limit_contrast else UnreachedHole
-    return kind(imager.band, zone, settings.method, search.commands_nm, search, before, wide, own, limit_contrast)
+    return DarkHole(imager.band, zone, settings.method, search.commands_nm, search, before, wide, own, limit_contrast)
 
 
 def score_hole(

@@ -46,7 +46,7 @@ from simulator.imaging.zones import zone_of
 from simulator.knobs import Knobs
 
 if TYPE_CHECKING:  # the model of the optics: what is stored of it is used without it
-    from simulator.imaging.dark_hole import ControlSettings, HoleMethod, HoleResult
+    from simulator.imaging.dark_hole import ControlSettings, DarkHole, HoleMethod
     from simulator.imaging.deformable_mirror import DeformableMirror
     from simulator.imaging.imager import Imager
 
@@ -126,11 +126,11 @@ def _shipped_metrics(path: Path, pupil_steps: int) -> PsfMetrics:
     return replace(PsfMetrics.from_arrays(unpacked(read_npz(path))), pupil_steps=pupil_steps)
 
 
-def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> HoleResult:
+def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
     """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
-    star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
+    star some minutes; it is announced. A hole that was not `reached` brings one warning.
     """
     key = hole_key(instrument, solver)
     path = _shipped("hole", key, solver.band)
@@ -139,9 +139,7 @@ def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirr
     else:
         found = functools.partial(from_arrays, solver=solver)
         state = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)), found)
-    from simulator.imaging.dark_hole import UnreachedHole
-
-    if isinstance(state, UnreachedHole):
+    if not state.reached:
         _warn(key, state.reason)
     return state
 
@@ -152,7 +150,7 @@ def _warn(key: str, reason: str) -> None:
     _LOG.warning("dark hole not reached: %s", reason)
 
 
-def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
+def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> DarkHole:
     """Dig the hole of one band now."""
     from simulator.imaging.dark_hole import solve_dark_hole
 
@@ -163,7 +161,7 @@ def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mir
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
 
 
-def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
+def to_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
     """Return everything that an npz file needs to hold a state."""
     scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
     return {
@@ -177,7 +175,7 @@ def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
     }
 
 
-def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResult:
+def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> DarkHole:
     """Return the inverse of `to_arrays`.
 
     Parameters
@@ -186,7 +184,7 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
         Arrays by name.
     solver : Imager
     """
-    from simulator.imaging.dark_hole import DarkHole, HoleScore, Search, UnreachedHole
+    from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
 
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
@@ -194,9 +192,8 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> HoleResul
     strong = tuple(map(bool, arrays["strong"]))
     search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
     before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
-    limit = float(arrays["limit_contrast"])
-    kind = DarkHole if wide.mean <= limit else UnreachedHole
-    return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
+    limit, method = float(arrays["limit_contrast"]), str(arrays["method"])
+    return DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]
 
 
 SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks

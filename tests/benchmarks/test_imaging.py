@@ -6,7 +6,7 @@ import pytest
 from simulator.config import load_instrument
 from simulator.imaging import build_imager, centred_axis, single_band_psf
 from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dig
-from simulator.imaging.dark_hole import Conjugation, DarkHole, default_settings
+from simulator.imaging.dark_hole import Conjugation, default_settings
 from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.knobs import FIDELITIES
@@ -73,7 +73,7 @@ def test_star_over_a_frame_with_one_node_a_pixel(timed):
 def test_dark_hole(timed, mode, preset, band):
     instrument = load_instrument(preset)
     hole, _ = timed(f"dark hole {mode}, {band}", lambda: dig(instrument, band), rounds=1)
-    assert isinstance(hole, DarkHole)
+    assert hole.reached
 
 
 def test_jacobian(timed):

@@ -180,7 +180,7 @@ def test_options_without_meaning_are_refused(call, extra):
         ("cpic_planner.api.answered", ("etc", "tau Cet", "--snr", "5")),
         ("cpic_planner.confirm.plan_job", ("plan", "--dry-run")),
         ("cpic_planner.jobs.check_tree", ("check", ".")),
-        ("cpic_planner.cli.catalog_command.refresh_stars", ("catalog", "refresh", "--out", "{}/stars.ecsv")),
+        ("catalogs.refresh_stars", ("catalog", "refresh", "--out", "{}/stars.ecsv")),
     ],
 )
 def test_sigterm_says_how_to_go_on(call, monkeypatch, tmp_path, work, arguments):

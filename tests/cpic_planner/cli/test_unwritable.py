@@ -17,7 +17,7 @@ ANSWERS = {
     ("visibility", "tau Cet", "--plot", "no/such/days.png"): "cpic_planner.api.visibility_of",
     ("known", "eps Eri", "--scene", "no/such/scene.yaml"): "cpic_planner.etc.build_model",
     ("instrument", "table", "--band", "F662", "--out", "no/such/f662.csv"): "simulator.imaging.table_psf._columns",
-    ("catalog", "refresh", "--out", "no/such/stars.ecsv"): "cpic_planner.cli.catalog_command.refresh_stars",
+    ("catalog", "refresh", "--out", "no/such/stars.ecsv"): "catalogs.refresh_stars",
 }
 """Commands that write a file, and the first of what they work long at."""
 

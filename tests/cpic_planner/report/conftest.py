@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from cpic_planner.report import drawing
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import Panels
 from cpic_planner.report.ranking_figures import HoleEdges, LimitCurve
@@ -130,15 +131,14 @@ def drawn(monkeypatch) -> Callable[..., tuple[Figure, Picture]]:
     """Run a function that draws; returns the matplotlib figure and its picture."""
 
     def draw(function, *arguments):
-        module, kept = sys.modules[function.__module__], []
-        save = module.save
+        kept, save = [], drawing.save
 
         def keep(figure, *args, **options):
             kept.append(figure)
             return save(figure, *args, **options)
 
         with monkeypatch.context() as patch:
-            patch.setattr(module, "save", keep)
+            patch.setattr(drawing, "save", keep)
             picture = function(*arguments)
         return kept[0], picture
 

@@ -1,12 +1,60 @@
+"""What a table of the terminal becomes in a file: numbers are numbers there, whatever command prints it."""
+
 import csv
 import io
+import json
+import pkgutil
+from functools import partial
+from types import SimpleNamespace
 
+import astropy.units as u
+import numpy as np
+import pandas as pd
 import pytest
+from astropy.table import Table
+from rich.console import Console
 
-from cpic_planner.report import ranking_csv, ranking_ecsv
+from cpic_core import InputError
+from cpic_planner.report import (
+    Sheet,
+    form_text,
+    offered_text,
+    print_confirm,
+    print_etc,
+    print_explanation,
+    print_plan,
+    print_rank,
+    print_sensitivity,
+    print_whatif,
+    ranking_csv,
+    ranking_ecsv,
+)
+from cpic_planner.report.cells import chosen, latex_text, offered, print_table, row_cells
 from cpic_planner.report.confirm import MEASUREMENT_COLUMNS, measurements_csv
 from cpic_planner.report.whatif import targets_csv
-from cpic_planner.results import RankedTarget, columns_of
+from cpic_planner.results import (
+    EtcAnswer,
+    ProgrammeColumns,
+    RankedTarget,
+    Result,
+    Row,
+    arrow_schema,
+    base,
+    column,
+    column_of,
+    columns_of,
+    csv_text,
+    ecsv_text,
+    names_of,
+    planned,
+    ranked,
+    surveyed,
+    taken_of,
+    values_of,
+)
+from cpic_planner.results.base import VOCABULARY, data_frame
+from cpic_planner.schemas import RESULTS
+from cpic_planner.version import __version__
 
 
 def lines(text):
@@ -44,8 +92,8 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     assert units["completeness_per_hour"] == 1 / u.h
     assert units["score"] == 1 / u.h
     assert units["luminosity_lsun"] == u.L_sun
-    for column in columns_of(RankedTarget):
-        assert table[column.name].description == (column.description or None)
+    for one in columns_of(RankedTarget):
+        assert table[one.name].description == (one.description or None)
     assert table["contrast"].tolist() == [row.contrast for row in rank.targets]
     assert [str(name) for name in table["name"]] == [row.name for row in rank.targets]
     assert table["time_s"].mask.tolist() == [row.time_s is None for row in rank.targets]
@@ -97,3 +145,376 @@ def test_every_star_of_every_strategy_has_a_line(compared):
         assert row["bands"] == "F520;F662"
         assert row["known_planets"] == ";".join(target.known_planets)
     assert targets_csv(compared(empty=True)).splitlines() == [",".join(rows[0])]
+
+
+WORDS = {"held_by", "outcome"}
+"""Columns without a field of their own, in words for people."""
+PRINTERS = {
+    "rank": print_rank,
+    "etc_answers": print_etc,
+    "plan": print_plan,
+    "confirmation": print_confirm,
+    "sensitivity": print_sensitivity,
+    "explanation": print_explanation,
+    "strategies": print_whatif,
+}
+
+
+@pytest.fixture
+def result(request, compared):
+    return compared(["one", "two"]) if request.param == "strategies" else request.getfixturevalue(request.param)
+
+
+def sheet_of(name, result, form="csv", columns=()):
+    stream = io.StringIO()
+    sheet = Sheet(Console(file=stream, width=80), form, columns)
+    PRINTERS[name](result, sheet)
+    return sheet, stream
+
+
+def each(function):
+    return pytest.mark.parametrize(("name", "result"), [(name, name) for name in PRINTERS], indirect=["result"])(
+        function
+    )
+
+
+@each
+def test_a_column_of_numbers_is_one_of_numbers_in_every_form(name, result):
+    taken = sheet_of(name, result)[0].taken
+    items = {item.column.name: item for cells in taken[1] for item in cells.taken}
+    table = Table.read(form_text("ecsv", result, taken), format="ascii.ecsv")
+    frame = pd.read_csv(io.StringIO(form_text("csv", result, taken)))
+    assert table.colnames == list(frame.columns) == list(items)
+    for key, item in items.items():
+        values = [item.value(entry) for entry in taken[2]]
+        numeric = item.column.dtype in ("float64", "int64")
+        assert numeric == (table[key].dtype.kind in "fi"), key
+        assert (table[key].unit or u.dimensionless_unscaled) == u.Unit(item.column.unit), key
+        if numeric:
+            assert [None if np.ma.is_masked(cell) else cell for cell in table[key]] == values, key
+            read = pd.to_numeric(frame[key])
+            assert [None if np.isnan(cell) else cell for cell in read.astype(float)] == values, key
+    texts = {cells.header for cells in taken[1] if cells.right and all(not item.column.right for item in cells.taken)}
+    assert not texts, "columns at the right are numbers for people, and words in files"
+
+
+@each
+def test_any_column_can_be_chosen_in_any_order(name, result):
+    taken = sheet_of(name, result)[0].taken
+    names = list(offered(taken[1]))
+    assert len(names) == len(set(names)) == len(offered_text(taken).splitlines())
+    some = names[::-7]
+    assert Table.read(form_text("ecsv", result, taken, columns=some), format="ascii.ecsv").colnames == some
+    for form in ("csv", "latex", "markdown"):
+        assert form_text(form, result, taken, columns=some)
+    sheet, stream = sheet_of(name, result, "table", tuple(some))
+    lines = stream.getvalue().splitlines()
+    cells = [len(str(cell.text(taken[2][0]))) for cell in chosen(taken[1], some)]
+    assert max(map(len, lines)) >= sum(cells)
+    assert "…" not in lines[-1]
+    assert sheet.taken is not None
+
+
+def test_identifiers_and_places_can_be_chosen(rank):
+    taken = sheet_of("rank", rank)[0].taken
+    columns = ("name", "hip", "hd", "gj", "ra_deg", "dec_deg", "sp_type", "v_mag", "detection_time_s")
+    table = Table.read(form_text("ecsv", rank, taken, columns=columns), format="ascii.ecsv")
+    assert tuple(table.colnames) == columns
+    assert table["detection_time_s"].unit == u.s
+    assert table["ra_deg"].dtype.kind == "f"
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [(("hpi",), "did you mean hip"), (("name", "name"), "each column once"), (("",), "--columns help")],
+)
+def test_a_column_that_is_not_there_is_refused_with_the_nearest(rank, columns, said):
+    with pytest.raises(InputError, match=said) as refused:
+        form_text("csv", rank, sheet_of("rank", rank)[0].taken, columns=columns)
+    assert refused.value.key == "--columns"
+
+
+def test_a_chosen_table_stands_alone(rank):
+    text = sheet_of("rank", rank, "table", ("name", "hip"))[1].getvalue()
+    head, _, body = text.strip().rpartition("─")
+    assert " ".join(head.split("─")[0].split()).endswith("star HIP")
+    assert len(body.strip().splitlines()) == len(rank.targets)
+
+
+@each
+def test_results_become_tables_and_frames(name, result):
+    table, frame = result.to_table(), result.to_pandas()
+    assert table.colnames == list(frame.columns)
+    assert len(table) == len(frame) > 0
+    assert "<table" in result._repr_html_()
+    assert len(repr(result)) < 1200
+    for key in table.colnames:
+        assert (table[key].dtype.kind in "fi") == (frame[key].dtype.kind in "fi"), key
+    if name == "rank":
+        assert table["time_s"].unit == u.s
+        assert frame["contrast"].tolist() == [row.contrast for row in result.targets]
+        assert table.meta["config_hash"] == result.config_hash
+    if name == "strategies":
+        assert frame["planets"].tolist() == [item.planets.mean for item in result.strategies]
+        assert frame["planets_low"].tolist() == [item.planets.low for item in result.strategies]
+        assert len(result.to_pandas("differences")) == len(result.differences)
+
+
+def test_hostile_names_are_text_in_a_notebook(rank):
+    row = rank.targets[0].model_copy(update={"name": "<script>alert(1)</script>"})
+    assert "<script>" not in rank.model_copy(update={"targets": [row]})._repr_html_()
+
+
+def test_rows_that_a_result_does_not_have_are_refused(rank):
+    with pytest.raises(InputError, match="targets"):
+        rank.to_pandas("planets")
+    one = rank.targets[0]
+    assert one.to_pandas()["name"].tolist() == [one.name]
+
+
+def test_a_null_column_keeps_its_type():
+    """Of a column without any value nothing but the row says what it holds."""
+    frame = partial(form_text, "ecsv", ProgrammeColumns())
+    rows = [ProgrammeColumns(), ProgrammeColumns()]
+    from cpic_planner.report.cells import row_cells
+
+    table = Table.read(frame(("", row_cells(ProgrammeColumns, "visits time_s"), rows)), format="ascii.ecsv")
+    assert [table[name].dtype.kind for name in ("visits", "time_s")] == ["i", "f"]
+    assert table["time_s"].mask.all()
+    assert [item.column.dtype for item in taken_of(ProgrammeColumns, "visits", "time_s")] == ["int64", "float64"]
+
+
+class Wider(RankedTarget):
+    """A ranked star with one more column."""
+
+    airmass_deg: float | None = column("a new number", label="new", format=".1f", console=True, default=None)
+
+
+@pytest.fixture(scope="module")
+def rows(rank):
+    return [Wider(**dict(row), airmass_deg=None if i else 12.34) for i, row in enumerate(rank.targets[:3])]
+
+
+def test_one_line_of_a_class_is_a_column_everywhere(rows):
+    console = Console(file=io.StringIO(), width=120)
+    print_table(console, "", row_cells(Wider, "rank name status"), rows)
+    head, _, first, second, _ = (line.split() for line in console.file.getvalue().splitlines() if line.strip())
+    assert head == ["#", "star", "new", "status"]
+    assert "12.3" in first
+    assert "–" in second
+
+    page = row_cells(Wider, "rank name contrast", page=True)
+    assert [(cell.label, cell.unit) for cell in page] == [("#", ""), ("star", ""), ("new", "deg"), ("contrast", "")]
+    assert page[2].text(rows[0]) == "12.3"
+    assert "× 10⁻" in page[3].text(rows[0])
+
+    lines = list(csv.DictReader(io.StringIO(csv_text(names_of(Wider), map(values_of, rows)))))
+    assert [line["airmass_deg"] for line in lines] == ["12.34", "", ""]
+
+    table = Table.read(ecsv_text(taken_of(Wider), rows, {}), format="ascii.ecsv")
+    assert table["airmass_deg"].unit == u.deg
+    assert table["airmass_deg"].description == "a new number"
+    assert table["airmass_deg"].mask.tolist() == [False, True, True]
+
+    field = arrow_schema(columns_of(Wider)).field("airmass_deg")
+    assert (str(field.type), field.metadata[b"unit"]) == ("double", b"deg")
+
+    frame = data_frame(taken_of(Wider), rows)
+    assert frame["airmass_deg"].isna().tolist() == [False, True, True]
+    assert frame["n_frames"].dtype == "int64"
+    assert frame["flags"].tolist() == ["|".join(row.flags) for row in rows]
+
+    assert json.loads(rows[0].model_dump_json())["airmass_deg"] == 12.34
+    part = Wider.model_json_schema()["properties"]["airmass_deg"]
+    assert (part["title"], part["unit"], part["description"]) == ("new", "deg", "a new number")
+
+
+def test_cells_of_a_row_that_is_not_there_are_dashes(rows):
+    """Also of null whole numbers, which stay whole in a frame."""
+    cells = row_cells(RankedTarget, "name v_mag", of=lambda pair: pair[1])
+    assert [cell.text((1, None)) for cell in cells] == ["–", "–"]
+    without = rows[0].model_copy(update={"n_frames": None})
+    assert data_frame(taken_of(Wider), [rows[0], without])["n_frames"].dtype == "Int64"
+
+
+def every_row():
+    """All rows that leave the program."""
+    found, new = set(), {Row}
+    while new:
+        new = {child for parent in new for child in parent.__subclasses__()} - found
+        found |= new
+    return sorted((row for row in found if row.__module__.startswith("cpic_planner.")), key=lambda row: row.__name__)
+
+
+@pytest.mark.parametrize("row", every_row(), ids=lambda row: row.__name__)
+def test_units_are_units_and_stand_in_the_names(row):
+    """A number with a unit says so in its name, and astropy reads what the files say."""
+    suffixes = {u.s: "_s", u.h: "_h", u.deg: "_deg", u.arcsec: "_arcsec", u.AU: "_au", u.pc: "_pc", u.d: "day"}
+    for item in columns_of(row):
+        unit = u.Unit(item.unit)
+        if unit in suffixes:
+            assert suffixes[unit] in item.name, item.name
+        if item.unit:
+            assert item.dtype in ("float64", "int64"), item.name
+
+
+@pytest.mark.parametrize(
+    ("row", "name", "dtype", "unit", "heading"),
+    [
+        (RankedTarget, "completeness_per_hour", "float64", "1/h", "completeness per hour"),
+        (RankedTarget, "luminosity_lsun", "float64", "solLum", "luminosity lsun"),
+        (RankedTarget, "hip", "int64", "", "HIP"),
+        (RankedTarget, "flags", "string", "", "flags"),
+        (EtcAnswer, "status", "string", "", "status"),
+        (EtcAnswer, "separation_arcsec", "float64", "arcsec", "sep ″"),
+        (planned.BandConfirmation, "detected", "bool", "", "detected"),
+        (planned.BandConfirmation, "audit", "", "", "audit"),
+        (surveyed.SurveyTarget, "slots", "string", "", "slots"),
+        (ranked.KnownPlanetRow, "mass_mjup", "", "M_jup", "M_J"),
+    ],
+)
+def test_type_unit_and_heading(row, name, dtype, unit, heading):
+    found = column_of(row, name)
+    assert (found.dtype, found.unit, found.heading) == (dtype, unit, heading)
+
+
+def test_what_the_vocabulary_says_is_said_once():
+    """Every word of the vocabulary is a field of some result, and no result repeats its meaning."""
+    results, new = set(), {Result}
+    while new:
+        new = {child for parent in new for child in parent.__subclasses__()} - results
+        results |= new
+    mine = [item for item in results if item.__module__.startswith("cpic_planner.")]
+    for word, told in VOCABULARY.items():
+        having = [item for item in mine if word in item.model_fields]
+        assert having, word
+        for item in having:
+            assert item.model_fields[word].description != told.description or not told.description, (word, item)
+
+
+def test_schemas_state_meaning_and_unit_of_shared_words():
+    for kind in map(pkgutil.resolve_name, RESULTS.values()):
+        definitions = kind.model_json_schema().get("$defs", {})
+        for part in definitions.values():
+            sep = part.get("properties", {}).get("separation_arcsec")
+            assert sep is None or sep.get("unit") == "arcsec"
+
+
+def test_results_are_frozen_and_strict():
+    assert base.Result.model_config["frozen"]
+    with pytest.raises(ValueError, match="extra"):
+        planned.AuditRecord(unknown=1)
+
+
+def test_a_row_is_made_of_the_attributes_of_others():
+    """First source first; places in arrays; what is not finite is null where it may be."""
+
+    class Made(Row):
+        name: str
+        share: float
+        limit: float | None
+        counts: list[int]
+        said: str = "as it was"
+
+    columns = SimpleNamespace(name=np.array(["a", "b"]), share=np.array([0.1, 0.2]), limit=np.array([1.0, np.inf]))
+    other = SimpleNamespace(share=0.9, counts=np.array([[1], [2]]))
+    assert Made.of(columns, other, at=1) == Made(name="b", share=0.2, limit=None, counts=[2])
+    assert Made.of(columns, other, at=0, share=0.5, said="new").model_dump() == {
+        "name": "a",
+        "share": 0.5,
+        "limit": 1.0,
+        "counts": [1],
+        "said": "new",
+    }
+    endless = SimpleNamespace(name="a", share=np.inf, limit=1.0, counts=[])
+    with pytest.raises(ValueError, match="finite"):
+        Made.of(endless)
+
+
+@pytest.fixture
+def taken(rank):
+    sheet = Sheet(Console(file=io.StringIO(), width=80), "csv")
+    print_rank(rank, sheet, limit=len(rank.targets))
+    return sheet.taken
+
+
+def test_csv_holds_fields_in_full(rank, taken):
+    rows = list(csv.DictReader(io.StringIO(form_text("csv", rank, taken))))
+    assert [row["name"] for row in rows] == [target.name for target in rank.targets]
+    for row, target in zip(rows, rank.targets, strict=True):
+        for name in ("v_mag", "snr", "separation_arcsec", "contrast", "score"):
+            value = getattr(target, name)
+            assert row[name] == ("" if value is None else repr(value))
+        assert row["status"] == target.status
+
+
+def test_ecsv_reads_back_with_units(rank, taken):
+    table = Table.read(form_text("ecsv", rank, taken), format="ascii.ecsv")
+    assert str(table["separation_arcsec"].unit) == "arcsec"
+    assert len(table) == len(taken[2])
+    assert table["n_frames"].dtype.kind == "i"
+    assert table["score"].unit == 1 / u.h
+    assert table.meta["title"].startswith("Ranking")
+
+
+def test_latex_is_a_table_that_fits_a_page(rank, taken):
+    text = form_text("latex", rank, taken)
+    lines = text.splitlines()
+    assert lines[0] == r"\begin{table}"
+    assert lines[2].startswith(r"\caption{Ranking: ")
+    assert f"Date: {rank.date_utc[:10]}" in lines[2] or not rank.date_utc
+    assert f"cpic-planner {__version__}.}}" in lines[2]
+    assert lines[3] == r"\label{tab:rank}"
+    assert lines[4].startswith(r"\begin{tabular}{")
+    assert lines[-2:] == [r"\end{tabular}", r"\end{table}"]
+    columns = len(lines[4].split("{")[2].rstrip("}"))
+    assert 5 < columns < len(taken[1])
+    body = [line for line in lines if line.endswith(r"\\")]
+    assert len(body) == 1 + len(taken[2])
+    assert {line.replace(r"\&", "").count(" & ") + 1 for line in body} == {columns}
+    assert "\n".join(lines[4:]).isascii()
+    assert not any(mark in text for mark in "✓○□▲→")
+    assert len(Table.read("\n".join(lines[4:-1]), format="ascii.latex")) == len(taken[2])
+
+
+def test_caption_and_label_are_those_that_are_given(rank, taken):
+    text = form_text("latex", rank, taken, caption="50 % of α & β", label="tab:mine", columns=("v_mag", "name"))
+    lines = text.splitlines()
+    assert lines[2] == r"\caption{50 \% of $\alpha$ \& $\beta$}"
+    assert lines[3] == r"\label{tab:mine}"
+    assert lines[6:8] == [r"V mag & star \\", r"\hline"]
+
+
+def test_markdown_has_as_many_cells_in_every_line(rank, taken):
+    lines = form_text("markdown", rank, taken).splitlines()
+    table = [line for line in lines if line.startswith("|")]
+    assert len(table) == 2 + len(taken[2])
+    assert {line.count("|") for line in table} == {len(taken[1]) + 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "written"),
+    [
+        ("5.16e-08", r"$5.16\times10^{-8}$"),
+        ("τ Cet", r"$\tau$ Cet"),
+        ("ο² Eri", r"o$^{2}$ Eri"),
+        ("HD_1 & 50 %", r"HD\_1 \& 50 \%"),
+        ("3 × 17", r"3 $\times$ 17"),
+        ("–", r"\ldots{}"),
+        ("a\\b", r"a\textbackslash{}b"),
+        ("1.2 ± 0.1", r"1.2 $\pm$ 0.1"),
+    ],
+)
+def test_signs_in_latex(text, written):
+    assert latex_text(text) == written
+
+
+def test_a_sheet_takes_the_first_table_alone(etc_answers):
+    stream = io.StringIO()
+    sheet = Sheet(Console(file=stream, width=120))
+    print_etc(etc_answers, sheet)
+    text = stream.getvalue()
+    assert "→ F520" in text
+    assert "Noise in" not in text
+    assert "!" not in text
+    assert text.count("\n") == 4 + len(etc_answers.answers)

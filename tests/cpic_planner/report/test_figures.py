@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cpic_planner.report import image_figures, new_figure, place_labels, style
+from cpic_planner.report import drawing, new_figure, place_labels, style
 from cpic_planner.report.drawing import band_style, literal, save
 from cpic_planner.report.image_figures import (
     Mark,
@@ -371,7 +371,7 @@ def test_rows_stay_readable(compared, drawn, draw):
 def test_the_points_decide_the_frame_and_no_error_bar_does(plan, spread, monkeypatch):
     """One long bar does not push all points into a corner: the axes end near the points."""
     made = []
-    monkeypatch.setattr(image_figures, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
+    monkeypatch.setattr(drawing, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
     bands = [
         band.model_copy(
             update={"predicted_snr": 3.0 * factor, "recovered_snr": 2.9 * factor, "recovered_snr_error": error}
@@ -392,7 +392,7 @@ def test_the_points_decide_the_frame_and_no_error_bar_does(plan, spread, monkeyp
 def test_the_dashed_line_is_the_inverse_of_what_its_label_says(plan, monkeypatch):
     """The label says predicted over recovered; the figure has recovered against predicted."""
     made = []
-    monkeypatch.setattr(image_figures, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
+    monkeypatch.setattr(drawing, "new_figure", lambda height: made.append(new_figure(height)) or made[-1])
     snr_figure(plan)
     (line,) = (line for line in made[0].axes[0].lines if "predicted over recovered" in str(line.get_label()))
     assert line.get_ydata()[1:] / line.get_xdata()[1:] == pytest.approx(1.0 / plan.calibration["etc_ratio"])

@@ -31,7 +31,7 @@ def test_errors_in_words(errors, text):
 def test_sets_that_are_made_alike_share_a_table(make_modelled):
     first, second, frames = make_modelled(0.001), make_modelled(0.003), make_modelled(0.0, "frames")
     alike, other = modelled_groups([("a", first), ("b", second), ("c", frames)])
-    assert (alike.members, other.members) == ("a, b", "c")
+    assert (alike.names, other.names) == (("a", "b"), ("c",))
     assert alike.title == "Sums of frames over the dark hole"
     assert "4 wavelengths a band" in alike.knobs
     assert "6 epochs" in alike.knobs

@@ -7,7 +7,7 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
 from cpic_planner.registry import SCORES
-from cpic_planner.report import drawing, ranking_figures
+from cpic_planner.report import drawing
 from cpic_planner.report.ranking_figures import contrast_diagram, margin_figure, rank_figure, sky_map
 from cpic_planner.report.words import VERDICTS
 
@@ -39,8 +39,7 @@ def drawn(monkeypatch):
         made.append(plain(*arguments, **named))
         return made[-1]
 
-    for module in (ranking_figures,):
-        monkeypatch.setattr(module, "new_figure", kept)
+    monkeypatch.setattr(drawing, "new_figure", kept)
     return made
 
 
