@@ -941,6 +941,8 @@ class _Search:
         )
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
+        unknown: dict[str, Any] = dict.fromkeys((*_CHANGES, "moves"), np.zeros(n, bool))
+        unknown |= dict.fromkeys(_REQUIRED, np.full(n, np.nan))
         best = OptimalSetting(
             band=np.full(n, band),
             separation_arcsec=column(chosen.separation_arcsec),
@@ -954,9 +956,7 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
-            moves=np.zeros(n, bool),
-            **dict.fromkeys(_CHANGES, np.zeros(n, bool)),
-            **dict.fromkeys(_REQUIRED, np.full(n, np.nan)),
+            **unknown,
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
