@@ -373,7 +373,7 @@ def table_readings(source: str | Path, kind: TableKind | None = None, *, strict:
             try:
                 made.append(_reading(raw, one, strict=False))
             except InputError as error:
-                refused.append((_known(raw, one), error))
+                refused.append((_known_headings(raw, one), error))
     if not made:
         raise max(refused, key=lambda item: item[0])[1]
     if strict:
@@ -394,7 +394,7 @@ def possible_columns(kind: TableKind) -> tuple[Columns, Groups]:
     return PLANET_COLUMNS, PLANETS_REQUIRED
 
 
-def _known(raw: RawTable, kind: TableKind) -> int:
+def _known_headings(raw: RawTable, kind: TableKind) -> int:
     """Return how many headings of a file are known in tables of a kind."""
     columns, known = possible_columns(kind)[0], 0
     for column in raw.columns:
