@@ -4,7 +4,8 @@
 hold one of the words (all without words), each in a folder of its own; ``... compare FOLDER OTHER [WORDS...]`` says
 what differs. Numbers are compared to 1e-9 of themselves, pixels and headers of FITS files as they are; what differs
 between runs by nature (times, paths, the fingerprint of the code) is left out. Words and pictures may improve: they
-are reported apart and do not fail.
+are reported apart and do not fail. ``... keep [WORDS...]`` writes what is printed into ``kept``, with which
+``test_golden.py`` compares.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ import re
 import shlex
 import shutil
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -68,6 +70,29 @@ def write(folder, names):
         for file in QUESTIONS["files"]:
             (place / file).unlink()
         (place / "stdout.txt").write_text(f"{out.getvalue()}\n{err.getvalue()}\nstatus {status}\n", encoding="utf-8")
+
+
+def kept_names():
+    """Return the questions whose transcripts are part of the tests: quick ones, with little to read."""
+    left_out = re.compile(
+        r"-dry$|^rank|^schema|^plan|list$|^page-(rank|openapi|commands)|^(curve|visibility)-json|-json$|show|hwo$|known-star$"
+    )
+    both = [*QUESTIONS["light"], *QUESTIONS["pages"]]
+    return [name for name in both if not left_out.search(name) or name in ("rank", "rank-explain", "etc-detect-json")]
+
+
+def transcript(place):
+    """Return what a question in a folder was answered with: what was printed, and the text of a page."""
+    parts = [(place / "stdout.txt").read_text(encoding="utf-8")]
+    parts += [_plain(page.read_text(encoding="utf-8")) for page in place.glob("page.html")]
+    return "\n".join(line.rstrip() for part in parts for line in part.splitlines() if line.strip()) + "\n"
+
+
+def keep(names, folder):
+    """Answer questions in a folder and keep their transcripts."""
+    write(folder, names)
+    for name in names:
+        (HERE / "kept" / f"{name}.txt").write_text(transcript(Path(folder, name)), encoding="utf-8")
 
 
 def _write_page(address, place):
@@ -231,7 +256,12 @@ def _in_fits(one, other):
 
 
 def main(words):
-    """Write or compare, see above."""
+    """Write, compare or keep, see above."""
+    if words[0] == "keep":
+        names = [name for name in kept_names() if not words[1:] or any(re.search(part, name) for part in words[1:])]
+        with tempfile.TemporaryDirectory() as folder:
+            keep(names, folder)
+        return 0
     task, folders, parts = (
         words[0],
         words[1 : 2 if words[0] == "write" else 3],

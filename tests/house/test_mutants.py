@@ -185,6 +185,6 @@ def test_modules_have_mirrors_and_no_compiled_code(points):
         for file in (ROOT / folder).rglob("*.py")
         if "@njit" in file.read_text(encoding="utf-8")
     ]
-    assert len(kernels) >= 3
+    assert len(kernels) >= 2
     ours = re.compile(r"^\s*(from|import) (catalogs|simulator|cpic_planner)", re.M)
     assert [file for file in kernels if ours.search(file.read_text(encoding="utf-8"))] == []
