@@ -129,7 +129,10 @@ class JobPages:
     async def _cancelled(self, request: Request) -> Response:
         """Withdraw an asker."""
         standing = self._job(request)
-        token = next((text for name, text in await _fields(request) if name == "token"), "")
+        try:
+            token = dict(await _fields(request)).get("token", "")
+        except InputError as error:
+            return line(str(error), 400)
         if not self._queue.withdraw(standing.id, token[:64]):
             return line("Only who asked for a job, with its token and before it has ended, can cancel it.", 403)
         text = "It is cancelled for you; it goes on where others asked for it too."

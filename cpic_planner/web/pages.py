@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 from urllib.parse import urlencode
 
 from pydantic import BaseModel
+from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
 from cpic_core import InputError, dump_json
@@ -190,11 +191,11 @@ def page_or_json(form: str) -> bool:
 
     Raises
     ------
-    InputError
-        For another form.
+    HTTPException
+        For another form, with the line that refuses it.
     """
     if form not in ("", "html", "json"):
-        raise InputError("format", form[:40], allowed="html or json")
+        raise HTTPException(400, str(InputError("format", form[:40], allowed="html or json")))
     return form == "json"
 
 

@@ -104,10 +104,16 @@ class Site:
         """Send a figure or its values, unless the asker has them already."""
         given = _parameters(request)
         asked, rest = _form_of(given)
-        if asked:
-            raise InputError("format", asked[:40], allowed="without it: this is a figure")
-        _check(page, given)
-        pairs = page.pairs(rest)
+        try:
+            if asked:
+                raise InputError("format", asked[:40], allowed="without it: this is a figure")
+            _check(page, given)
+            pairs = page.pairs(rest)
+            return await self._drawing(page, pairs, name, form, request)
+        except InputError as error:
+            return line(str(error), 400)
+
+    async def _drawing(self, page: Page, pairs: Pairs, name: str, form: FigureForm, request: Request) -> Response:
         tag = pages.tag_of(page.drawing(name, form), pairs)
         headers = {"ETag": tag, "Cache-Control": "private, max-age=86400"}
         if form != "values":
@@ -197,10 +203,6 @@ async def _missing(request: Request, error: HTTPException) -> Response:
     return line(_NO_PAGE if plain else error.detail, error.status_code)
 
 
-async def _wrong(request: Request, error: Exception) -> Response:
-    return line(str(error), 400)
-
-
 async def _busy(request: Request, error: Exception) -> Response:
     return line("Too many questions wait for an answer; ask again in a moment.", 503, **{"Retry-After": "5"})
 
@@ -215,7 +217,6 @@ async def _failed(request: Request, error: Exception) -> Response:
 
 HANDLERS: dict[Any, Any] = {
     HTTPException: _missing,
-    InputError: _wrong,
     Busy: _busy,
     TimeoutError: _late,
     Exception: _failed,
