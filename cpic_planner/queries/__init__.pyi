@@ -59,7 +59,6 @@ from cpic_planner.queries.rank import (
     read_star_names as read_star_names,
 )
 from cpic_planner.queries.runs import (
-    MAX_FRAMES as MAX_FRAMES,
     ConfirmQuestion as ConfirmQuestion,
     ImageQuestion as ImageQuestion,
     PlanQuestion as PlanQuestion,
@@ -73,6 +72,7 @@ from cpic_planner.queries.runs import (
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
     EXCLUSIONS as EXCLUSIONS,
+    MAX_FRAMES as MAX_FRAMES,
     MAX_VISITS as MAX_VISITS,
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,

@@ -133,10 +133,6 @@ def refuse_counting(strategy: shared.Strategy, dial: Dial) -> None:
         raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
 
 
-MAX_FRAMES = 4000
-"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
-
-
 class SceneParts(Parts):
     """Options of a scene."""
 
@@ -192,7 +188,7 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
         unset="the mission's start",
     )
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
-    n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
+    n_frames: Annotated[int, Field(ge=1, le=shared.MAX_FRAMES)] | None = asked(
         None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
     )
     em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")

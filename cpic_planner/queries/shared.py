@@ -280,6 +280,8 @@ class Strategy(Reduction):
     )
 
 
+MAX_FRAMES = 4000
+"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 DEFAULT_TIME_S = 36000.0
 ALL = "all"
 """Every band of the instrument, of both cameras."""
