@@ -66,8 +66,6 @@ from cpic_planner.queries.runs import (
     TradeoffQuestion as TradeoffQuestion,
     UniverseSettings as UniverseSettings,
     WhatIfQuestion as WhatIfQuestion,
-    audited as audited,
-    refuse_counting as refuse_counting,
 )
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
@@ -77,6 +75,8 @@ from cpic_planner.queries.shared import (
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
+    audited as audited,
     observed_utc as observed_utc,
+    refuse_counting as refuse_counting,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
