@@ -102,14 +102,13 @@ from catalogs.table_cells import (
     CONVENTIONS as CONVENTIONS,
     Column as Column,
     Columns as Columns,
-    LeftOut as LeftOut,
     Rows as Rows,
     read_rows as read_rows,
 )
 from catalogs.table_files import (
+    LeftOut as LeftOut,
     RawColumn as RawColumn,
     RawTable as RawTable,
-    Reject as Reject,
     TableBytes as TableBytes,
     astropy_table as astropy_table,
     column_of as column_of,

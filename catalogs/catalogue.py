@@ -21,7 +21,8 @@ from catalogs.stars import (
     published_parameters,
     with_updates,
 )
-from catalogs.table_cells import LeftOut, Use
+from catalogs.table_cells import Use
+from catalogs.table_files import LeftOut
 from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"

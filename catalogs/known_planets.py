@@ -33,8 +33,8 @@ from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
 from catalogs.shipped import shipped_digest, shipped_rows, shipped_words
 from catalogs.stars import FrozenTable
-from catalogs.table_cells import ROW_OUT, Columns, LeftOut, Row, Rows, Use, columns_of, heading, read_rows
-from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
+from catalogs.table_cells import Columns, Row, Rows, Use, columns_of, heading, read_rows
+from catalogs.table_files import ROW_OUT, LeftOut, RawTable, TableBytes, parse_table, read_bytes
 from catalogs.user_tables import is_strict, keep, tell
 from cpic_core import ArrayLike, InputError, NDArray, check_flag, listed
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from catalogs.shipped import shipped_rows, shipped_words
-from catalogs.table_files import RawColumn, RawTable
+from catalogs.table_files import CELL_OUT, ROW_OUT, LeftOut, RawColumn, RawTable
 from cpic_core import BoolArray, FloatArray, InputError, NDArray, listed
 
 if TYPE_CHECKING:
@@ -694,35 +694,6 @@ _ALTERNATIVES = 4
 _SAME = 0.01
 """Two columns of one quantity that are closer than this part of it say the same: they are rounded apart."""
 _FILL = "it stands for a missing number"
-ROW_OUT, CELL_OUT = "row left out", "taken as missing"
-"""Words for what is done with rows and with cells that cannot be used."""
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A row of a file that was not used, or a cell that was taken as missing, and why.
-
-    Parameters
-    ----------
-    row : int
-        Number of the row below the heading, from 1.
-    name : str
-        What the row is about; ``""`` if it does not say.
-    column : str
-        Heading of the file, or several joined by " or ".
-    value : str
-        What stands there.
-    why : str
-        What may stand there, or what is wrong.
-    done : {"row left out", "taken as missing"}
-    """
-
-    row: int
-    name: str
-    column: str
-    value: str
-    why: str
-    done: str
 
 
 @dataclass(frozen=True)
@@ -1008,8 +979,8 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
     values |= {name: reading.merged(columns[name], found) for name, found in chosen.items()}
     for item in raw.rejects:
         if strict:
-            raise InputError(f"{raw.name} row {item.row}", item.value, allowed=item.reason, hint="a stray separator?")
-        given.left_out.append(LeftOut(item.row, "", item.column, item.value, f"allowed: {item.reason}", ROW_OUT))
+            raise raw.refusal_of(item)
+        given.left_out.append(item)
     lost = {item.row for item in given.left_out if item.done == ROW_OUT}
     lines = zip(*values.values(), strict=True) if values else iter([()] * len(reading.numbers))
     for number, line in zip(reading.numbers.tolist(), lines, strict=True):

@@ -60,24 +60,10 @@ _LATEX_WORDS = (
     (r"\\([_#%&])|\\[A-Za-z]+\*?(?:\[[^\[\]]*\])?|[${}^]", r"\1"),
 )
 _Notes = tuple[str, ...]
-_Parted = tuple[Sequence[Any], tuple["Reject", ...]]
+_Parted = tuple[Sequence[Any], tuple["LeftOut", ...]]
 """Columns of cells, and the rows that have another number of them than the heading."""
 _Mark = str | tuple[tuple[int, int | None], ...]
 """Separator of cells; or, of tables of fixed width, the first and last place of each."""
-
-
-class _Cells:
-    """The cells of a column, made when they are first asked for."""
-
-    def __get__(self, column: "RawColumn", owner: Any = None) -> "np.ma.MaskedArray[Any, Any]":
-        if column is None:
-            raise AttributeError("cells")  # so that dataclasses see no default
-        made: Any = vars(column)["_cells"]
-        vars(column)["_cells"] = cells = made() if callable(made) else made
-        return cast("np.ma.MaskedArray[Any, Any]", cells)
-
-    def __set__(self, column: "RawColumn", cells: Any) -> None:
-        vars(column)["_cells"] = cells
 
 
 @dataclass(frozen=True)
@@ -97,28 +83,55 @@ class RawColumn:
     ----------
     heading, unit : str
         As the file has them; "" if it has none.
-    cells : numpy.ma.MaskedArray
-        One value per row, masked where missing: texts (object), int64, float64 or bool. A file may give a function
-        that makes them, which is called once, when they are asked for.
+    source : numpy.ma.MaskedArray or callable
+        The cells, or a function that makes them, which is called once, when they are asked for.
     description, ucd : str
         What the file says of the column, and its UCD (IVOA); "" if it says nothing.
     """
 
     heading: str
     unit: str
-    cells: _Cells = _Cells()
+    source: Any
     description: str = ""
     ucd: str = ""
 
+    @property
+    def cells(self) -> "np.ma.MaskedArray[Any, Any]":
+        """One value per row, masked where missing: texts (object), int64, float64 or bool."""
+        if callable(self.source):
+            object.__setattr__(self, "source", self.source())  # what it is made of is not kept
+        return cast("np.ma.MaskedArray[Any, Any]", self.source)
+
+
+ROW_OUT, CELL_OUT = "row left out", "taken as missing"
+"""Words for what is done with rows and with cells that cannot be used."""
+
 
 @dataclass(frozen=True)
-class Reject:
-    """A row that cannot be used, counted from 1 below the heading; the column and value that are the reason."""
+class LeftOut:
+    """A row of a file that was not used, or a cell that was taken as missing, and why.
+
+    Parameters
+    ----------
+    row : int
+        Number of the row below the heading, from 1.
+    name : str
+        What the row is about; ``""`` if it does not say.
+    column : str
+        Heading of the file, or several joined by " or ".
+    value : str
+        What stands there.
+    why : str
+        What may stand there, or what is wrong.
+    done : {"row left out", "taken as missing"}
+    """
 
     row: int
+    name: str
     column: str
     value: str
-    reason: str
+    why: str
+    done: str
 
 
 @dataclass(frozen=True)
@@ -128,7 +141,7 @@ class RawTable:
     name: str
     columns: Sequence[RawColumn]
     notes: _Notes = ()
-    rejects: tuple[Reject, ...] = ()
+    rejects: tuple[LeftOut, ...] = ()
 
     def __len__(self) -> int:
         return len(self.columns[0].cells)
@@ -137,6 +150,11 @@ class RawTable:
     def shortened(self) -> str:
         """Words for the provenance of a table that says that rows are missing; ``""`` for any other."""
         return ", cut off: rows are missing" if any(note.endswith(_CUT) for note in self.notes) else ""
+
+    def refusal_of(self, item: LeftOut) -> InputError:
+        """Return the refusal of the table for a broken row."""
+        allowed = item.why.removeprefix("allowed: ")
+        return InputError(f"{self.name} row {item.row}", item.value, allowed=allowed, hint="a stray separator?")
 
     @property
     def numbers(self) -> NDArray[np.int64]:
@@ -212,9 +230,9 @@ def parse_table(file: TableBytes, readme: bytes | None = None) -> RawTable:
     if not table.columns:
         raise InputError(file.name, "no columns", allowed="a table with columns")
     if len(table) == 0:
-        first = next(iter(table.rejects), Reject(0, "", "no rows", "at least one row below the heading"))
-        where = f"{file.name} row {first.row}" if first.row else file.name
-        raise InputError(where, first.value, allowed=first.reason, hint="a stray separator?" if first.row else "")
+        if table.rejects:
+            raise table.refusal_of(table.rejects[0])
+        raise InputError(file.name, "no rows", allowed="at least one row below the heading")
     return table
 
 
@@ -414,8 +432,8 @@ def _parted(rows: Iterable[list[str]], width: int) -> _Parted:
     return columns, tuple(rejects)
 
 
-def _rejected(row: int, cells: int, width: int) -> Reject:
-    return Reject(row, "", f"{cells} cells", f"{width} cells, as in the heading")
+def _rejected(row: int, cells: int, width: int) -> LeftOut:
+    return LeftOut(row, "", "", f"{cells} cells", f"allowed: {width} cells, as in the heading", ROW_OUT)
 
 
 def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> _Parted | None:
@@ -423,7 +441,7 @@ def _parted_by_arrow(data: bytes, start: int, mark: Any, width: int) -> _Parted 
     import pyarrow as pa
     from pyarrow import csv as tables
 
-    rejects: list[Reject] = []
+    rejects: list[LeftOut] = []
     quoted = data.find(b'"', start) >= 0
     simple = data.find(b"\n" + mark.encode() * (width - 1), start) < 0 and not (quoted and mark in "\t|")
 

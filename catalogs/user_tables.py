@@ -45,7 +45,6 @@ from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.table_cells import (
     Columns,
     Groups,
-    LeftOut,
     Row,
     Rows,
     Use,
@@ -54,7 +53,7 @@ from catalogs.table_cells import (
     read_rows,
     reasons,
 )
-from catalogs.table_files import RawTable, parse_table, read_bytes
+from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
 from cpic_core import InputError, listed
 
 _LOG = logging.getLogger(__name__)

@@ -11,8 +11,8 @@ from pydantic.json_schema import models_json_schema
 
 from cpic_planner.queries import Option, Question, spelled
 from cpic_planner.schemas import RESULTS
+from cpic_planner.web.addresses import ETC, FILE_FIELDS, IMAGES, MOST_VALUES, RANK, Addresses, parameter
 from cpic_planner.web.answers import COMPARE, ETC_PAGE, PAGES, RANK_PAGE
-from cpic_planner.web.asking import ETC, FILE_FIELDS, IMAGES, MOST_VALUES, RANK, Asking, parameter
 from cpic_planner.web.forms import Field
 from cpic_planner.web.job_queue import JobAnswer
 from cpic_planner.web.pages import FIGURE_MEDIA, MEDIA, FigureForm, Page, Problem
@@ -74,9 +74,9 @@ def _of_page(page: Page, of: dict[str, Any]) -> dict[str, Any]:
 
 def _fields(page: Page) -> list[dict[str, Any]]:
     """Return the parameters of a page: the options of its question, and the fields of its form that are none."""
-    askings: dict[Page, Asking[Any]] = {ETC_PAGE: ETC, RANK_PAGE: RANK, COMPARE: ETC}
-    asking = askings.get(page)
-    options = [] if asking is None else [_parameter(asking, option) for option in _offered(asking)]
+    kinds: dict[Page, Addresses[Any]] = {ETC_PAGE: ETC, RANK_PAGE: RANK, COMPARE: ETC}
+    addresses = kinds.get(page)
+    options = [] if addresses is None else [_parameter(addresses, option) for option in _offered(addresses)]
     if page is COMPARE:
         options = [option | {"required": False} for option in options]
     names = {option["name"] for option in options}
@@ -107,8 +107,8 @@ def _with_files(asked: dict[str, Any]) -> dict[str, Any]:
     return {"post": asked | rest | {"summary": f"{asked['summary']} Files may come with it, and are not kept."}}
 
 
-def _offered(asking: Asking[Any]) -> Sequence[Option]:
-    return [option for option in asking.options if option.flag not in asking.left_out]
+def _offered(addresses: Addresses[Any]) -> Sequence[Option]:
+    return [option for option in addresses.options if option.flag not in addresses.left_out]
 
 
 def _plain(name: str, text: str, schema: dict[str, Any]) -> dict[str, Any]:
@@ -123,14 +123,16 @@ def _is_required(option: Option) -> bool:
     return option.required and len(option.path) == 1
 
 
-def _parameter(asking: Asking[Any], option: Option) -> dict[str, Any]:
+def _parameter(addresses: Addresses[Any], option: Option) -> dict[str, Any]:
     """Return a parameter of an address, which may be repeated where the field takes several values."""
-    made = _plain(parameter(option), spelled(option.text), _schema(asking, option)) | {"required": _is_required(option)}
+    made = _plain(parameter(option), spelled(option.text), _schema(addresses, option)) | {
+        "required": _is_required(option)
+    }
     return made | {"style": "form", "explode": True} if option.several else made
 
 
-def _schema(asking: Asking[Any], option: Option) -> dict[str, Any]:
-    one: dict[str, Any] = {"type": _TYPES.get(option.kind, "string")} | _limits(asking.model, option.path)
+def _schema(addresses: Addresses[Any], option: Option) -> dict[str, Any]:
+    one: dict[str, Any] = {"type": _TYPES.get(option.kind, "string")} | _limits(addresses.model, option.path)
     if get_origin(option.kind) is Literal:
         one["enum"] = list(get_args(option.kind))
     if option.several:

@@ -440,13 +440,11 @@ def signal_to_noise(
     """
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, 1.0, offsets_arcsec=offsets_arcsec):
-        solved = cases.in_time(span, exact)
-        with np.errstate(divide="ignore"):
-            value = 1.0 / np.sqrt(solved.choice.inverse_snr2)
-        parts |= _answers(solved, "signal_to_noise", value, span)
-    return _in_order(parts, model.named(bands), len(target), len(planets))
+    every = cases_by_camera(model, target, bands, planets, fixed, 1.0, offsets_arcsec=offsets_arcsec)
+    solved = [cases.in_time(span, exact) for cases in every]
+    with np.errstate(divide="ignore"):
+        values = [1.0 / np.sqrt(one.choice.inverse_snr2) for one in solved]
+    return _answers(solved, "signal_to_noise", values, span, model.named(bands))
 
 
 def exposure_time(
@@ -496,12 +494,10 @@ def exposure_time(
     check_levels(snr, sigma)
     span = Span.of(model, None, visit_time_s, asked=True)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
-        solved = cases.for_level(span)
-        wall_s = solved.programme.visits * model.time_s(solved.choice.visit_s)
-        parts |= _answers(solved, "exposure_time", wall_s, span)
-    return _in_order(parts, model.named(bands), len(target), len(planets))
+    every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
+    solved = [cases.for_level(span) for cases in every]
+    values = [one.programme.visits * model.time_s(one.choice.visit_s) for one in solved]
+    return _answers(solved, "exposure_time", values, span, model.named(bands))
 
 
 def contrast_limit(
@@ -540,12 +536,11 @@ def contrast_limit(
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
     span = Span.of(model, time_s, visit_time_s)
     fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
-    parts: dict[str, list[EtcAnswer]] = {}
-    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
-        limit = _limit(cases, span, exact)
-        value = np.where(limit.contrast < 1.0, limit.contrast, math.inf)
-        parts |= _answers(_at_limit(cases, limit, exact), "contrast_limit", value, span)
-    return _in_order(parts, model.named(bands), len(target), len(planets))
+    every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
+    limits = [_limit(cases, span, exact) for cases in every]
+    solved = [_at_limit(cases, limit, exact) for cases, limit in zip(every, limits, strict=True)]
+    values = [np.where(limit.contrast < 1.0, limit.contrast, math.inf) for limit in limits]
+    return _answers(solved, "contrast_limit", values, span, model.named(bands))
 
 
 def contrast_limits(
@@ -685,24 +680,22 @@ def _limits(cases: Cases, programme: Programme, visit_s: FloatArray, whole: bool
     return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choice
 
 
-def _answers(found: Solution, question: Question, value: FloatArray, span: Span) -> dict[str, list[EtcAnswer]]:
-    """Return the answers of the programmes and frames that were found, band by band, planets within stars."""
-    cases, level = found.cases, None
-    if question != "signal_to_noise":
-        undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
-        level = np.where(undefined, math.inf, found.level)
-    made = cases.in_programme(found.programme)
-    answers = _Answers(made, found.problem, found.choice, question, value, span, level).answers()
-    each = len(answers) // len(cases.bands)
-    return {band: answers[i * each : (i + 1) * each] for i, band in enumerate(cases.bands)}
-
-
-def _in_order(
-    by_band: dict[str, list[EtcAnswer]], bands: Sequence[str], n_stars: int, n_planets: int
+def _answers(
+    found: Sequence[Solution], question: Question, values: Sequence[FloatArray], span: Span, bands: Sequence[str]
 ) -> list[EtcAnswer]:
-    """Return from bands x (stars x planets) to stars x bands x planets."""
-    rows = [slice(star * n_planets, (star + 1) * n_planets) for star in range(n_stars)]
-    return [answer for row in rows for band in bands for answer in by_band[band][row]]
+    """Return the answers of the programmes and frames of every camera: bands in a given order, planets in bands."""
+    rows: dict[tuple[int, str, int], EtcAnswer] = {}
+    for one, value in zip(found, values, strict=True):
+        cases, level = one.cases, None
+        if question != "signal_to_noise":
+            undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
+            level = np.where(undefined, math.inf, one.level)
+        made = cases.in_programme(one.programme)
+        answers = _Answers(made, one.problem, one.choice, question, value, span, level).answers()
+        for (band, star, planet), answer in zip(np.ndindex(*cases.shape), answers, strict=True):
+            rows[star, cases.bands[band], planet] = answer
+    stars, planets = map(range, found[0].cases.shape[1:])
+    return [rows[star, band, planet] for star in stars for band in bands for planet in planets]
 
 
 def check_levels(snr: float | None, sigma: float | None, *, largest: float = 1e6) -> None:

@@ -123,20 +123,20 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
     cases = etc.cases_of(own, star, [band], place)
     choice = _choice(model, best)
     noise = cases.noise(choice)
-    possible = best.n_frames[0] >= 1
-    binding = etc.binding_limits(cases.problem("significance"), cases.rates, choice, _ONLY)
+    told: dict[str, Any] = {"exposure_limited_by": "", "gain_limited_by": "", "gain_caps": {}}
+    told |= {"dominant": "", "budget": {}, "remedies": {}}
+    if best.n_frames[0] >= 1:
+        told = etc.binding_limits(cases.problem("significance"), cases.rates, choice, _ONLY)
+        told["dominant"] = etc.largest_term(noise, _ONLY)
+        told["budget"] = {name: float(term[_ONLY]) for name, term in noise.terms.items()}
+        told["remedies"] = {name: float(term[_ONLY]) for name, term in etc.remedies(cases, choice, noise).items()}
     return BandStanding.of(
         best,
         counted,
         at=0,
         **setting_fields(model, best, 0, standing, limits_of([standing], best)[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
-        **(binding if possible else {"exposure_limited_by": "", "gain_limited_by": "", "gain_caps": {}}),
-        dominant=etc.largest_term(noise, _ONLY) if possible else "",
-        budget={key: float(term[_ONLY]) for key, term in noise.terms.items()} if possible else {},
-        remedies={key: float(term[_ONLY]) for key, term in etc.remedies(cases, choice, noise).items()}
-        if possible
-        else {},
+        **told,
     )
 
 

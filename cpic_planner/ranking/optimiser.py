@@ -326,6 +326,7 @@ def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
 
 
 _CHANGES = ("without_motion", "without_speckles", "without_background")
+_REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_factor")
 _ROUNDING = 1e-9
 N_SEPARATIONS = 41
 MIN_BACKGROUND_APERTURES = 25.0
@@ -940,6 +941,8 @@ class _Search:
         )
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
+        unknown: dict[str, Any] = dict.fromkeys((*_CHANGES, "moves"), np.zeros(n, bool))
+        unknown |= dict.fromkeys(_REQUIRED, np.full(n, np.nan))
         best = OptimalSetting(
             band=np.full(n, band),
             separation_arcsec=column(chosen.separation_arcsec),
@@ -953,13 +956,7 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
-            without_motion=np.zeros(n, bool),
-            moves=np.zeros(n, bool),
-            without_speckles=np.zeros(n, bool),
-            without_background=np.zeros(n, bool),
-            required_visits=np.full(n, np.nan),
-            required_drift_factor=np.full(n, np.nan),
-            required_contrast_factor=np.full(n, np.nan),
+            **unknown,
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],

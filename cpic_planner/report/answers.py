@@ -243,12 +243,8 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
         chance = best.detection_probability if searched else best.detection_probability_known_place
         levels = f"the significance is {significant(best.significance)} and the threshold {significant(best.threshold)}"
         why = levels if chance is None else f"{words.share_text(chance)} % of such programmes show the planet"
-        inner = (
-            "; it was put where the level takes the least time, often at the inner edge of the dark hole, where the "
-            "threshold is highest (a question for a detection takes that into account)"
-        )
-        text = f"The answer in {best.band} is not a detection: {why}"
-        told.append(f"{text}{inner * (best.question == 'exposure_time' and not placed)}.")
+        inner = words.text("texts.etc_inner_edge") if best.question == "exposure_time" and not placed else ""
+        told.append(f"The answer in {best.band} is not a detection: {why}{inner}.")
         if needed := _required_text(best):
             limit = words.LIMITED_BY[best.limited_by or "none"][1]
             told.append(f"Limited by {limit}. Any one of these would be enough: {needed}.")
@@ -499,12 +495,7 @@ def _print_checks(
     print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
     explain_symbols(console, [item.status for item, _ in rows])
     if drawn:
-        print_note(
-            console,
-            "Errors of one sigma. SNR: closed form of what the images hold; of images: mean flux over its measured "
-            "error; pred/rec: predicted over recovered SNR, that of the closed form over that of images. Light: "
-            "planet's light in images without noise over that of the closed form. Found: by a blind search.",
-        )
+        print_note(console, words.text("texts.etc_checks"))
 
 
 def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:

@@ -353,11 +353,8 @@ _PLACES = [
 
 def albedo_text(albedo: results.AlbedoRecord) -> str:
     """Return what contrasts say of metallicity and clouds."""
-    mh, fsed = (words.interval_text(low, high) for low, high in (albedo.log10_mh_interval, albedo.log10_fsed_interval))
-    return (
-        f"{albedo.planet}: log10 M/H {mh}, log10 f_sed {fsed} (68 %), correlation {decimals(albedo.correlation, 2)}, "
-        f"from {', '.join(albedo.bands)}: {words.ALBEDO_STATUS[albedo.status]}"
-    )
+    about = {"bands": ", ".join(albedo.bands), "status": words.ALBEDO_STATUS[albedo.status]}
+    return words.text("texts.albedo", albedo=albedo, **about)
 
 
 MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."

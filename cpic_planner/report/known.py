@@ -144,13 +144,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
     since = f"within {result.years:g} years from {result.date_utc[:10]}" if of_star else ""
     if not full:
         if of_star:
-            print_note(
-                console,
-                f"Window: the days, {since}, on which the planet is more likely than not between the corners of the "
-                "dark hole, in the band that covers it best; of several windows, that of the best day (-v: all of "
-                "them, orbits, references).",
-                *_caveats(shown),
-            )
+            print_note(console, words.text("texts.known_window", since=since), *_caveats(shown))
         print_note(console, *lines)
         return
     if of_star:
@@ -159,15 +153,8 @@ def print_known(result: KnownResult, console: Console, limit: int = 40, *, full:
         for row in first:
             print_plain(console, *_windows_lines(row, result), _standing_text(row))
     print_plain(console, *map(_standing_text, listed))
-    print_note(
-        console,
-        "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
-        f"and outer corner of the dark hole of {hole.band} ({hole.inner_arcsec:.2f} to {hole.outer_arcsec:.2f} arcsec)"
-        "; at a given roll the position angle decides as well.",
-        *(lines if of_star else ()),
-        f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
-        f"{result.albedo} albedo.",
-    )
+    numbers = words.text("texts.known_columns", hole=hole)
+    print_note(console, numbers, *(lines if of_star else ()), words.text("texts.known_draws", result=result))
 
 
 def _decides(flag: str, row: KnownPlanetRow) -> bool:
@@ -188,10 +175,7 @@ def _caveats(rows: Sequence[KnownPlanetRow]) -> list[str]:
 
 def _cells(result: KnownResult) -> list[Cells]:
     hole = result.holes[0]
-    inside = (
-        f"share of the draws between the corners of the dark hole of {hole.band}, {hole.inner_arcsec:.2f} to "
-        f"{hole.outer_arcsec:.2f} arcsec; at a given roll the position angle decides as well"
-    )
+    inside = words.text("texts.known_in_hole", hole=hole)
 
     def window(row: KnownPlanetRow) -> str:
         if not row.windows:
@@ -278,12 +262,7 @@ _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 def pointing_sentence(pointing: results.PointingRecord) -> str:
     """Return the limits of pointing in one sentence."""
     turned = f"turning by up to {pointing.panel_turn_deg:g} deg" if pointing.panel == "one_axis" else "fixed"
-    return (
-        f"Limits {pointing.name}: {pointing.sun_deg:g} deg from the Sun, {pointing.moon_deg:g} from the Moon, "
-        f"{pointing.dark_limb_deg:g} from a dark limb of the Earth, {pointing.bright_limb_deg:g} from a sunlit one; "
-        f"panels {turned}, within {pointing.panel_deg:g} of the Sun; {100 * pointing.saa_fraction:g} % of all time "
-        "lost to the South Atlantic Anomaly."
-    )
+    return words.text("texts.pointing", pointing=pointing, turned=turned, anomaly=100 * pointing.saa_fraction)
 
 
 def print_visibility(result: VisibilityResult, console: Console, *, full: bool = True) -> None:

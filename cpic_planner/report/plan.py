@@ -35,20 +35,11 @@ def targets_sentences(plan: PlanResult) -> list[str]:
     if (made := plan.schedule) is not None:
         left = made.n_stars - len(plan.targets)
         more = f"; {counted(left, 'more star')} can be imaged (a larger --top)" if left else ""
-        found.append(
-            f"Targets, frames and numbers of visits are those of a schedule, {made.source}: the images stand for "
-            f"{made.n_imaged} of {counted(made.n_visits, 'visit')}{more}."
-        )
-        found.append(
-            "All visits of a star and band are reduced together, in images with the planet at one place: of months "
-            "between visits they know that the wavefront has changed, not that the planet moves."
-        )
+        visits = f"{made.n_imaged} of {counted(made.n_visits, 'visit')}{more}"
+        found += [words.text("texts.plan_schedule", made=made, visits=visits), words.text("texts.plan_together")]
     if (period := plan.period) is not None:
-        days = counted(period.n_days, "day")
-        found.append(
-            f"Targets are seen for as long as their best observation takes in the {days} from "
-            f"{period.start_utc[:10]} on (limits of pointing: {period.pointing})."
-        )
+        days = f"{counted(period.n_days, 'day')} from {period.start_utc[:10]} on"
+        found.append(words.text("texts.plan_period", days=days, pointing=period.pointing))
         if period.not_checked:
             names = ", ".join(map(pretty_name, period.not_checked))
             found.append(f"Visibility is not known of {names}: the star table has no coordinates.")
@@ -106,13 +97,10 @@ def print_plan(plan: PlanResult, console: Console, *, full: bool = True) -> None
     if not full:
         print_note(console, *_left_out_lines(plan))
         return
-    criterion = LIBRARIES[plan.reference_library].found
     print_note(
         console,
         *filter(None, [confirm.modelled_sentence(bands)]),
-        "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        f"the error of its mean; found: realisations in which {criterion}; seen at its place: "
-        "significant at the known place, but not found blind.",
+        words.text("texts.plan_columns", library=LIBRARIES[plan.reference_library]),
         *targets_sentences(plan),
         *not_imaged_lines(plan),
         f"{words.chosen_text(plan.n_ranked, plan.n_in_catalogue)} ranked. {confirm.setup_text(plan)}",
@@ -316,11 +304,9 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     detections = sum(bool(band.detected) for band in measured)
     searched = LIBRARIES[plan.reference_library].searched
     first = "The first" if plan.schedule is None else "Of the schedule"
-    sentences.append(
-        f"{first} {counted(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
-        f"times in every band in reach, reduced, {searched}: the planet is found around "
-        f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {counted(len(measured), 'measurement')}."
-    )
+    first = f"{first} {counted(len(plan.targets), 'target')}"
+    found = f"{len(confirmed)} of {len(plan.targets)}, in {detections} of {counted(len(measured), 'measurement')}"
+    sentences.append(words.text("texts.plan_simulated", first=first, plan=plan, searched=searched, found=found))
     if confirmed:
         target, band = confirmed[0]
         which = "Highest ranked" if plan.schedule is None else "First"

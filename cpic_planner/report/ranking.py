@@ -102,10 +102,7 @@ def velocities_sentence(rank: RankResult, first: int) -> str:
         for row in unprobed_stars(rank, first)[:_MOST_NAMED]
     ]
     if stars:
-        found.append(
-            "More radial velocities would change the ranking most where none exclude the reference planet yet; they "
-            f"have to show amplitudes of: {', '.join(stars)}."
-        )
+        found.append(words.text("texts.rank_velocities", stars=", ".join(stars)))
     return " ".join(found)
 
 
@@ -175,20 +172,14 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20, *, full: boo
 
 def _about_rank(rank: RankResult, limit: int) -> list[str]:
     """Return what the numbers of a ranking refer to."""
-    planet, time = rank.reference_planet, duration_text(rank.time_s)
     search, of_mode = words.SEARCHES[rank.search], words.SEARCHES[words.mode_of(rank)]
     return [
         f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}",
-        f"Population (compl %): {population_text(rank.population)}, by a blind search; known %: each planet looked for "
-        f"at its place; of all %: whatever is known of the star, blind. The score counts {search}.",
+        words.text("texts.rank_population", population=population_text(rank.population), search=search),
         detected_sentence(rank),
         *filter(None, (expected_sentence(rank), velocities_sentence(rank, limit))),
-        f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
-        f"{planet.albedo} albedo, {planet.position}; wall time up to {time} per target and band.",
-        f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
-        f"Detected: at least half of such observations show the planet {of_mode}; blind %, place %: probability that a "
-        "search finds it that does not know its place, and one that does. Reference frames: "
-        f"{LIBRARIES[rank.reference_library].meaning}.",
+        words.text("texts.rank_planet", rank=rank, planet=rank.reference_planet),
+        words.text("texts.rank_margin", rank=rank, of_mode=of_mode, library=LIBRARIES[rank.reference_library]),
         f"Stars{f' on {rank.date_utc[:10]}' * bool(rank.date_utc)}: {rank.sample}. {rank.catalogue}",
     ]
 
@@ -256,12 +247,7 @@ def print_sensitivity(result: results.SensitivityResult, console: Console) -> No
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
     print_plain(console, result.statement)
-    print_note(
-        console,
-        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: "
-        f"{words.tau_text(result.top)}; tau of: their number; of {result.first}, of {result.top}: how many of the "
-        "nominal first stars stay among them; biggest fall: of these.",
-    )
+    print_note(console, words.text("texts.sensitivity_columns", result=result, tau=words.tau_text(result.top)))
 
 
 def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
@@ -288,15 +274,10 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
     spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
     print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
-    unsaid = "The file does not say how its ranking was made: settings are not compared."
-    said = "" if result.settings is None else "; ".join(map(setting, result.settings)) or "none"
-    print_note(
-        console,
-        f"Settings that differ: {said}." if said else unsaid,
-        "before, after: rank among all stars of the sample; score ×: score after over score before; Kendall's tau: "
-        "tau-b of the scores, of stars among the first of either ranking with a score above zero in either (1: the "
-        "same order; 0: an unrelated one; equal scores are no order).",
-    )
+    said = "The file does not say how its ranking was made: settings are not compared."
+    if result.settings is not None:
+        said = f"Settings that differ: {'; '.join(map(setting, result.settings)) or 'none'}."
+    print_note(console, said, words.text("texts.move_columns"))
 
 
 def print_explanation(explanation: results.Explanation, console: Console) -> None:
@@ -359,15 +340,8 @@ def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[RankedTarge
     title = "What the expected planets of one observation of every star hang on, one number at a time"
     print_table(console, title, bars, ensemble.bars[:N_BARS])
     print_plain(console, ensemble.statement)
-    print_note(
-        console,
-        "Values, or factors on the instrument asked, that 5 and 95 % of what each number may be are below; planets, "
-        "stars whose reference planet is detected, and Kendall's tau of the order of the first ten at these two; with "
-        f"all numbers as asked {ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars. "
-        f"All {count_text(ensemble.n_instruments)} instruments rank {count_text(ensemble.n_stars)} stars; of the "
-        "others none has its reference planet detected under the few that rank all. Ensemble "
-        f"{ensemble.name}, seed {ensemble.seed}.",
-    )
+    nominal = f"{ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars"
+    print_note(console, words.text("texts.ensemble_columns", ensemble=ensemble, nominal=nominal))
 
 
 def priority_blocks(

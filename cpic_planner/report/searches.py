@@ -50,10 +50,7 @@ def curve_sentences(result: CurveResult) -> list[str]:
         if best is None:
             said.append(f"{band.band}: no limit: {band.message or words.status_text(band.status)}.")
             continue
-        said.append(
-            f"{band.band}: half of the planets of contrast {best.contrast_limit_blind:.1e} at "
-            f"{best.separation_arcsec:.2f} arcsec are found blind in {_programme_text(band)}."
-        )
+        said.append(words.text("texts.curve_limit", best=best, programme=_programme_text(band)))
         said += _no_images(band)
         ratios = [
             row.measured_limit / row.contrast_limit_threshold
@@ -62,10 +59,8 @@ def curve_sentences(result: CurveResult) -> list[str]:
         ]
         if ratios:
             mean = math.exp(sum(map(math.log, ratios)) / len(ratios))
-            said.append(
-                f"In {band.images} simulated images the limit at the threshold is {words.significant(mean, 2)} times "
-                f"the predicted one, mean of {words.counted(len(ratios), 'separation')}."
-            )
+            places = words.counted(len(ratios), "separation")
+            said.append(words.text("texts.curve_measured", band=band, mean=mean, places=places))
     if result.recovered:
         n, hits = (sum(getattr(row, name) for row in result.recovered) for name in ("n_injected", "n_recovered"))
         expected = sum(row.n_injected * row.predicted for row in result.recovered)
@@ -81,17 +76,10 @@ def roc_sentences(result: RocResult) -> list[str]:
         if row is None or band.contrast is None or band.separation_arcsec is None:
             said.append(f"{band.band}: no answer: {band.message or words.status_text(band.status)}.")
             continue
-        blind, placed = map(words.share_text, (row.detection_probability, row.detection_probability_known_place))
-        said.append(
-            f"{band.band}: a planet of contrast {band.contrast:.2e} at {band.separation_arcsec:.2f} arcsec is found "
-            f"blind with {blind} % and at its known place with {placed} %, at {result.sigma:g}σ "
-            f"({row.false_alarms:.1e} false alarms a search), in {_programme_text(band)}."
-        )
+        said.append(words.text("texts.roc_level", band=band, row=row, programme=_programme_text(band)))
         if row.n_planets:
-            said.append(
-                f"Searches of {row.n_planets} simulated images find it in {row.n_detected}, and have "
-                f"{words.counted(row.n_false, 'false alarm')} in {row.n_searches} without it."
-            )
+            alarms = words.counted(row.n_false, "false alarm")
+            said.append(words.text("texts.roc_images", row=row, alarms=alarms))
         said += _no_images(band)
     return said
 

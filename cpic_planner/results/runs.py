@@ -4,11 +4,10 @@ Result of measuring speed against accuracy.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
-from catalogs import CONVENTIONS, LeftOut, TableReading
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
     Document,
@@ -22,6 +21,9 @@ from cpic_planner.results.base import (
     optional,
 )
 from simulator.knobs import Quantity
+
+if TYPE_CHECKING:
+    from catalogs import LeftOut, TableReading
 
 
 class SequenceRow(Row):
@@ -336,8 +338,10 @@ class TableTaken(Result):
     notes: list[str] = Field(description="remarks on the reading")
 
     @classmethod
-    def of_file(cls, taken: TableReading) -> Self:
+    def of_file(cls, taken: "TableReading") -> Self:
         """Return the result of what `catalogs.table_readings` returns."""
+        from catalogs import CONVENTIONS
+
         columns = [
             ColumnTaken.of(
                 use,
@@ -362,11 +366,11 @@ class ColumnsResult(Document):
     tables: list[TableTaken] = Field(description="one; two where it can be read both as stars and as planets")
 
     @classmethod
-    def of_files(cls, found: Sequence[TableReading]) -> Self:
+    def of_files(cls, found: "Sequence[TableReading]") -> Self:
         """Return the result of what `catalogs.table_readings` returns of one file."""
         return cls(file=found[0].file, tables=[TableTaken.of_file(one) for one in found])
 
 
-def left_out_cells(left_out: Sequence[tuple[str, LeftOut]]) -> list[LeftOutCell]:
+def left_out_cells(left_out: "Sequence[tuple[str, LeftOut]]") -> list[LeftOutCell]:
     """Return rows and cells that were not used, after the name of their table, as rows of a file."""
     return [LeftOutCell.of(item, table=table, reason=item.why) for table, item in left_out]

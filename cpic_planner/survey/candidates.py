@@ -1,4 +1,8 @@
-"""Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw."""
+"""Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw.
+
+Schedules are made with planets drawn for planning alone; what visits show of them is worked out once for all strategies
+and states of what is known that share it (`PlanningSky`).
+"""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import math
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -212,6 +212,14 @@ class Room:
         self.budget_h -= cost_h
         self.slots_h[visit[1]] -= cost_h
         self.visits.setdefault(star, []).append(visit)
+
+    def after(self, problem: Problem, made: Mapping[int, Sequence[Visit]] | None = None) -> "Room":
+        """Return a copy, less the time of visits of stars."""
+        left = Room(self.budget_h, self.slots_h.copy())
+        for star, visits in (made or {}).items():
+            for visit in visits:
+                left.take(star, visit, problem.cost_h(star, visit))
+        return left
 
     def holds(self, cost_h: FloatArray) -> BoolArray:
         """Return which costs ``(..., b)`` still fit."""
@@ -446,7 +454,7 @@ def promising(problem: Problem, room: Room, star: int) -> list[tuple[Visit, ...]
     item = problem.stars[star]
     none = StarValue.none(item, problem.needed)
     starts = [surest(problem, none, room, star, first) for first in (True, False)] if problem.needed > 1 else []
-    left, state, made = Room(room.budget_h, room.slots_h.copy()), none, list[Visit]()
+    left, state, made = room.after(problem), none, list[Visit]()
     while len(made) < item.visits_left and (visit := next_visit(problem, state, left, made)) is not None:
         state = state.after(visit)
         left.take(star, visit, problem.cost_h(star, visit))
@@ -704,22 +712,14 @@ def exchanged(problem: Problem, room: Room, group: Sequence[int], made: Chosen) 
     """
     free = Prices(0.0, np.zeros(len(room.slots_h)))
     made = dict(made)
-
-    def net(star: int, visits: Sequence[Visit]) -> float:
-        value = StarValue.of(problem.stars[star], problem.needed, visits).value
-        return value - least_gain(problem) * len(visits)
-
     for _ in range(_SWEEPS):
         helped = False
         for star in group:
-            left = Room(room.budget_h, room.slots_h.copy())
-            for other, visits in made.items():
-                for visit in visits if other != star else ():
-                    left.take(other, visit, problem.cost_h(other, visit))
+            left = room.after(problem, {other: visits for other, visits in made.items() if other != star})
             starts = [made[star]] if star in made else promising(problem, left, star)
             for start in starts:
                 visits = improved(problem, left, star, start, free)
-                if net(star, visits) > net(star, made.get(star, ())) + _TINY:
+                if _net(problem, {star: visits}) > _net(problem, {star: made.get(star, [])}) + _TINY:
                     made[star], helped = visits, True
                     break
         if not helped:
@@ -1130,9 +1130,7 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
     part = effort if len(groups) == 1 else replace(effort, nodes=effort.nodes // 4, bounds=1)
     for group in groups:
         chosen, bound = _of_group(problem, room, group, made, part)
-        for star, visits in sorted(chosen.items()):
-            for visit in visits:
-                room.take(star, visit, problem.cost_h(star, visit))
+        room = room.after(problem, dict(sorted(chosen.items())))
         found |= chosen
     if len(groups) > 1:
         bound = _of_group(problem, Room.of(problem), range(len(problem.stars)), made | found, effort)[1]
@@ -1174,10 +1172,7 @@ def _best(
 
 def _fits(problem: Problem, room: Room, made: Chosen) -> bool:
     """Return whether what is left holds all of these visits."""
-    left = Room(room.budget_h, room.slots_h.copy())
-    for star, visits in made.items():
-        for visit in visits:
-            left.take(star, visit, problem.cost_h(star, visit))
+    left = room.after(problem, made)
     return left.budget_h >= -ROUNDING and bool((left.slots_h >= -ROUNDING).all())
 
 

@@ -70,6 +70,17 @@ from simulator.config import AlbedoSpec
 
 COUNTED = (*PLANETS, "visits", "hours")
 """Numbers of each universe that comparisons are made of."""
+ROUNDING_H = 1e-9
+_MANY = 10_000
+
+
+class Epoch(NamedTuple):
+    """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
+
+    day: float
+    band: str
+    snr: FloatArray
+    shown: BoolArray
 
 
 class StarHistory:
@@ -171,9 +182,6 @@ class StarHistory:
         self.epochs.append(Epoch(day, band, light, shown))
 
 
-ROUNDING_H = 1e-9
-
-
 class Clock:
     """Time of ``n`` universes, hours: the whole budget is left, of which planned visits will take what is promised."""
 
@@ -264,6 +272,351 @@ class Survey:
     def faintest(self) -> tuple[tuple[FloatArray, ...], ...]:
         """Contrast below which a visit shows no planet, by star, option and ring."""
         return faintest_by_way(self.strategy, self.model, self.targets, self.options)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundOrbits:
+    """Orbits of some planets of a star, arrays of one length.
+
+    Attributes
+    ----------
+    planet : ndarray of int
+        Position of the planet among those of the star.
+    quality : OrbitQuality
+        From its positions so far.
+    next_day : ndarray
+        Of the next window of the star, after the start of the survey.
+    place_error_lambda_d : ndarray
+        Error of the place there, in lambda/D of the last band that showed the planet.
+    known : ndarray of bool
+        Whether the orbit is known by the rule of the strategy (`cpic_planner.survey.strategy.OrbitRule`).
+    """
+
+    planet: IntArray
+    quality: OrbitQuality
+    next_day: FloatArray
+    place_error_lambda_d: FloatArray
+    known: BoolArray
+
+    def columns(self, star: str, planets: PlanetSample) -> dict[str, Any]:
+        """Return the columns of the table of orbits for planets of one star."""
+        mine = planets.select(self.planet)
+        given = vars(self.quality) | vars(self) | {"universe": mine.universe, "planet": mine.number}
+        given |= {"star": np.full(len(mine), star, object), "orbit_known": self.known}
+        return {name: given[name] for name in ORBITS.empty}
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions of planets of a star and what was published of their orbits; arrays over ``n`` planets.
+
+    Attributes
+    ----------
+    day : ndarray, shape (n, t)
+        After the start of the survey, in the order of time.
+    error_arcsec : ndarray, shape (n, t)
+        On each axis; inf where there is no position.
+    width_arcsec : ndarray, shape (n,)
+        lambda/D of the last band that showed the planet.
+    published : ndarray, shape (n, 7, 7)
+        As of `cpic_planner.planets.orbit_quality`.
+    period_error : ndarray, shape (n,)
+        Relative, as published; inf where it is not.
+    placed : ndarray of bool, shape (n,)
+        Planets whose published orbit has node and inclination.
+    """
+
+    day: FloatArray
+    error_arcsec: FloatArray
+    width_arcsec: FloatArray
+    published: FloatArray
+    period_error: FloatArray
+    placed: BoolArray
+
+    @property
+    def last_day(self) -> FloatArray:
+        """Day of the last position; -inf where there is none."""
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf))
+
+    @property
+    def first_day(self) -> FloatArray:
+        """Day of the first position; inf where there is none."""
+        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, np.inf).min(axis=1, initial=np.inf))
+
+    def enough(self, epochs: IntArray, arc_periods: FloatArray) -> BoolArray:
+        """Tell whether so many positions over such an arc, shape (n,) or (n, t), allow one orbit only.
+
+        Parameters
+        ----------
+        epochs : ndarray of int, shape (n,)
+        arc_periods : ndarray
+        """
+        shape = (-1,) + (1,) * (arc_periods.ndim - 1)
+        told = self.placed.reshape(shape), self.period_error.reshape(shape)
+        return one_orbit(epochs.reshape(shape), arc_periods, *told)
+
+
+def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
+    """Return the positions of some planets of a star.
+
+    Parameters
+    ----------
+    survey : Survey
+    star : StarHistory
+    rows : ndarray of int
+        Numbers of the planets among those of the star.
+
+    Notes
+    -----
+    Positions are those of the visits that detect the planet, follow-up and the observation log included, with errors of
+    `cpic_planner.planets.astrometric_error_arcsec` for the SNR there.
+    """
+    rule, planets = survey.strategy.orbit, star.planets.select(rows)
+    shape = len(star.epochs), len(star.planets)
+    shown = np.array([epoch.shown for epoch in star.epochs], bool).reshape(shape).T[rows]
+    snr = np.array([epoch.snr for epoch in star.epochs], float).reshape(shape).T[rows]
+    day = np.broadcast_to(np.array([epoch.day for epoch in star.epochs], float), shown.shape)
+    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs], float)
+    errors = np.full(shown.shape, np.inf)
+    errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
+    last = [np.flatnonzero(mine)[-1] if mine.any() else -1 for mine in shown]
+    width = np.array([widths[k] if k >= 0 else np.nan for k in last], float)
+    told = told_of(planets, star.published, rule.star_mass_error)
+    return Positions(day, errors, width, *told, at_known_place(planets, survey.known))
+
+
+def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> FoundOrbits:
+    """Return the orbits of planets of a star that several visits have shown.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    some : ndarray of bool
+        Planets that are asked for; those with fewer positions than `LEAST_EPOCHS` are left out.
+
+    Notes
+    -----
+    Positions are those of `positions_of`, the next window is that of `next_window`. A planet of the table of known
+    planets begins with what was published of its orbit.
+    """
+    rule = survey.strategy.orbit
+    epochs = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64) * np.ones(len(some), np.int64)
+    placed = at_known_place(star.planets, survey.known)
+    rows = np.flatnonzero(some & (epochs >= np.where(placed, 1, LEAST_EPOCHS)))
+    planets, seen = star.planets.select(rows), positions_of(survey, star, rows)
+    later = next_window(survey.calendar, i, seen.last_day, survey.strategy.revisits.min_gap_days)
+    quality = orbit_quality(
+        planets,
+        planets.period_days,
+        float(survey.targets.distance_pc[i]),
+        seen.day,
+        seen.error_arcsec,
+        later,
+        star_mass_error=rule.star_mass_error,
+        published=seen.published,
+    )
+    place = quality.place_error_arcsec / seen.width_arcsec
+    known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
+    return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
+
+
+def logged_epochs(
+    survey: Survey,
+    i: int,
+    planets: PlanetSample,
+    some: BoolArray,
+    albedos: tuple[AlbedoSpec, ...],
+    zodis: FloatArray | None,
+) -> list[Epoch]:
+    """Return what the visits of the observation log have shown of planets of a star.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    planets : PlanetSample
+    some : ndarray of bool
+        Planets that are there.
+    albedos, zodis
+        As of `cpic_planner.survey.detection.expected_signals`.
+
+    Notes
+    -----
+    The log says how many planets a visit showed, not which. They are taken as those of the universe that it most likely
+    detected, where that was at least as likely as not; the others of the visit are planets that the universe does not
+    have. What one visit shows of a new planet is in the log, and no planet of the universe, unless a detection takes
+    several visits (`cpic_planner.survey.observed.missed`): then new planets of the universe have positions, too.
+    """
+    log, rule, star = survey.log, survey.strategy.detection, survey.targets.select([i])
+    done = () if log is None else log.of(str(star.name[0]))
+    able = some & ((planets.known != NEW) | (rule.visits_needed > 1))
+    found = []
+    for visit in done:
+        if not (visit.planets and able.any()):
+            continue
+        day = visit.mjd - survey.calendar.start_mjd
+        roll = visit.roll_deg
+        if math.isnan(roll):
+            roll = float(sun_position_angle_deg(star, np.array([[visit.mjd]]))[0, 0])
+        seen = expected_signals(
+            survey.model, star, visit.setting, planets, albedos, planets.places([day]), [roll], zodis
+        )
+        placed = at_known_place(planets, survey.known)
+        odds = np.where(able, detection_chance(seen, rule, placed, calibration=rule.calibration)[0], 0.0)
+        # Number of each planet among those of its universe, the surest first.
+        order = np.lexsort((-odds, planets.universe))
+        _, begins, counts = np.unique(planets.universe[order], return_index=True, return_counts=True)
+        place = np.empty(len(planets), np.int64)
+        place[order] = np.arange(len(planets)) - np.repeat(begins, counts)
+        found.append(Epoch(day, visit.setting.band, seen.snr[0], (odds >= 0.5) & (place < visit.planets)))
+    return found
+
+
+def due(
+    survey: Survey, i: int, star: StarHistory, mine: IntArray, setting: Setting, slot: int, ahead: FloatArray
+) -> IntArray:
+    """Return the planets of a star whose orbits ask for a visit in a slot.
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    mine : ndarray of int
+        Planets that were found with the setting, and confirmed where the strategy asks for it.
+    setting : Setting
+    slot : int
+    ahead : ndarray, shape (2, b, n)
+        Odds and SNR of a visit in every slot for all planets of the star.
+
+    Notes
+    -----
+    The slots of a planet are chosen (`best_slots`) when it is first asked for, and again whenever it has another
+    position or another visit was made for it.
+    """
+    if star.orbit_slots is None:
+        star.orbit_slots = np.zeros((survey.calendar.n_slots, len(star.planets)), bool)
+    shown = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64)
+    state = shown + _MANY * star.orbit_visits[star.planets.universe]
+    stale = mine[star.chosen_by[mine] != state[mine]]
+    if stale.size:
+        star.chosen_by[stale] = state[stale]
+        star.orbit_slots[:, stale] = False
+        asked = np.isin(np.arange(len(state)), stale)
+        orbits = found_orbits(survey, i, star, asked)
+        asked[orbits.planet[orbits.known]] = False
+        asked &= star.orbit_visits[star.planets.universe] < survey.strategy.orbit.visits
+        if (open_ := np.flatnonzero(asked)).size:
+            star.orbit_slots[:, open_] = best_slots(survey, i, star, open_, setting, slot, ahead[:, :, open_])
+    return np.asarray(mine[star.orbit_slots[slot, mine]])
+
+
+def best_slots(
+    survey: Survey, i: int, star: StarHistory, rows: IntArray, setting: Setting, slot: int, ahead: FloatArray
+) -> BoolArray:
+    """Return the slots in which visits are expected to make orbits known, one after the other, shape (b, n).
+
+    Parameters
+    ----------
+    survey : Survey
+    i : int
+        Position of the star.
+    star : StarHistory
+    rows : ndarray of int
+        ``n`` planets.
+    setting : Setting
+    slot : int
+        First slot in which a visit may be.
+    ahead : ndarray, shape (2, b, n)
+        Odds and SNR of a visit in every slot.
+
+    Notes
+    -----
+    Fisher matrices of positions add. Slot after slot is taken in which one more position is expected to shrink the
+    covariance ``C`` of the elements most: its logarithmic volume falls by ``ln det(1 + J C J^T / s^2)`` with the odds
+    of a detection, with ``J`` the derivatives of the position by the elements and ``s`` its error (the design of least
+    volume, one point at a time: Fedorov 1972, Theory of Optimal Experiments; expected information as of Lindley 1956,
+    Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Where slots meet the rule of the strategy after that
+    position, with as many positions as one orbit asks for, the choice is among these, and ends. Only slots with odds of
+    at least `LEAST_ODDS` are taken; those of one planet keep ``revisits.min_gap_days``. A planet that ``orbit.visits``
+    visits do not bring there even if each shows it has none. Elements, odds and SNR are those of the true orbit, as if
+    it were already about known, which it is only roughly after the two positions that a confirmed planet has.
+    """
+    rule, gap = survey.strategy.orbit, survey.strategy.revisits.min_gap_days - ROUNDING_DAYS
+    calendar, planets, n = survey.calendar, star.planets.select(rows), len(rows)
+    cost = calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)
+    slots = slot + np.flatnonzero((cost <= survey.strategy.slot_share * calendar.slot_h)[slot:])
+    found = np.zeros((calendar.n_slots, n), bool)
+    if not slots.size:
+        return found
+    odds, snr = ahead[:, slots].transpose(0, 2, 1)
+    seen = positions_of(survey, star, rows)
+    distance = float(survey.targets.distance_pc[i])
+    known = orbit_information(
+        planets,
+        planets.period_days,
+        distance,
+        seen.day,
+        seen.error_arcsec,
+        star_mass_error=rule.star_mass_error,
+        published=seen.published,
+    )
+    days = np.broadcast_to(calendar.day[i, slots], odds.shape)
+    width = survey.model.metrics[setting.band].lambda_d_arcsec
+    weight = np.zeros(odds.shape)
+    likely = (odds >= LEAST_ODDS) & (snr > 0.0)
+    weight[likely] = astrometric_error_arcsec(snr[likely], width, rule.floor_mas) ** -2.0
+    slopes = known.slopes(days)
+    first, last = seen.first_day, seen.last_day
+    free = likely & (days >= np.maximum(last, star.orbit_day[planets.universe])[:, None] + gap)
+    epochs, every = np.isfinite(seen.error_arcsec).sum(axis=1), np.arange(n)
+    left = rule.visits - star.orbit_visits[planets.universe]
+    matrix, made, done = known.matrix, np.zeros(odds.shape, bool), np.zeros(n, bool)
+    for step in range(int(left.max(initial=0))):
+        spread = np.asarray(np.linalg.inv(matrix), np.float64)
+        ends = np.maximum(days, last[:, None])
+        ahead_of = known.slopes(next_window(calendar, i, ends, survey.strategy.revisits.min_gap_days))
+        volume, axis, place = _after(spread, slopes, weight, ahead_of)
+        arcs = (ends - np.minimum(days, first[:, None])) / planets.period_days[:, None]
+        meets = (axis <= rule.axis_error) & (place <= rule.place_error_lambda_d * width) & free
+        meets &= seen.enough(epochs + 1, arcs)
+        gain = np.where(free & (meets | ~meets.any(axis=1, keepdims=True)), odds * volume, 0.0)
+        best = gain.argmax(axis=1)
+        adds = (gain[every, best] > 0.0) & (step < left) & ~done
+        if not adds.any():
+            break
+        own, day = slopes[every, :, best], days[every, best]
+        matrix = matrix + np.einsum("ncj,n,nck->njk", own, weight[every, best] * adds, own)
+        free &= ~adds[:, None] | (np.abs(days - day[:, None]) >= gap)
+        made[every[adds], best[adds]] = True
+        epochs = epochs + adds
+        first, last = np.where(adds, np.minimum(first, day), first), np.where(adds, np.maximum(last, day), last)
+        done |= adds & meets[every, best]
+    found[slots] = (made & done[:, None]).T
+    return found
+
+
+def _after(
+    covariance: FloatArray, slopes: FloatArray, weight: FloatArray, later: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what one more position at each of some epochs does to orbits, each of shape (n, t).
+
+    Returns the fall of the logarithmic volume of the elements' errors, the relative error of the axis, and that of the
+    place at a later date, arcsec; ``slopes`` and ``later`` are derivatives of both, shape (n, 2, t, 7).
+    """
+    toward = np.einsum("nctj,njk->ntck", slopes, covariance)
+    inner = np.eye(2) + weight[:, :, None, None] * np.einsum("ntck,ndtk->ntcd", toward, slopes)
+    shrink = weight[:, :, None, None] * np.linalg.inv(inner)
+    axis = covariance[:, None, 0, 0] - np.einsum("ntc,ntcd,ntd->nt", toward[..., 0], shrink, toward[..., 0])
+    cross = np.einsum("netk,ntck->ntec", later, toward)
+    place = np.einsum("netj,njk,netk->nt", later, covariance, later)
+    place = place - np.einsum("ntec,ntcd,nted->nt", cross, shrink, cross)
+    return np.log(np.linalg.det(inner)), np.sqrt(np.maximum(axis, 0.0)), np.sqrt(np.maximum(place, 0.0))
 
 
 def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
@@ -554,8 +907,7 @@ class _Simulation:
             star.checks[looked | false] += 1
             star.doubts[looked | false] = 0
             mine = np.flatnonzero(true & looked[star.planets.universe])
-            odds, snr = self._ahead(i, star, mine, setting, slot)
-            shows = self._luck(i, star, mine, f"check {slot}") < odds
+            shows, snr = self._visit(i, star, mine, setting, slot, f"check {slot}")
             star.confirmed[mine[shows]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
@@ -574,8 +926,7 @@ class _Simulation:
             if not (seen := np.flatnonzero(star.found & go[star.planets.universe])).size:
                 continue
             self._spend(star, go, cost, clock.follow)
-            odds, snr = self._ahead(i, star, seen, setting, slot)
-            shows = self._luck(i, star, seen, f"orbit {slot}") < odds
+            shows, snr = self._visit(i, star, seen, setting, slot, f"orbit {slot}")
             star.confirmed[seen[shows]] = True
             star.orbit_visits[go], star.orbit_day[go] = star.orbit_visits[go] + 1, survey.calendar.day[i, slot]
             star.show(survey.calendar.day[i, slot], setting.band, seen, snr, shows)
@@ -601,10 +952,13 @@ class _Simulation:
             table[:, slots[:, None], able] = odds, snr
         return np.asarray(star.ahead[setting][:, slot, some])
 
-    def _luck(self, i: int, star: StarHistory, some: IntArray, visit: str) -> FloatArray:
-        """Return the uniform numbers of some planets of a star in a visit of that name."""
-        name, mine = str(self.survey.targets.name[i]), star.planets.select(some)
-        return uniform_draws(mine, self.seed, name, self.block, visit, self.n)
+    def _visit(
+        self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int, visit: str
+    ) -> tuple[BoolArray, FloatArray]:
+        """Return which planets at their known place a visit of that name detects in a slot, and their SNR."""
+        odds, snr = self._ahead(i, star, some, setting, slot)
+        mine, name = star.planets.select(some), str(self.survey.targets.name[i])
+        return uniform_draws(mine, self.seed, name, self.block, visit, self.n) < odds, snr
 
     def follow(self, i: int, star: StarHistory, slot: int) -> None:
         """Follow up one star in one slot: every band that a found planet still lacks, once it is confirmed."""
@@ -617,7 +971,7 @@ class _Simulation:
             mine = np.flatnonzero(lacking & go[star.planets.universe])
             if not mine.size:
                 continue
-            odds, snr = self._ahead(i, star, mine, setting, slot)
+            shows, snr = self._visit(i, star, mine, setting, slot, f"follow {setting.band} {slot}")
             if rule.snr is not None:
                 left = np.maximum(rule.attempts - star.tried[f, mine], 0)
                 go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
@@ -625,7 +979,7 @@ class _Simulation:
             self._spend(star, go, cost, clock.follow)
             star.tried[f, mine[made]] += 1
             star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
-            shows = made & (self._luck(i, star, mine, f"follow {setting.band} {slot}") < odds)
+            shows &= made
             enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
             star.shown[f, mine[enough]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
@@ -675,360 +1029,3 @@ def _joined(parts: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[An
         name: np.concatenate([part[name] for part in parts]).astype(empty.dtype, copy=False)
         for name, empty in parts[0].items()
     }
-
-
-class Epoch(NamedTuple):
-    """One visit of a star: day after the start, band, SNR of each planet, and which it detects."""
-
-    day: float
-    band: str
-    snr: FloatArray
-    shown: BoolArray
-
-
-@dataclass(frozen=True, eq=False)
-class FoundOrbits:
-    """Orbits of some planets of a star, arrays of one length.
-
-    Attributes
-    ----------
-    planet : ndarray of int
-        Position of the planet among those of the star.
-    quality : OrbitQuality
-        From its positions so far.
-    next_day : ndarray
-        Of the next window of the star, after the start of the survey.
-    place_error_lambda_d : ndarray
-        Error of the place there, in lambda/D of the last band that showed the planet.
-    known : ndarray of bool
-        Whether the orbit is known by the rule of the strategy (`cpic_planner.survey.strategy.OrbitRule`).
-    """
-
-    planet: IntArray
-    quality: OrbitQuality
-    next_day: FloatArray
-    place_error_lambda_d: FloatArray
-    known: BoolArray
-
-    def columns(self, star: str, planets: PlanetSample) -> dict[str, Any]:
-        """Return the columns of the table of orbits for planets of one star."""
-        mine = planets.select(self.planet)
-        given = vars(self.quality) | vars(self) | {"universe": mine.universe, "planet": mine.number}
-        given |= {"star": np.full(len(mine), star, object), "orbit_known": self.known}
-        return {name: given[name] for name in ORBITS.empty}
-
-
-@dataclass(frozen=True, eq=False)
-class Positions:
-    """Positions of planets of a star and what was published of their orbits; arrays over ``n`` planets.
-
-    Attributes
-    ----------
-    day : ndarray, shape (n, t)
-        After the start of the survey, in the order of time.
-    error_arcsec : ndarray, shape (n, t)
-        On each axis; inf where there is no position.
-    width_arcsec : ndarray, shape (n,)
-        lambda/D of the last band that showed the planet.
-    published : ndarray, shape (n, 7, 7)
-        As of `cpic_planner.planets.orbit_quality`.
-    period_error : ndarray, shape (n,)
-        Relative, as published; inf where it is not.
-    placed : ndarray of bool, shape (n,)
-        Planets whose published orbit has node and inclination.
-    """
-
-    day: FloatArray
-    error_arcsec: FloatArray
-    width_arcsec: FloatArray
-    published: FloatArray
-    period_error: FloatArray
-    placed: BoolArray
-
-    @property
-    def last_day(self) -> FloatArray:
-        """Day of the last position; -inf where there is none."""
-        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, -np.inf).max(axis=1, initial=-np.inf))
-
-    @property
-    def first_day(self) -> FloatArray:
-        """Day of the first position; inf where there is none."""
-        return np.asarray(np.where(np.isfinite(self.error_arcsec), self.day, np.inf).min(axis=1, initial=np.inf))
-
-    def enough(self, epochs: IntArray, arc_periods: FloatArray) -> BoolArray:
-        """Tell whether so many positions over such an arc, shape (n,) or (n, t), allow one orbit only.
-
-        Parameters
-        ----------
-        epochs : ndarray of int, shape (n,)
-        arc_periods : ndarray
-        """
-        shape = (-1,) + (1,) * (arc_periods.ndim - 1)
-        told = self.placed.reshape(shape), self.period_error.reshape(shape)
-        return one_orbit(epochs.reshape(shape), arc_periods, *told)
-
-
-def positions_of(survey: Survey, star: StarHistory, rows: IntArray) -> Positions:
-    """Return the positions of some planets of a star.
-
-    Parameters
-    ----------
-    survey : Survey
-    star : StarHistory
-    rows : ndarray of int
-        Numbers of the planets among those of the star.
-
-    Notes
-    -----
-    Positions are those of the visits that detect the planet, follow-up and the observation log included, with errors of
-    `cpic_planner.planets.astrometric_error_arcsec` for the SNR there.
-    """
-    rule, planets = survey.strategy.orbit, star.planets.select(rows)
-    shape = len(star.epochs), len(star.planets)
-    shown = np.array([epoch.shown for epoch in star.epochs], bool).reshape(shape).T[rows]
-    snr = np.array([epoch.snr for epoch in star.epochs], float).reshape(shape).T[rows]
-    day = np.broadcast_to(np.array([epoch.day for epoch in star.epochs], float), shown.shape)
-    widths = np.array([survey.model.metrics[epoch.band].lambda_d_arcsec for epoch in star.epochs], float)
-    errors = np.full(shown.shape, np.inf)
-    errors[shown] = astrometric_error_arcsec(snr[shown], np.broadcast_to(widths, shown.shape)[shown], rule.floor_mas)
-    last = [np.flatnonzero(mine)[-1] if mine.any() else -1 for mine in shown]
-    width = np.array([widths[k] if k >= 0 else np.nan for k in last], float)
-    told = told_of(planets, star.published, rule.star_mass_error)
-    return Positions(day, errors, width, *told, at_known_place(planets, survey.known))
-
-
-def found_orbits(survey: Survey, i: int, star: StarHistory, some: BoolArray) -> FoundOrbits:
-    """Return the orbits of planets of a star that several visits have shown.
-
-    Parameters
-    ----------
-    survey : Survey
-    i : int
-        Position of the star.
-    star : StarHistory
-    some : ndarray of bool
-        Planets that are asked for; those with fewer positions than `LEAST_EPOCHS` are left out.
-
-    Notes
-    -----
-    Positions are those of `positions_of`, the next window is that of `next_window`. A planet of the table of known
-    planets begins with what was published of its orbit.
-    """
-    rule = survey.strategy.orbit
-    epochs = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64) * np.ones(len(some), np.int64)
-    placed = at_known_place(star.planets, survey.known)
-    rows = np.flatnonzero(some & (epochs >= np.where(placed, 1, LEAST_EPOCHS)))
-    planets, seen = star.planets.select(rows), positions_of(survey, star, rows)
-    later = next_window(survey.calendar, i, seen.last_day, survey.strategy.revisits.min_gap_days)
-    quality = orbit_quality(
-        planets,
-        planets.period_days,
-        float(survey.targets.distance_pc[i]),
-        seen.day,
-        seen.error_arcsec,
-        later,
-        star_mass_error=rule.star_mass_error,
-        published=seen.published,
-    )
-    place = quality.place_error_arcsec / seen.width_arcsec
-    known = (quality.axis_error <= rule.axis_error) & (place <= rule.place_error_lambda_d)
-    return FoundOrbits(rows, quality, later, place, known & seen.enough(quality.epochs, quality.arc_periods))
-
-
-def logged_epochs(
-    survey: Survey,
-    i: int,
-    planets: PlanetSample,
-    some: BoolArray,
-    albedos: tuple[AlbedoSpec, ...],
-    zodis: FloatArray | None,
-) -> list[Epoch]:
-    """Return what the visits of the observation log have shown of planets of a star.
-
-    Parameters
-    ----------
-    survey : Survey
-    i : int
-        Position of the star.
-    planets : PlanetSample
-    some : ndarray of bool
-        Planets that are there.
-    albedos, zodis
-        As of `cpic_planner.survey.detection.expected_signals`.
-
-    Notes
-    -----
-    The log says how many planets a visit showed, not which. They are taken as those of the universe that it most likely
-    detected, where that was at least as likely as not; the others of the visit are planets that the universe does not
-    have. What one visit shows of a new planet is in the log, and no planet of the universe, unless a detection takes
-    several visits (`cpic_planner.survey.observed.missed`): then new planets of the universe have positions, too.
-    """
-    log, rule, star = survey.log, survey.strategy.detection, survey.targets.select([i])
-    done = () if log is None else log.of(str(star.name[0]))
-    able = some & ((planets.known != NEW) | (rule.visits_needed > 1))
-    found = []
-    for visit in done:
-        if not (visit.planets and able.any()):
-            continue
-        day = visit.mjd - survey.calendar.start_mjd
-        roll = visit.roll_deg
-        if math.isnan(roll):
-            roll = float(sun_position_angle_deg(star, np.array([[visit.mjd]]))[0, 0])
-        seen = expected_signals(
-            survey.model, star, visit.setting, planets, albedos, planets.places([day]), [roll], zodis
-        )
-        placed = at_known_place(planets, survey.known)
-        odds = np.where(able, detection_chance(seen, rule, placed, calibration=rule.calibration)[0], 0.0)
-        # Number of each planet among those of its universe, the surest first.
-        order = np.lexsort((-odds, planets.universe))
-        _, begins, counts = np.unique(planets.universe[order], return_index=True, return_counts=True)
-        place = np.empty(len(planets), np.int64)
-        place[order] = np.arange(len(planets)) - np.repeat(begins, counts)
-        found.append(Epoch(day, visit.setting.band, seen.snr[0], (odds >= 0.5) & (place < visit.planets)))
-    return found
-
-
-_MANY = 10_000
-
-
-def due(
-    survey: Survey, i: int, star: StarHistory, mine: IntArray, setting: Setting, slot: int, ahead: FloatArray
-) -> IntArray:
-    """Return the planets of a star whose orbits ask for a visit in a slot.
-
-    Parameters
-    ----------
-    survey : Survey
-    i : int
-        Position of the star.
-    star : StarHistory
-    mine : ndarray of int
-        Planets that were found with the setting, and confirmed where the strategy asks for it.
-    setting : Setting
-    slot : int
-    ahead : ndarray, shape (2, b, n)
-        Odds and SNR of a visit in every slot for all planets of the star.
-
-    Notes
-    -----
-    The slots of a planet are chosen (`best_slots`) when it is first asked for, and again whenever it has another
-    position or another visit was made for it.
-    """
-    if star.orbit_slots is None:
-        star.orbit_slots = np.zeros((survey.calendar.n_slots, len(star.planets)), bool)
-    shown = np.sum([epoch.shown for epoch in star.epochs], axis=0, dtype=np.int64)
-    state = shown + _MANY * star.orbit_visits[star.planets.universe]
-    stale = mine[star.chosen_by[mine] != state[mine]]
-    if stale.size:
-        star.chosen_by[stale] = state[stale]
-        star.orbit_slots[:, stale] = False
-        asked = np.isin(np.arange(len(state)), stale)
-        orbits = found_orbits(survey, i, star, asked)
-        asked[orbits.planet[orbits.known]] = False
-        asked &= star.orbit_visits[star.planets.universe] < survey.strategy.orbit.visits
-        if (open_ := np.flatnonzero(asked)).size:
-            star.orbit_slots[:, open_] = best_slots(survey, i, star, open_, setting, slot, ahead[:, :, open_])
-    return np.asarray(mine[star.orbit_slots[slot, mine]])
-
-
-def best_slots(
-    survey: Survey, i: int, star: StarHistory, rows: IntArray, setting: Setting, slot: int, ahead: FloatArray
-) -> BoolArray:
-    """Return the slots in which visits are expected to make orbits known, one after the other, shape (b, n).
-
-    Parameters
-    ----------
-    survey : Survey
-    i : int
-        Position of the star.
-    star : StarHistory
-    rows : ndarray of int
-        ``n`` planets.
-    setting : Setting
-    slot : int
-        First slot in which a visit may be.
-    ahead : ndarray, shape (2, b, n)
-        Odds and SNR of a visit in every slot.
-
-    Notes
-    -----
-    Fisher matrices of positions add. Slot after slot is taken in which one more position is expected to shrink the
-    covariance ``C`` of the elements most: its logarithmic volume falls by ``ln det(1 + J C J^T / s^2)`` with the odds
-    of a detection, with ``J`` the derivatives of the position by the elements and ``s`` its error (the design of least
-    volume, one point at a time: Fedorov 1972, Theory of Optimal Experiments; expected information as of Lindley 1956,
-    Ann. Math. Stat. 27, 986, and Ford 2008, AJ 135, 1008). Where slots meet the rule of the strategy after that
-    position, with as many positions as one orbit asks for, the choice is among these, and ends. Only slots with odds of
-    at least `LEAST_ODDS` are taken; those of one planet keep ``revisits.min_gap_days``. A planet that ``orbit.visits``
-    visits do not bring there even if each shows it has none. Elements, odds and SNR are those of the true orbit, as if
-    it were already about known, which it is only roughly after the two positions that a confirmed planet has.
-    """
-    rule, gap = survey.strategy.orbit, survey.strategy.revisits.min_gap_days - ROUNDING_DAYS
-    calendar, planets, n = survey.calendar, star.planets.select(rows), len(rows)
-    cost = calendar.cost_h(survey.model, i, setting, survey.strategy.visit.settlings)
-    slots = slot + np.flatnonzero((cost <= survey.strategy.slot_share * calendar.slot_h)[slot:])
-    found = np.zeros((calendar.n_slots, n), bool)
-    if not slots.size:
-        return found
-    odds, snr = ahead[:, slots].transpose(0, 2, 1)
-    seen = positions_of(survey, star, rows)
-    distance = float(survey.targets.distance_pc[i])
-    known = orbit_information(
-        planets,
-        planets.period_days,
-        distance,
-        seen.day,
-        seen.error_arcsec,
-        star_mass_error=rule.star_mass_error,
-        published=seen.published,
-    )
-    days = np.broadcast_to(calendar.day[i, slots], odds.shape)
-    width = survey.model.metrics[setting.band].lambda_d_arcsec
-    weight = np.zeros(odds.shape)
-    likely = (odds >= LEAST_ODDS) & (snr > 0.0)
-    weight[likely] = astrometric_error_arcsec(snr[likely], width, rule.floor_mas) ** -2.0
-    slopes = known.slopes(days)
-    first, last = seen.first_day, seen.last_day
-    free = likely & (days >= np.maximum(last, star.orbit_day[planets.universe])[:, None] + gap)
-    epochs, every = np.isfinite(seen.error_arcsec).sum(axis=1), np.arange(n)
-    left = rule.visits - star.orbit_visits[planets.universe]
-    matrix, made, done = known.matrix, np.zeros(odds.shape, bool), np.zeros(n, bool)
-    for step in range(int(left.max(initial=0))):
-        spread = np.asarray(np.linalg.inv(matrix), np.float64)
-        ends = np.maximum(days, last[:, None])
-        ahead_of = known.slopes(next_window(calendar, i, ends, survey.strategy.revisits.min_gap_days))
-        volume, axis, place = _after(spread, slopes, weight, ahead_of)
-        arcs = (ends - np.minimum(days, first[:, None])) / planets.period_days[:, None]
-        meets = (axis <= rule.axis_error) & (place <= rule.place_error_lambda_d * width) & free
-        meets &= seen.enough(epochs + 1, arcs)
-        gain = np.where(free & (meets | ~meets.any(axis=1, keepdims=True)), odds * volume, 0.0)
-        best = gain.argmax(axis=1)
-        adds = (gain[every, best] > 0.0) & (step < left) & ~done
-        if not adds.any():
-            break
-        own, day = slopes[every, :, best], days[every, best]
-        matrix = matrix + np.einsum("ncj,n,nck->njk", own, weight[every, best] * adds, own)
-        free &= ~adds[:, None] | (np.abs(days - day[:, None]) >= gap)
-        made[every[adds], best[adds]] = True
-        epochs = epochs + adds
-        first, last = np.where(adds, np.minimum(first, day), first), np.where(adds, np.maximum(last, day), last)
-        done |= adds & meets[every, best]
-    found[slots] = (made & done[:, None]).T
-    return found
-
-
-def _after(
-    covariance: FloatArray, slopes: FloatArray, weight: FloatArray, later: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what one more position at each of some epochs does to orbits, each of shape (n, t).
-
-    Returns the fall of the logarithmic volume of the elements' errors, the relative error of the axis, and that of the
-    place at a later date, arcsec; ``slopes`` and ``later`` are derivatives of both, shape (n, 2, t, 7).
-    """
-    toward = np.einsum("nctj,njk->ntck", slopes, covariance)
-    inner = np.eye(2) + weight[:, :, None, None] * np.einsum("ntck,ndtk->ntcd", toward, slopes)
-    shrink = weight[:, :, None, None] * np.linalg.inv(inner)
-    axis = covariance[:, None, 0, 0] - np.einsum("ntc,ntcd,ntd->nt", toward[..., 0], shrink, toward[..., 0])
-    cross = np.einsum("netk,ntck->ntec", later, toward)
-    place = np.einsum("netj,njk,netk->nt", later, covariance, later)
-    place = place - np.einsum("ntec,ntcd,nted->nt", cross, shrink, cross)
-    return np.log(np.linalg.det(inner)), np.sqrt(np.maximum(axis, 0.0)), np.sqrt(np.maximum(place, 0.0))

@@ -253,9 +253,9 @@ class VisitPair:
         assert self._stacks is not None  # as stackable says
         if role == "science":  # the search learns from how its visits scatter
             return self._stacks[0], self.plan.visits, self.still
-        # Of references without modes mostly the mean alone counts. Rolls are each other's references.
-        alone = self.strategy.n_modes > 0 or self.plan.shows_planet or self.strategy.reduction.needs_images
-        return self._stacks[1], self.plan.reference_visits, not alone
+        # Without modes most reductions need no more than the sum of all references. Rolls are each other's references.
+        one_by_one = self.strategy.n_modes > 0 or self.plan.shows_planet or self.strategy.reduction.needs_images
+        return self._stacks[1], self.plan.reference_visits, not one_by_one
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray

@@ -40,7 +40,7 @@ from cpic_planner.results import (
     StarResult,
     TwoInstrumentsResult,
 )
-from cpic_planner.web.asking import ETC, RANK, Asking, Pairs, Q, Sent, address, check_shipped, python_lines
+from cpic_planner.web.addresses import ETC, RANK, Addresses, Pairs, Q, Submission, address, check_shipped, python_lines
 from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
 from cpic_planner.web.pages import MEDIA, Answer, Page, blocks_of, cited, elsewhere, figure_blocks, notes_blocks
 from simulator.config import preset_names
@@ -55,11 +55,11 @@ DEFAULT_ROWS, MOST_ROWS = 50, 1500
 
 
 @contextlib.contextmanager
-def _question(asking: Asking[Q], pairs: Pairs, sent: Sent | None) -> Iterator[Q]:
+def _question(addresses: Addresses[Q], pairs: Pairs, submission: Submission | None) -> Iterator[Q]:
     """Yield the question of an address; the files that were sent are the only ones that are read."""
-    with only_sent_files({} if sent is None else sent.files), called_as(asking.names):
-        question: Any = asking.question(pairs)
-        if sent is not None and sent.files:
+    with only_sent_files({} if submission is None else submission.files), called_as(addresses.names):
+        question: Any = addresses.question(pairs)
+        if submission is not None and submission.files:
             check_shipped(question.instrument, question.band_names())
         with tables_read(strict=getattr(question, "strict", False), tell=lambda remark: None):  # the answer has them
             yield question
@@ -98,30 +98,30 @@ def etc_answer(pairs: Pairs) -> Answered:
     return _fresh_etc(pairs, None)
 
 
-def _fresh_etc(pairs: Pairs, sent: Sent | None) -> Answered:
-    with _question(ETC, pairs, sent) as question:
+def _fresh_etc(pairs: Pairs, submission: Submission | None) -> Answered:
+    with _question(ETC, pairs, submission) as question:
         return answered(question)
 
 
-def _etc(pairs: Pairs, sent: Sent | None) -> Answer:
-    answer = etc_answer(pairs) if sent is None else _fresh_etc(pairs, sent)
+def _etc(pairs: Pairs, submission: Submission | None) -> Answer:
+    answer = etc_answer(pairs) if submission is None else _fresh_etc(pairs, submission)
     title = f"{report.pretty_name(answer.result.target)}: {ETC_PAGE.title}"
-    return Answer(title, answer.result, partial(_etc_blocks, answer, pairs, sent), answer.print)
+    return Answer(title, answer.result, partial(_etc_blocks, answer, pairs, submission), answer.print)
 
 
-def _etc_blocks(answer: Answered, pairs: Pairs, sent: Sent | None) -> list[report.Block]:
+def _etc_blocks(answer: Answered, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
     """Return an answer as blocks; with files the figure is in the page, and there are no lines of Python."""
     blocks, result = blocks_of(answer.print), answer.result
     if any(row.budget for row in result.answers):
         alt = f"SNR against wall time, contrast limit against separation, and noise budget of {result.target}"
-        place = address(ETC_PAGE.drawing("", "svg"), pairs) if sent is None else ""
+        place = address(ETC_PAGE.drawing("", "svg"), pairs) if submission is None else ""
         caption = f"{alt}; asked: {report.question_text(answer.question)}."
         blocks += figure_blocks(place, answer.figure, alt, caption)
     blocks += notes_blocks(result.notes)
     if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
         more = report.page_link(address(STAR.path, (), name=result.target), "its page")
         blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
-    lines = python_lines(answer.question, pairs) if sent is None else ""
+    lines = python_lines(answer.question, pairs) if submission is None else ""
     return blocks + elsewhere([ETC.command_line(pairs)], cited(result), lines)
 
 
@@ -180,7 +180,7 @@ def rank_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
     Raises
     ------
     InputError
-        As `cpic_planner.web.asking.Asking.canonical`; and for rows that are no number from 1 to `MOST_ROWS`.
+        As `cpic_planner.web.addresses.Addresses.canonical`; and for rows that are no number from 1 to `MOST_ROWS`.
     """
     rest, limit = _one_of("limit", given)
     if limit and not (limit.isascii() and limit.isdecimal() and 1 <= int(limit[:6]) <= MOST_ROWS):
@@ -192,27 +192,27 @@ def _rows(pairs: Pairs) -> int:
     return int(dict(pairs).get("limit", DEFAULT_ROWS))
 
 
-def _rank(pairs: Pairs, sent: Sent | None) -> Answer:
+def _rank(pairs: Pairs, submission: Submission | None) -> Answer:
     asked = _without(pairs, "limit")
-    if sent is None:
+    if submission is None:
         result = ranking(asked)
     else:
-        with _question(RANK, asked, sent) as question:
+        with _question(RANK, asked, submission) as question:
             result = prepared(question).ranked()
     tables = partial(report.print_rank, result, limit=_rows(pairs))
-    return Answer(RANK_PAGE.title, result, partial(_rank_blocks, result, pairs, sent), tables)
+    return Answer(RANK_PAGE.title, result, partial(_rank_blocks, result, pairs, submission), tables)
 
 
 def _rank_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
     return partial(report.rank_figure, ranking(_without(pairs, "limit")), min(_rows(pairs), report.MOST_STARS))
 
 
-def _rank_blocks(result: RankResult, pairs: Pairs, sent: Sent | None) -> list[report.Block]:
+def _rank_blocks(result: RankResult, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
     asked, limit = _without(pairs, "limit"), _rows(pairs)
     blocks = blocks_of(partial(report.print_rank, result, limit=limit, full=False))
     if result.targets:
         alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
-        place = address(RANK_PAGE.drawing("", "svg"), asked, limit=str(limit)) if sent is None else ""
+        place = address(RANK_PAGE.drawing("", "svg"), asked, limit=str(limit)) if submission is None else ""
         blocks += figure_blocks(place, partial(report.rank_figure, result, limit), alt, f"{alt}.")
     blocks += notes_blocks(result.notes)
     return blocks + elsewhere([f"{RANK.command_line(asked)} --limit {limit}"], cited(result))
@@ -347,7 +347,7 @@ def _star_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
     return partial(report.known_figure, answer.known)
 
 
-def _star(pairs: Pairs, sent: Sent | None) -> Answer:
+def _star(pairs: Pairs, submission: Submission | None) -> Answer:
     answer = star_answer(pairs)
     return Answer(report.full_name(answer.name, answer.hip or 0), answer, lambda: list(_star_blocks(answer, pairs)))
 
@@ -474,14 +474,14 @@ def _compare_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
     return (*ETC.canonical(rest), *(((OTHER, other),) if other else ()))
 
 
-def _compare(pairs: Pairs, sent: Sent | None) -> Answer:
+def _compare(pairs: Pairs, submission: Submission | None) -> Answer:
     """Return two instruments, and a question answered with each where one names a star."""
     asked, names = _without(pairs, OTHER), dict(pairs)
     star = "target" in names or "v_mag" in names
     with called_as(ETC.names):
         question = ETC.question(asked if star else (*asked, ("target", "tau Cet")))
     first, other = question.instrument, read_instrument(names.get(OTHER))
-    if sent is not None and sent.files:
+    if submission is not None and submission.files:
         check_shipped(first, question.band_names())
         check_shipped(other, question.bands or other.visible_bands(), OTHER)
     title = f"{instrument_title(first)} beside {instrument_title(other)}"
@@ -552,9 +552,9 @@ def _columns_form(given: Sequence[tuple[str, str]], error: InputError | None = N
     return Form(COLUMNS.path, (Group("A table of your own", fields),), "Show its columns", method="post")
 
 
-def _columns(pairs: Pairs, sent: Sent | None) -> Answer:
+def _columns(pairs: Pairs, submission: Submission | None) -> Answer:
     given: dict[str, Any] = dict(pairs)
-    if sent is None or given.get(_TABLE) not in sent.files:
+    if submission is None or given.get(_TABLE) not in submission.files:
         raise InputError(_TABLE, "missing", allowed="a file that is sent with the form")
     result = ColumnsResult.of_files(table_readings(given[_TABLE], given.get(_KIND)))
     command = f"cpic catalog columns {result.file}{f' --as {given[_KIND]}' if _KIND in given else ''}"

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from cpic_core import InputError
 from cpic_planner.queries import Option, spelled
-from cpic_planner.web.asking import ETC, IMAGES, RANK, Asking, parameter
+from cpic_planner.web.addresses import ETC, IMAGES, RANK, Addresses, parameter
 from simulator.config import load_instrument, preset_names, unit_of
 
 _WORDS = json.loads(resources.files("cpic_planner.web").joinpath("templates/forms.json").read_text(encoding="utf-8"))
@@ -145,7 +145,7 @@ def own_form(form: Form) -> Form:
 
 
 def _form(
-    asking: Asking[Any],
+    addresses: Addresses[Any],
     layout: Sequence[tuple[str, str, bool]],
     button: str,
     given: Sequence[tuple[str, str]],
@@ -153,21 +153,25 @@ def _form(
 ) -> Form:
     values: dict[str, list[str]] = {}
     for name, text in given:
-        option = asking.by_name.get(name) or asking.by_name.get(f"{name}_s")
+        option = addresses.by_name.get(name) or addresses.by_name.get(f"{name}_s")
         if option is not None and text:
             values.setdefault(parameter(option), []).append(text)
-    wrong = {} if error is None else {asking.names.get(error.key, error.key): str(error)}
+    wrong = {} if error is None else {addresses.names.get(error.key, error.key): str(error)}
     groups = tuple(
-        Group(title, tuple(_field(asking, name, values.get(name, []), wrong.get(name, "")) for name in names), folded)
-        for title, names, folded in ((title, words.split(), folded) for title, words, folded in layout)
+        Group(
+            title,
+            tuple(_field(addresses, name, values.get(name, []), wrong.get(name, "")) for name in names.split()),
+            folded,
+        )
+        for title, names, folded in layout
     )
     shown = {field.name for group in groups for field in group.fields}
     rest = " ".join(text for name, text in wrong.items() if name not in shown)
-    return Form(asking.page, groups, button, rest)
+    return Form(addresses.page, groups, button, rest)
 
 
-def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) -> Field:
-    option = asking.by_name[name]
+def _field(addresses: Addresses[Any], name: str, values: Sequence[str], error: str) -> Field:
+    option = addresses.by_name[name]
     choices = _choices(option)
     kind: Literal["text", "choice", "tick", "ticks"] = "choice" if choices else "text"
     if option.kind is bool:
@@ -176,8 +180,8 @@ def _field(asking: Asking[Any], name: str, values: Sequence[str], error: str) ->
         kind, choices = "ticks", tuple(load_instrument().bands)
     elif option.several and option.kind is float:
         values = [", ".join(values)] if values else []
-    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in asking.options}
-    hint, example = (texts.get(f"{asking.command}.{name}") or texts.get(name) for texts in (_HINTS, _EXAMPLES))
+    labels = {one.path[-1]: _label(one).partition(" (")[0] for one in addresses.options}
+    hint, example = (texts.get(f"{addresses.command}.{name}") or texts.get(name) for texts in (_HINTS, _EXAMPLES))
     hint = hint or spelled(option.text, labels)
     check = _check_of(option) if kind == "text" else ()
     return Field(name, _label(option), hint, kind, choices, tuple(values), error, example or "", check)

@@ -192,7 +192,7 @@ def _missing(given: Any) -> list[tuple[bytes, bytes]]:
     return [(name.lower().encode(), value.encode()) for name, value in rest.items()]
 
 
-class Punctual(H11Protocol):
+class TimedProtocol(H11Protocol):
     """HTTP of uvicorn with limits of time; what exceeds them is cut off.
 
     Bodies have their own limit, see `cpic_planner.web.guard`; so has the pause between requests, which is uvicorn's.
@@ -207,7 +207,7 @@ class Punctual(H11Protocol):
         self._began = self.loop.time()
         super().connection_made(transport)
         self._limit(HEAD_S, self._late)
-        idle = [line for line in self.connections if isinstance(line, Punctual) and line.idle and line is not self]
+        idle = [line for line in self.connections if isinstance(line, TimedProtocol) and line.idle and line is not self]
         if len(idle) >= MOST_IDLE:
             peers = Counter(line.client and line.client[0] for line in idle)
             oldest = max(idle, key=lambda line: (peers[line.client and line.client[0]], -line._began))
@@ -268,7 +268,7 @@ class Busy(Exception):
     """More requests wait than may."""
 
 
-class Kept(Generic[K]):
+class AnswerCache(Generic[K]):
     """The last answers, as many as fit.
 
     Parameters

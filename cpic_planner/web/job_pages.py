@@ -18,7 +18,7 @@ from cpic_planner import report
 from cpic_planner.report import PANELS, Picture
 from cpic_planner.results import StarImagesResult
 from cpic_planner.web import pages
-from cpic_planner.web.asking import IMAGES, MOST_PARAMETERS, Pairs, form_fields, image_lines
+from cpic_planner.web.addresses import IMAGES, MOST_PARAMETERS, Pairs, form_fields, image_lines
 from cpic_planner.web.forms import image_form
 from cpic_planner.web.guard import Workers, line
 from cpic_planner.web.job_queue import RESULT, FullError, JobAnswer, JobQueue, State, expected
@@ -129,11 +129,14 @@ class JobPages:
     async def _cancelled(self, request: Request) -> Response:
         """Withdraw an asker."""
         standing = self._job(request)
-        token = next((text for name, text in await _fields(request) if name == "token"), "")
+        try:
+            token = dict(await _fields(request)).get("token", "")
+        except InputError as error:
+            return line(str(error), 400)
         if not self._queue.withdraw(standing.id, token[:64]):
             return line("Only who asked for a job, with its token and before it has ended, can cancel it.", 403)
         text = "It is cancelled for you; it goes on where others asked for it too."
-        return pages.html(pages.told_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
+        return pages.html(pages.plain_page(_TITLE, _ABOUT, "Cancelled", [report.Paragraph(text)]))
 
     async def _file(self, request: Request) -> Response:
         """Send one of the files that every job leaves, by its name among them."""
@@ -199,7 +202,7 @@ def _progress_page(title: str, standing: JobAnswer, token: str) -> str:
     if going and token:
         blocks.append(report.Paragraph("This address can cancel the job; the one in the note above cannot.", "note"))
         more["cancel"] = (f"/jobs/{standing.id}/cancel", token)
-    return pages.told_page(title, _ABOUT, "Job", blocks, **more)
+    return pages.plain_page(title, _ABOUT, "Job", blocks, **more)
 
 
 def _result_page(standing: JobAnswer, result: StarImagesResult) -> str:
@@ -214,4 +217,4 @@ def _result_page(standing: JobAnswer, result: StarImagesResult) -> str:
     blocks = [*report.star_blocks(target, images), report.Paragraph(report.calibration_sentence(result))]
     blocks += pages.elsewhere((), pages.cited(result), image_lines(standing.pairs))
     sources = [("JSON", f"{address}/{RESULT}"), ("CSV", f"{address}/{_TABLE}")]
-    return pages.told_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)
+    return pages.plain_page(f"{name}: {report.outcome_text(target.bands)}", _ABOUT, "Result", blocks, sources=sources)

@@ -47,7 +47,7 @@ from cpic_core import (
     write_text,
 )
 from cpic_planner.queries import called_as
-from cpic_planner.web.asking import IMAGES, Pairs
+from cpic_planner.web.addresses import IMAGES, Pairs
 
 if TYPE_CHECKING:
     from cpic_planner.jobs import Job

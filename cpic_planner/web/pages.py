@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 from urllib.parse import urlencode
 
 from pydantic import BaseModel
+from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
 from cpic_core import InputError, dump_json
 from cpic_planner import report
 from cpic_planner.results import RankedTarget, Result
 from cpic_planner.version import __version__
-from cpic_planner.web.asking import Pairs, Sent, address
+from cpic_planner.web.addresses import Pairs, Submission, address
 from cpic_planner.web.forms import Form, own_form
 from cpic_planner.web.guard import line
 
@@ -130,7 +131,7 @@ class Page:
     about: str
     pairs: Callable[[Sequence[tuple[str, str]]], Pairs]
     form: Callable[[Sequence[tuple[str, str]], InputError | None], Form]
-    answer: Callable[[Pairs, Sent | None], Answer]
+    answer: Callable[[Pairs, Submission | None], Answer]
     result: type[Result]
     figure: Callable[[Pairs, str], Callable[[], Figure]] | None = None
     figures: tuple[str, ...] = ()
@@ -159,11 +160,11 @@ class Page:
         own = f"{self.path}/own" if self.has_own and not given and not sends else ""
         return page(self.title, self.about, own_form(made) if sends else made, own=own)
 
-    def answered(self, answer: Answer, pairs: Pairs, sent: Sent | None) -> str:
+    def answered(self, answer: Answer, pairs: Pairs, submission: Submission | None) -> str:
         """Return the page of an answer, with the files that were sent with the question."""
         form = self.form(pairs, None)
-        if sent is not None:
-            return page(answer.title, self.about, own_form(form), [*answer.blocks(), *_sent_blocks(sent)])
+        if submission is not None:
+            return page(answer.title, self.about, own_form(form), [*answer.blocks(), *_sent_blocks(submission)])
         own = address(f"{self.path}/own", pairs) if self.has_own else ""
         return page(answer.title, self.about, form, answer.blocks(), self.sources(pairs), own)
 
@@ -190,11 +191,11 @@ def page_or_json(form: str) -> bool:
 
     Raises
     ------
-    InputError
-        For another form.
+    HTTPException
+        For another form, with the line that refuses it.
     """
     if form not in ("", "html", "json"):
-        raise InputError("format", form[:40], allowed="html or json")
+        raise HTTPException(400, str(InputError("format", form[:40], allowed="html or json")))
     return form == "json"
 
 
@@ -233,7 +234,7 @@ def page(
     return _rendered("asked.html.j2", told)
 
 
-def told_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:
+def plain_page(title: str, about: str, heading: str, blocks: Sequence[report.Block], **more: Any) -> str:
     """Return a page without a form of a question.
 
     Parameters
@@ -253,8 +254,8 @@ def _rendered(name: str, told: Mapping[str, Any]) -> str:
     return template.render(version=__version__, **told)
 
 
-def _sent_blocks(sent: Sent) -> list[report.Block]:
-    told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in sent.hashes]
+def _sent_blocks(submission: Submission) -> list[report.Block]:
+    told = [report.lines(name, report.code(f"sha256 {own}")) for name, own in submission.hashes]
     return [report.Heading("Files that were sent, and not kept"), report.Items(told)]
 
 
@@ -348,7 +349,7 @@ def values_page(title: str, figure: str, answer: str, panels: bytes) -> str:
     blocks: list[report.Block] = [report.Figure(picture, panels=panels.decode())]
     blocks.append(report.Paragraph(report.page_link(answer, "Back to the answer")))
     blocks += report.values_blocks(json.loads(panels))
-    return told_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
+    return plain_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
 
 
 class Blocks(report.Sheet):

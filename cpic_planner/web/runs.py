@@ -253,7 +253,7 @@ class RunPages:
             heads = tuple(report.Cell(text, "left") for text in ("Title", "Kind", "State", "Ended (UTC)", "Hash"))
             rows = tuple(tuple(map(report.Cell, _cells(run), ["left"] * 5, [True] + [False] * 4)) for run in runs)
             blocks = [report.Table("Runs", "Runs, the latest first.", heads, rows)]
-        return pages.html(pages.told_page(_TITLE, _ABOUT, "Runs", blocks))
+        return pages.html(pages.plain_page(_TITLE, _ABOUT, "Runs", blocks))
 
     async def _one(self, request: Request) -> Response:
         run = await self._run(request)
@@ -264,7 +264,7 @@ class RunPages:
         facts.append(("Configuration", report.code(run.config_hash)))
         links = [report.page_link(address, address.rpartition("/")[2]) for address in run.files]
         blocks: list[report.Block] = [report.Facts(facts), report.Items(links)]
-        return pages.html(pages.told_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
+        return pages.html(pages.plain_page(f"{run.title}: {_KINDS[run.kind]}", _ABOUT, "Files", blocks))
 
     async def _file(self, request: Request) -> Response:
         name, run = request.path_params["name"], await self._run(request)
@@ -309,7 +309,7 @@ async def commands(workers: Workers, request: Request) -> Response:
     facts: list[tuple[Any, Any]] = [(report.code(command), _cost_text(cost)) for command, cost in found.items()]
     note = "Each says what a run of your own would cost with --dry-run; --workers shares the work."
     blocks: list[report.Block] = [report.Facts(facts), report.Paragraph(note, "note")]
-    return pages.html(pages.told_page(_LONGER, _ABOUT_LONGER, "Commands and their expected cost", blocks))
+    return pages.html(pages.plain_page(_LONGER, _ABOUT_LONGER, "Commands and their expected cost", blocks))
 
 
 def _cost_text(cost: Mapping[str, float]) -> str:

@@ -21,9 +21,9 @@ from cpic_core import InputError, cache_dir, only_sent_files, parse_json
 from cpic_planner.schemas import openapi_text
 from cpic_planner.version import __version__
 from cpic_planner.web import pages
+from cpic_planner.web.addresses import MOST_PARAMETERS, Pairs, Submission, address, read_submission
 from cpic_planner.web.answers import ETC_PAGE, PAGES, etc_answer
-from cpic_planner.web.asking import MOST_PARAMETERS, Pairs, Sent, address, read_sent
-from cpic_planner.web.guard import FAILED, HEADERS, Busy, Guard, Kept, Punctual, Workers, line
+from cpic_planner.web.guard import FAILED, HEADERS, AnswerCache, Busy, Guard, TimedProtocol, Workers, line
 from cpic_planner.web.job_pages import JobPages
 from cpic_planner.web.job_queue import JobQueue
 from cpic_planner.web.pages import FIGURE_MEDIA, MEDIA, FigureForm, Page, drawn
@@ -44,7 +44,7 @@ class Site:
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
-        self._kept: Kept[tuple[Any, ...]] = Kept()
+        self._kept: AnswerCache[tuple[Any, ...]] = AnswerCache()
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
@@ -92,11 +92,11 @@ class Site:
         rest: Sequence[tuple[str, str]] = ()
         form = "" if "text/html" in request.headers.get("accept", "") else "line"
         try:
-            sent = read_sent(request.headers.get("content-type", ""), await request.body())
-            given = [(name, text.strip()) for name, text in sent.given]
+            submission = read_submission(request.headers.get("content-type", ""), await request.body())
+            given = [(name, text.strip()) for name, text in submission.given]
             form, rest = _form_of(given)
             _check(page, given)
-            return await self._workers.do(_answer, page, rest, form, sent)
+            return await self._workers.do(_answer, page, rest, form, submission)
         except InputError as error:
             return pages.refused(error, form, partial(page.asked, rest, error, sends=True))
 
@@ -104,10 +104,16 @@ class Site:
         """Send a figure or its values, unless the asker has them already."""
         given = _parameters(request)
         asked, rest = _form_of(given)
-        if asked:
-            raise InputError("format", asked[:40], allowed="without it: this is a figure")
-        _check(page, given)
-        pairs = page.pairs(rest)
+        try:
+            if asked:
+                raise InputError("format", asked[:40], allowed="without it: this is a figure")
+            _check(page, given)
+            pairs = page.pairs(rest)
+            return await self._drawing(page, pairs, name, form, request)
+        except InputError as error:
+            return line(str(error), 400)
+
+    async def _drawing(self, page: Page, pairs: Pairs, name: str, form: FigureForm, request: Request) -> Response:
         tag = pages.tag_of(page.drawing(name, form), pairs)
         headers = {"ETag": tag, "Cache-Control": "private, max-age=86400"}
         if form != "values":
@@ -145,17 +151,17 @@ def _check(page: Page, given: Sequence[tuple[str, str]]) -> None:
         raise InputError("format", forms[0][:40], allowed=f"html, {', '.join(page.media)}, once")
 
 
-def _answer(page: Page, given: Sequence[tuple[str, str]], form: str, sent: Sent | None) -> Response:
+def _answer(page: Page, given: Sequence[tuple[str, str]], form: str, submission: Submission | None) -> Response:
     """Compute an answer and write it; this runs in a thread of its own."""
-    with only_sent_files({} if sent is None else sent.files):
+    with only_sent_files({} if submission is None else submission.files):
         pairs = page.pairs(given)
-        answer = page.answer(pairs, sent)
-        headers = {} if sent is None else _of_sent(sent)
+        answer = page.answer(pairs, submission)
+        headers = {} if submission is None else _of_sent(submission)
         if form:
             return Response(answer.text(form), media_type=MEDIA[form], headers=headers)
-        if sent is not None and page.figures:
+        if submission is not None and page.figures:
             headers["Content-Security-Policy"] = _DRAWN_INSIDE
-        return pages.html(page.answered(answer, pairs, sent), headers=headers)
+        return pages.html(page.answered(answer, pairs, submission), headers=headers)
 
 
 @only_sent_files({})
@@ -165,9 +171,9 @@ def _drawn(page: Page, pairs: Pairs, name: str, form: FigureForm) -> bytes:
     return drawn(page.figure(pairs, name), form)
 
 
-def _of_sent(sent: Sent) -> dict[str, str]:
+def _of_sent(submission: Submission) -> dict[str, str]:
     """Return the headers of an answer with files."""
-    told = ", ".join(f"{name}: sha256 {own}" for name, own in sent.hashes)
+    told = ", ".join(f"{name}: sha256 {own}" for name, own in submission.hashes)
     return {"Cache-Control": "no-store", "Cpic-Files": told}
 
 
@@ -197,10 +203,6 @@ async def _missing(request: Request, error: HTTPException) -> Response:
     return line(_NO_PAGE if plain else error.detail, error.status_code)
 
 
-async def _wrong(request: Request, error: Exception) -> Response:
-    return line(str(error), 400)
-
-
 async def _busy(request: Request, error: Exception) -> Response:
     return line("Too many questions wait for an answer; ask again in a moment.", 503, **{"Retry-After": "5"})
 
@@ -215,7 +217,6 @@ async def _failed(request: Request, error: Exception) -> Response:
 
 HANDLERS: dict[Any, Any] = {
     HTTPException: _missing,
-    InputError: _wrong,
     Busy: _busy,
     TimeoutError: _late,
     Exception: _failed,
@@ -319,4 +320,4 @@ def serve(
         # The first figure would wait for the import of matplotlib and its fonts. The thread is no daemon: the end of
         # the interpreter would cut it inside compiled code, and the process would be killed by a signal.
         threading.Thread(target=drawn, args=(etc_answer(usual).figure, "svg")).start()
-        uvicorn.run(app, host=host, port=port, http=Punctual, **UVICORN)
+        uvicorn.run(app, host=host, port=port, http=TimedProtocol, **UVICORN)

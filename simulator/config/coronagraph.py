@@ -37,7 +37,7 @@ from cpic_core import (
     read_file,
 )
 from simulator.config.base import nearest
-from simulator.config.map_files import MapFile, header_number, pixel_scale, read_maps, real_map
+from simulator.config.map_files import MapFile, array_number, header_number, pixel_scale, read_maps, real_map
 
 KEY = "coronagraph.table"
 _LOG = logging.getLogger(__name__)
@@ -540,8 +540,9 @@ def _numbers(name: str, path: str, file: MapFile) -> dict[str, float]:
     found: dict[str, float] = {}
     for key in (*_SCALES, *_EDGES, *CONSTANT):
         item = file.named(key)
-        if item is not None and item.data.size == 1:
-            found[key] = _number(name, key, item.data)
+        number = array_number(f"{name} {key}", path, item) if item is not None and item.data.size == 1 else None
+        if number is not None:
+            found[key] = number
     if file.is_fits:
         header = file.maps[0].header
         for key, card in zip((*_EDGES, _SCALES[1]), ("INNER", "OUTER", "INNERLD", "OUTERLD", "PIXLD"), strict=True):
@@ -552,12 +553,6 @@ def _numbers(name: str, path: str, file: MapFile) -> dict[str, float]:
         if scale is not None and _SCALES[1] not in found:
             found[_SCALES[0]] = scale
     return found
-
-
-def _number(name: str, key: str, data: NDArray[Any]) -> float:
-    if data.dtype.kind not in "fiu" or not np.isfinite(data).all():
-        raise InputError(f"{name} {key}", str(data.tolist())[:40], allowed="one finite number")
-    return float(data.reshape(()))
 
 
 def _edges(

@@ -152,6 +152,28 @@ def real_map(
     return values
 
 
+def array_number(key: str, path: str | Path, item: FileMap | None) -> float | None:
+    """Return the number that an array of one holds, None where there is no array.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    path : str or Path
+    item : FileMap or None
+
+    Raises
+    ------
+    InputError
+        If it holds anything else than one finite number.
+    """
+    if item is None:
+        return None
+    if item.data.size != 1 or item.data.dtype.kind not in "fiu" or not np.isfinite(item.data).all():
+        raise InputError(key, str(item.data)[:40], allowed="one finite number", hint=str(path))
+    return float(item.data.reshape(-1)[0])
+
+
 def header_number(key: str, path: str | Path, header: Mapping[str, Any], card: str) -> float | None:
     """Return a number of a header, None where there is no such card.
 

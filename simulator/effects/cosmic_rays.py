@@ -23,7 +23,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number, load_kernels, stream
 from simulator.config import CosmicRayConfig, PaperTracks, PhysicalTracks, TemplateTracks
 from simulator.effects.sky import decimal_year
-from simulator.imaging import FileMap, header_number, read_maps
+from simulator.imaging import array_number, header_number, read_maps
 
 _BEYOND = 20.0
 
@@ -433,20 +433,12 @@ def _read_templates(path: str | Path, state: tuple[int, int] | None) -> Template
         named = found.named("templates")
         if named is None:
             raise InputError(_KEY, str(path), allowed="an npz file with an array 'templates'")
-        item, pixel = named, _npz_number(path, found.named("pixel_um"))
+        item, pixel = named, array_number(f"{_KEY} pixel_um", path, found.named("pixel_um"))
     if pixel is None or not _SIDES[0] <= pixel <= _SIDES[1]:
         where = "card PIXUM" if found.is_fits else "number pixel_um"
         given, allowed = "missing" if pixel is None else pixel, f"the size of a sample, {_SIDES[0]:g} to {_SIDES[1]:g}"
         raise InputError(f"{_KEY} {where}", given, unit="um", allowed=allowed, hint=str(path))
     return _template_set([_checked(path, i, cube) for i, cube in enumerate(_cube(path, item.data))], pixel)
-
-
-def _npz_number(path: str | Path, item: FileMap | None) -> float | None:
-    if item is None:
-        return None
-    if item.data.size != 1 or item.data.dtype.kind not in "fiu" or not np.isfinite(item.data).all():
-        raise InputError(f"{_KEY} pixel_um", str(item.data), unit="um", allowed="one finite number", hint=str(path))
-    return float(item.data.reshape(-1)[0])
 
 
 def _cube(path: str | Path, data: NDArray[Any]) -> NDArray[Any]:

@@ -1,6 +1,7 @@
 from cpic_core import overlap_weights as overlap_weights
 from simulator.config.map_files import (
     FileMap as FileMap,
+    array_number as array_number,
     header_number as header_number,
     read_maps as read_maps,
     real_map as real_map,

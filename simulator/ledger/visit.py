@@ -69,20 +69,25 @@ class Lasting(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class OpticsCase:
-    """The inputs that these sizes are worked out for.
+class VisitCase:
+    """An observation with the inputs of all its sizes; made by `visit_of`.
 
     Attributes
     ----------
+    instrument, switched : Instrument
+        As configured, and with what is switched off.
+    band, start_utc : str
+    sources : tuple of Source
+        The central star first.
+    measured : tuple of str
+        Planets that are measured.
+    metrics : PsfMetrics
+    sky : SkyLevel
+    stray : mapping of str to ndarray
+        By origin, on the stamp; electrons per second and pixel.
     camera : CameraCase
         Pixels, planets and their noise.
-    metrics : PsfMetrics
     optics : Optics
-    drift : Drift
-    star_e_s : float
-        Rate of the central star.
-    wavelength_nm : float
-        Middle of the band.
     visit_s : float
         Length of the visit.
     n_epochs : int
@@ -100,20 +105,35 @@ class OpticsCase:
         Angular radius of the central star.
     """
 
-    camera: CameraCase
+    instrument: Instrument
+    switched: Instrument
+    band: str
+    start_utc: str
+    sources: tuple[Source, ...]
+    measured: tuple[str, ...]
     metrics: PsfMetrics
+    sky: SkyLevel
+    stray: Mapping[str, NDArray[Any]]
+    camera: CameraCase
     optics: "Optics"
-    drift: Drift
-    star_e_s: float
-    wavelength_nm: float
     visit_s: float
     n_epochs: int
     timing: Timing
     speckle_share: tuple[float, ...]
     walk_share: tuple[float, ...]
-    lasting: tuple["Lasting", ...]
+    lasting: tuple[Lasting, ...]
     moved: bool
-    star_radius_mas: float = 0.0
+    star_radius_mas: float
+
+    @property
+    def drift(self) -> Drift:
+        """Drift of the wavefront."""
+        return self.instrument.drift
+
+    @property
+    def star_e_s(self) -> float:
+        """Rate of the central star."""
+        return self.sources[0].rate_e_s
 
     @functools.cached_property
     def _around_mean(self) -> FloatArray:
@@ -230,7 +250,7 @@ class OpticsCase:
         peak = self.star_e_s * self.metrics.peak_off_axis
         radius, slope = case.light.radius_arcsec, self.drift.psd_slope
         lit = (case.light.total_e_s > 0) & (not self.moved)
-        halo = drift_halo(self.metrics, radius, rms_nm, slope, self.wavelength_nm) * lit
+        halo = drift_halo(self.metrics, radius, rms_nm, slope, self.instrument.band(self.band).center_nm) * lit
         change = largest_speckles(case.light.star_e_s * t, halo * peak * t)
         return case.mean_change(self._padded(change))
 
@@ -501,45 +521,6 @@ _BEAT = 1.4
 _ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatter counts
 
 
-@dataclass(frozen=True, eq=False)
-class Visit:
-    """The inputs of sizes; made by `visit_of`.
-
-    Attributes
-    ----------
-    band : str
-    sources : tuple of Source
-        The central star first.
-    measured : tuple of str
-        Planets that are measured.
-    metrics : PsfMetrics
-    switched : Instrument
-        With what is switched off.
-    start_utc : str
-    sky : SkyLevel
-    stray : mapping of str to ndarray
-        By origin, on the stamp; electrons per second and pixel.
-    camera : CameraCase
-    optics : OpticsCase
-    """
-
-    band: str
-    sources: tuple[Source, ...]
-    measured: tuple[str, ...]
-    metrics: PsfMetrics
-    switched: Instrument
-    start_utc: str
-    sky: SkyLevel
-    stray: Mapping[str, NDArray[Any]]
-    camera: CameraCase
-    optics: OpticsCase
-
-    @property
-    def stray_e_s(self) -> float:
-        """Mean stray light on a pixel."""
-        return _mean_stray(self.stray)
-
-
 def visit_of(
     scene: Scene,
     instrument: Instrument,
@@ -558,7 +539,7 @@ def visit_of(
     max_epochs: int = MAX_EPOCHS,
     visits: int = 1,
     timing: Timing = INTERLEAVED,
-) -> Visit:
+) -> VisitCase:
     """Return the light, noise and optics of an observation.
 
     Parameters
@@ -669,13 +650,18 @@ def visit_of(
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
     width, jitter_arcsec = (high - low) / (0.5 * (high + low)), instrument.wavefront.jitter_mas * 1e-3
-    optics = OpticsCase(
-        camera=case,
+    return VisitCase(
+        instrument=instrument,
+        switched=switched,
+        band=band,
+        start_utc=start,
+        sources=tuple(sources),
+        measured=measured,
         metrics=figures,
+        sky=sky,
+        stray=stray,
+        camera=case,
         optics=Optics(width, figures.lambda_d_arcsec, pixel, jitter_arcsec),
-        drift=drift,
-        star_e_s=star_e_s,
-        wavelength_nm=instrument.band(band).center_nm,
         visit_s=visit_s,
         n_epochs=min(n_frames, max_epochs),
         timing=timing,
@@ -684,18 +670,6 @@ def visit_of(
         lasting=tuple(lasting),
         moved=moved,
         star_radius_mas=_radius_mas(star),
-    )
-    return Visit(
-        band=band,
-        sources=tuple(sources),
-        measured=measured,
-        metrics=figures,
-        switched=switched,
-        start_utc=start,
-        sky=sky,
-        stray=stray,
-        camera=case,
-        optics=optics,
     )
 
 
@@ -868,23 +842,23 @@ def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact"
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
     visit = visit_of(scene, instrument, **settings)
-    case, optics, figures = visit.camera, visit.optics, visit.metrics
+    case, figures = visit.camera, visit.metrics
     sizes = camera_sizes(case)
-    sizes |= _light_sizes(optics, case.light, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
+    sizes |= _light_sizes(visit)
     for item in extended_rates(scene, instrument, visit.band):
         pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
-        sizes[f"extended:{item.source.name}"] = optics.spread_light(pixel_e_s, aperture_e_s)
-    knobs = _knob_sizes(optics, optics.n_epochs)
+        sizes[f"extended:{item.source.name}"] = visit.spread_light(pixel_e_s, aperture_e_s)
+    knobs = _knob_sizes(visit)
     if instrument.coronagraph.table is not None:  # there is no field to sample
         knobs = {name: dict.fromkeys(values, sizes_of(0.0)) for name, values in knobs.items()}
     sizes |= {
         "off_mask_psf": _off_mask(case.light),
-        "drift": optics.no_drift(),
-        "drift_common": optics.no_common(),
-        "orbital_drift": optics.no_orbit(),
+        "drift": visit.no_drift(),
+        "drift_common": visit.no_common(),
+        "orbital_drift": visit.no_orbit(),
         "pupil_samples": sizes_of(0.0),
     }
-    sizes |= _left_out(optics)
+    sizes |= _left_out(visit)
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
@@ -905,7 +879,7 @@ def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact"
         _forbid(sizes, knobs)
     kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
     kinds |= {source.name: "extended" for source in scene.extended}
-    sums = sums_possible(case, figures, optics.star_e_s, moved=optics.moved)
+    sums = sums_possible(case, figures, visit.star_e_s, moved=visit.moved)
     return Forecast(
         rows=rows,
         sizes=sizes,
@@ -913,7 +887,7 @@ def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact"
         sources=kinds,
         sums=sums,
         n_frames=case.n_frames,
-        max_epochs=optics.n_epochs,
+        max_epochs=visit.n_epochs,
         full=case.full,
         measured=visit.measured,
     )
@@ -926,26 +900,25 @@ def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None
             size["planet_flux"] = size["snr"] = 1.0
 
 
-def _light_sizes(
-    optics: OpticsCase, light: SceneLight, sky_e_s_arcsec2: float, stray_e_s: float, metrics: PsfMetrics
-) -> dict[str, Sizes]:
-    front = float(sky_pixel_e_s(metrics, sky_e_s_arcsec2))
-    spread = {"sky": front, "stray_light": stray_e_s}
-    sizes = {key: optics.spread_light(rate, rate * light.aperture_pixels) for key, rate in spread.items()}
+def _light_sizes(visit: VisitCase) -> dict[str, Sizes]:
+    light, metrics = visit.camera.light, visit.metrics
+    front = float(sky_pixel_e_s(metrics, visit.sky.rate_e_s_arcsec2))
+    spread = {"sky": front, "stray_light": _mean_stray(visit.stray)}
+    sizes = {key: visit.spread_light(rate, rate * light.aperture_pixels) for key, rate in spread.items()}
     measured = {planet.name for planet in light.planets}
     for source in light.sources:
-        sizes[f"{source.kind}:{source.name}"] = optics.source(source, measured=source.name in measured)
+        sizes[f"{source.kind}:{source.name}"] = visit.source(source, measured=source.name in measured)
     return sizes
 
 
-def _knob_sizes(optics: OpticsCase, epochs: int) -> dict[str, dict[Any, Sizes]]:
+def _knob_sizes(visit: VisitCase) -> dict[str, dict[Any, Sizes]]:
     none = sizes_of(0.0)
-    steps = sorted({*(fewer for fewer in EPOCHS if fewer < epochs), epochs})
+    steps = sorted({*(fewer for fewer in EPOCHS if fewer < visit.n_epochs), visit.n_epochs})
     return {
-        "wavelength_nodes": {n: optics.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: none},
-        "pixel_nodes": {n: optics.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: none},
-        "precision": {"single": optics.precision(), "double": none},
-        "drift_epochs": {n: optics.epochs(n) for n in steps},
+        "wavelength_nodes": {n: visit.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: none},
+        "pixel_nodes": {n: visit.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: none},
+        "precision": {"single": visit.precision(), "double": none},
+        "drift_epochs": {n: visit.epochs(n) for n in steps},
     }
 
 
@@ -958,7 +931,7 @@ def _off_mask(light: SceneLight) -> Sizes:
     return sizes_of(0.0, flux)
 
 
-def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
+def _left_out(visit: VisitCase) -> dict[str, Sizes]:
     """Return the sizes of what no image has: an error of the pointing of each visit, and the disc of the star.
 
     The light in the hole goes with the star, so that an error of the pointing changes aperture sums by their gradient,
@@ -968,7 +941,7 @@ def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
     all visits, as if no reference showed it. Both are upper bounds, within a factor of 1.5 and 3 of the rms that moved
     and wide stars leave: differences of pixels see the light beyond the hole.
     """
-    case, metrics = optics.camera, optics.metrics
+    case, metrics = visit.camera, visit.metrics
     sums = aperture_sums(case.light.star_e_s, overlap_weights(case.radius_pixels))
     square = np.sum(np.square(np.gradient(sums)), axis=0) * (case.n_frames * case.exposure_s) ** 2
     axis = centred_axis(len(sums), case.pixel_arcsec)
@@ -977,9 +950,9 @@ def _left_out(optics: OpticsCase) -> dict[str, Sizes]:
     near = []
     for planet in case.light.planets:
         away = np.abs(separation - math.hypot(planet.x_arcsec, planet.y_arcsec))
-        around = inside & (away <= _ANNULUS_LAMBDA_D * metrics.lambda_d_arcsec) & (not optics.moved)
+        around = inside & (away <= _ANNULUS_LAMBDA_D * metrics.lambda_d_arcsec) & (not visit.moved)
         near.append(float(square[around].mean()) if around.any() else 0.0)
-    step, radius = (1e-3 * part / case.pixel_arcsec for part in (optics.drift.pointing_mas, optics.star_radius_mas))
+    step, radius = (1e-3 * part / case.pixel_arcsec for part in (visit.drift.pointing_mas, visit.star_radius_mas))
     factors = {
         "pointing": 2.0 * step**2,
         "stellar_disc": case.visits * (2.0 * math.pi / case.lambda_d_pixels * radius**2 / 8.0) ** 2,

@@ -60,6 +60,7 @@ class OpticalBand:
         return cls(instrument, band, content_hash(parts))
 
 
+@functools.lru_cache(maxsize=4)
 def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     """Return how the star's image in the dark hole changes with visits whose wavefronts are off by 1 nm.
 
@@ -75,7 +76,15 @@ def visit_changes(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
     InputError
         If the band has no optical model.
     """
-    return _visits(wanted)
+
+    def measured() -> dict[str, Any]:
+        announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
+        psf = single_band_psf(wanted.band, instrument=wanted.instrument)
+        slope = wanted.instrument.drift.psd_slope
+        _, linear, square = hole_changes(psf, slope, N_VISITS, stream(SEED, "visits"))
+        return {"linear": linear, "square": square}
+
+    return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
 
 
 def hole_changes(psf: Psf, psd_slope: float, count: int, rng: np.random.Generator) -> tuple[FloatArray, Any, Any]:
@@ -104,20 +113,6 @@ def hole_changes(psf: Psf, psd_slope: float, count: int, rng: np.random.Generato
     light, inside = visit_light(imager, y, x, psd_slope), hole[np.ix_(rows, columns)]
     linear, square = light.changes(np.stack([light.draw(rng, 1.0)[None] for _ in range(count)]))
     return light.static[inside], linear[:, inside], square[:, inside]
-
-
-@functools.lru_cache(maxsize=4)
-def _visits(wanted: OpticalBand) -> tuple[FloatArray, FloatArray]:
-    """Return the change of the hole's pixels by 1 nm in each visit: the part linear in the error, and its light."""
-
-    def measured() -> dict[str, Any]:
-        announce(f"drawing how {N_VISITS} visits move the speckles in {wanted.band}, once: some seconds")
-        psf = single_band_psf(wanted.band, instrument=wanted.instrument)
-        slope = wanted.instrument.drift.psd_slope
-        _, linear, square = hole_changes(psf, slope, N_VISITS, stream(SEED, "visits"))
-        return {"linear": linear, "square": square}
-
-    return compute_once(f"visits-{wanted.key}", measured, lambda found: (found["linear"], found["square"]))
 
 
 class Stamps(NamedTuple):

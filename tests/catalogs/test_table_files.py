@@ -15,7 +15,7 @@ from astropy.table import MaskedColumn, Table
 from pyarrow import parquet
 
 from catalogs import load_known_planets, open_catalogue, table_files
-from catalogs.table_files import Reject, TableBytes, column_of, parse_table, read_bytes
+from catalogs.table_files import ROW_OUT, TableBytes, column_of, parse_table, read_bytes
 from cpic_core import InputError
 
 STARS = Table(
@@ -186,8 +186,9 @@ def test_planets_of_a_table_that_was_cut_off_are_said_to_be(tmp_path):
 def test_rows_of_another_number_of_cells_are_left_out_and_listed():
     table = parsed(b"name,V,plx\na,1,2\nb,3\n,,\nc,4,5,,\nd,6,7,8\n\ne,9,10\n")
     assert cells(table) == {"name": ["a", "c", "e"], "V": ["1", "4", "9"], "plx": ["2", "5", "10"]}
-    allowed = "3 cells, as in the heading"
-    assert table.rejects == (Reject(2, "", "2 cells", allowed), Reject(4, "", "4 cells", allowed))
+    why = "allowed: 3 cells, as in the heading"
+    rows = ((item.row, item.value, item.why, item.done) for item in table.rejects)
+    assert [*rows] == [(2, "2 cells", why, ROW_OUT), (4, "4 cells", why, ROW_OUT)]
     assert table.numbers.tolist() == [1, 3, 5]
 
 

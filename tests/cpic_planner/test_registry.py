@@ -254,6 +254,26 @@ def test_a_reduction_is_one_entry(entry, refused, tmp_path):
         refused(why, rank_targets, model, FEW, time_s=3600.0, population=SMALL)
 
 
+@pytest.mark.parametrize("modes", [0, 2])
+def test_rolls_are_reduced_by_the_same_entry(modes):
+    """What the forward model leaves of a planet is what the subtraction does: exact where it follows the references."""
+    rng, (y, x) = np.random.default_rng(2), np.indices((31, 31))
+    waves = 50.0 * np.abs(rng.normal(size=(2, 31, 31)))
+    first, second = (
+        np.stack([waves[0] + rng.normal() * waves[1] + rng.normal(size=(31, 31)) for _ in range(7)]) for _ in range(2)
+    )
+    planets = [np.exp(-((x - column) ** 2 + (y - row) ** 2) / 4.0) for column, row in ((21, 15), (15, 21))]
+    with REDUCTIONS.holding(MedianOfReferences()):
+        shown = first + 30.0 * planets[0], second + 30.0 * planets[1]
+        lit, dark = (
+            validation.roll_subtract(*images, modes, centering="median") for images in (shown, (first, second))
+        )
+        expected = dark.project(*planets)
+        for number in range(2):
+            left = (lit.image_e[number] - dark.image_e[number]) / (30.0 * 7.0)
+            assert left == pytest.approx(expected[number], abs=1e-11)
+
+
 def images_of_drill(question):
     """The one task of the question."""
     model = build_model(question.instrument, question.bands, question.strategy)

@@ -36,12 +36,12 @@ def entries(enum: type[Enum]) -> list[Entry]:
 
 
 def registered() -> dict[str, list[Entry]]:
-    """Return the entries of the registries: reference libraries and scores."""
-    from cpic_planner.registry import LIBRARIES, SCORES
+    """Return the entries of the registries: reference libraries, reductions and scores."""
+    from cpic_planner.registry import LIBRARIES, REDUCTIONS, SCORES
 
     return {
         kind: [Entry(anchored(kind, item.name), item.name, (marked(item.meaning),)) for item in registry.values()]
-        for kind, registry in (("library", LIBRARIES), ("score", SCORES))
+        for kind, registry in (("library", LIBRARIES), ("centring", REDUCTIONS), ("score", SCORES))
     }
 
 
@@ -71,7 +71,7 @@ def units() -> str:
 
 
 def page() -> str:
-    """Return the statuses and reasons of answers, the reference libraries and the scores."""
+    """Return the statuses and reasons of answers, the reference libraries, the reductions and the scores."""
     from cpic_core import Reason, Status
 
     own = registered()
@@ -80,6 +80,7 @@ def page() -> str:
         f"(statuses)=\n## Status\n\n{table(('status', 'meaning'), entries(Status))}\n"
         f"(reasons)=\n## Reason\n\n{table(('reason', 'meaning'), entries(Reason))}\n"
         f"(reference-libraries)=\n## Reference libraries\n\n{table(('library', 'reference frames'), own['library'])}\n"
+        f"(reductions)=\n## Reductions\n\n{table(('centring', 'taken off before the modes'), own['centring'])}\n"
         f"(scores)=\n## Scores of a ranking\n\n{table(('score', 'meaning'), own['score'])}\n"
         f"(flags)=\n## Flags\n\n{flagged}\n\n{table(('flag', 'of', 'meaning'), flags())}"
     )

@@ -11,7 +11,7 @@ from cpic_planner.cli.command import command_of
 from cpic_planner.cli.main import app
 from cpic_planner.queries import EtcQuestion, SimulateQuestion, changed_instrument, options_of
 from cpic_planner.schemas import QUESTIONS
-from cpic_planner.web.asking import ETC, IMAGES, RANK
+from cpic_planner.web.addresses import ETC, IMAGES, RANK
 from simulator import load_instrument
 
 

@@ -1,6 +1,7 @@
 import pytest
 
-from cpic_planner.report import hanging_text
+from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.report import hanging_text, write_whatif
 from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.whatif import (
@@ -11,6 +12,7 @@ from cpic_planner.report.whatif import (
     lead_sentences,
     planets_text,
     shared_facts,
+    targets_csv,
     universe_facts,
     whatif_document,
 )
@@ -467,3 +469,15 @@ def test_remarks_on_a_users_table_stand_in_the_report(compared, page, read):
     words = " ".join(" ".join(read(page_html(whatif_document(WhatIfReport(noted, PICTURES)))).text).split())
     assert "pl.csv: 2 rows left out: 2 by period" in words
     assert "Remarks on your tables" not in page
+
+
+def test_page_and_table_are_written_the_same_every_time(compared, tmp_path):
+    result = compared(["one", "two"])
+    pages = []
+    for name in ("a", "b"):
+        with open_run_folder(tmp_path / name, kind="whatif", config_hash="0") as folder:
+            write_whatif(folder, result)
+        assert (tmp_path / name / "targets.csv").read_text(encoding="utf-8") == targets_csv(result)
+        pages.append((tmp_path / name / "report.html").read_bytes())
+    assert pages[0] == pages[1]
+    assert b'id="figure-curves"' in pages[0]

@@ -1,8 +1,12 @@
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from catalogs import load_stars
 from cpic_core import Reason
+from cpic_planner import report
 from cpic_planner.etc import budget, build_model
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.report import duration_text
@@ -23,12 +27,14 @@ from cpic_planner.report.words import (
     limit_text,
     percent_text,
     pretty_name,
+    prose,
     reason_text,
     remedy_text,
     score_number,
     short_limit,
     significant,
     term_text,
+    text,
 )
 from cpic_planner.results import LeftOutRow, NotImagedRow, PeriodRecord, Quantiles, ScheduleImages
 from cpic_planner.targets import find_target
@@ -218,3 +224,16 @@ def test_catalogue_names_stay_distinct_and_short():
     names = [pretty_name(str(name)) for name in np.asarray(load_stars().column("name"))]
     assert len(set(names)) == len(names)
     assert max(map(len, names)) <= 18
+
+
+def test_every_text_of_the_prose_is_used_and_none_is_missing():
+    code = "\n".join(path.read_text(encoding="utf-8") for path in Path(report.__file__).parent.glob("*.py"))
+    used = set(re.findall(r"\btext\(\s*\"texts\.(\w+)\"", code)) | {"curve_about", "roc_about"}
+    assert used == set(prose()["texts"])
+    assert set(re.findall(r"drawing\.picture\([^\"]+\"(\w+)\"", code)) <= set(prose()["pictures"])
+
+
+def test_braces_of_the_prose_are_written_as_tables_write_them():
+    about = {"title": "<b>", "key": "{not a brace}"}
+    assert text("texts.whatif_facts", title=about["title"]).startswith("<b>, mean of a survey.")
+    assert text("texts.whatif_settled", key=about["key"]).startswith("Which value of {not a brace} to plan")

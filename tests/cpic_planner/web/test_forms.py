@@ -1,7 +1,7 @@
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.web.asking import ETC, RANK
+from cpic_planner.web.addresses import ETC, RANK
 from cpic_planner.web.forms import ETC_GROUPS, RANK_GROUPS, etc_form, rank_form
 
 

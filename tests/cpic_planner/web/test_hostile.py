@@ -36,7 +36,7 @@ def served(monkeypatch, tmp_path):
     with JobQueue(tmp_path / "jobs") as queue, socket.socket() as wire:
         wire.bind(("127.0.0.1", 0))
         app = application(jobs=queue, folder=tmp_path)
-        server = uvicorn.Server(uvicorn.Config(app, http=guard.Punctual, **UVICORN))
+        server = uvicorn.Server(uvicorn.Config(app, http=guard.TimedProtocol, **UVICORN))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [wire]})
         thread.start()
         hostile.wait_for(wire.getsockname()[1])

@@ -10,7 +10,7 @@ import pytest
 from cpic_planner import confirm_targets
 from cpic_planner.results import StarImagesResult
 from cpic_planner.web import application
-from cpic_planner.web.asking import IMAGES, image_lines
+from cpic_planner.web.addresses import IMAGES, image_lines
 from cpic_planner.web.job_queue import JobQueue
 
 ASKED = {"target": "tau Cet", "bands": "F520", "realisations": "2", "fidelity": "quick"}

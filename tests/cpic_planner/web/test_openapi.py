@@ -10,7 +10,7 @@ from openapi_spec_validator import OpenAPIV31SpecValidator
 from cpic_planner.schemas import openapi_text
 from cpic_planner.version import __version__
 from cpic_planner.web import application
-from cpic_planner.web.asking import ETC, IMAGES, RANK, parameter
+from cpic_planner.web.addresses import ETC, IMAGES, RANK, parameter
 from cpic_planner.web.job_queue import JobQueue
 from tools.openapi import described
 

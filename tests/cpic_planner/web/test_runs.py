@@ -8,7 +8,8 @@ import pytest
 
 from cpic_core import InputError
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.web import application
+from cpic_planner.results import RankResult
+from cpic_planner.web import application, runs
 from cpic_planner.web.runs import runs_of
 
 HASH, OTHER = "0123456789abcdef", "fedcba9876543210"
@@ -124,3 +125,21 @@ def test_without_a_folder_the_page_says_how(ask):
     assert "cpic serve --folder DIR" in ask("/runs").text
     with pytest.raises(InputError, match="--folder"):
         application(folder=Path("/nowhere/at/all"))
+
+
+def test_a_ranking_says_at_its_beginning_what_it_is():
+    """It is known by the first thousand bytes of its file."""
+    assert list(RankResult.model_fields)[:4] == ["schema_version", "kind", "fingerprint", "config_hash"]
+
+
+def test_a_path_of_the_server_is_in_no_refusal(shown, monkeypatch, caplog):
+    """What is refused inside, and no question of a visitor, is a fault of the server."""
+
+    def refused():
+        raise InputError("--cache", "/xyzzy/cache", allowed="a folder")
+
+    monkeypatch.setattr(runs, "costs", refused)
+    told = shown.get("/commands")
+    assert told.status == 500
+    assert "xyzzy" not in told.text
+    assert "xyzzy" in caplog.text

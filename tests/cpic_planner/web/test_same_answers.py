@@ -7,7 +7,7 @@ from urllib.parse import parse_qsl, urlencode
 import pytest
 
 from cpic_planner.cli.main import main
-from cpic_planner.web.asking import ETC, python_lines
+from cpic_planner.web.addresses import ETC, python_lines
 from tests.random_questions import pairs, question, words
 
 

@@ -41,13 +41,13 @@ def test_what_images_leave_out_is_what_a_moved_and_a_wide_star_change(separation
         return aperture_sums(imager.image(axis, axis, source_arcsec=(1e-3 * x_mas, 1e-3 * y_mas)), weights)[near]
 
     still, moved = sums(0.0, 0.0), [sums(1.0, 0.0), sums(0.0, 1.0)]
-    half_of_all = 0.5 * (visit.optics.star_e_s * 1000.0) ** 2 / sum(visit.camera.variances[0].values())
+    half_of_all = 0.5 * (visit.star_e_s * 1000.0) ** 2 / sum(visit.camera.variances[0].values())
     true = half_of_all * 2.0 * sum(float(((one - still) ** 2).mean()) for one in moved)
-    assert true <= _left_out(visit.optics)["pointing"]["snr"] <= 1.5**2 * true
+    assert true <= _left_out(visit)["pointing"]["snr"] <= 1.5**2 * true
     # Eight points at r / sqrt(2) have the second moments of the disc.
     angles, reach = 2.0 * np.pi * np.arange(8) / 8, 8.0 / np.sqrt(2.0)
     disc = np.mean([sums(reach * np.cos(a), reach * np.sin(a)) for a in angles], axis=0) - still
-    wide = replace(visit.optics, star_radius_mas=8.0, camera=replace(visit.camera, visits=9))
+    wide = replace(visit, star_radius_mas=8.0, camera=replace(visit.camera, visits=9))
     true = half_of_all * 9.0 * float((disc**2).mean())
     assert true <= _left_out(wide)["stellar_disc"]["snr"] <= 3.0**2 * true
 
@@ -62,12 +62,12 @@ def test_what_images_leave_out_is_what_a_moved_and_a_wide_star_change(separation
 )
 def test_the_disc_of_a_star_follows_its_light_and_temperature(star, radius_mas):
     """Radii by interferometry: alpha Cen A 4.253 mas (Kervella et al. 2017), tau Cet 1.03 (di Folco et al. 2007)."""
-    assert of_planet(0.6, **star)[1].optics.star_radius_mas == pytest.approx(radius_mas, rel=0.05)
+    assert of_planet(0.6, **star)[1].star_radius_mas == pytest.approx(radius_mas, rel=0.05)
 
 
 def test_what_images_leave_out_is_said_with_its_size():
     found, visit = of_planet(0.6, visits=16)
-    sizes = _left_out(visit.optics)
+    sizes = _left_out(visit)
     rows = {row.key: row for row in found.rows}
     for key in LEFT_OUT:
         assert rows[key].decision == "skipped"

@@ -191,7 +191,7 @@ def test_the_swing_of_a_frame_is_the_mean_over_its_epoch(n_frames, epochs, schem
     exposure_s = each_s - instrument.detector.readout_s
     found = visit_of(
         make(), instrument, **(SETTINGS | {"n_frames": n_frames, "exposure_s": exposure_s}), max_epochs=6, timing=timing
-    ).optics
+    )
     window = timing.window_turns / (2.0 if scheme == "half" else 1.0)
     on_source = (np.arange(120_000) + 0.5) / 120_000 * n_frames * each_s / period_s
     turns = on_source // window + on_source % window

@@ -132,4 +132,4 @@ def test_the_window_of_a_visit_is_centred_on_the_star():
     side, detector = len(found.metrics.raw_contrast), load_instrument().detector
     row, column = found.camera.first_pixel
     assert (row + side // 2, column + side // 2) == (detector.star_row, detector.star_column)
-    assert found.optics.visit_s == pytest.approx(4 * (10.0 + detector.readout_s), rel=1e-12)
+    assert found.visit_s == pytest.approx(4 * (10.0 + detector.readout_s), rel=1e-12)

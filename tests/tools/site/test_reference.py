@@ -11,7 +11,7 @@ import pytest
 from cpic_core import Reason, Status
 from cpic_core.errors import InputError
 from cpic_planner.queries import options_of
-from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.registry import LIBRARIES, REDUCTIONS, SCORES
 from cpic_planner.results.base import LimitText, VerdictText
 from cpic_planner.schemas import FOLDER, QUESTIONS, RESULTS
 from simulator.products.keywords import KEYWORD_FILE
@@ -129,7 +129,7 @@ def test_every_status_and_reason_has_a_sentence():
         assert set(said) == {str(item.value) for item in enum if item.value}
         assert all(text.endswith(".") and len(text) > 15 for text in said.values())
     page = words.page()
-    for name in (*map(str, Status), *filter(None, map(str, Reason)), *LIBRARIES, *SCORES):
+    for name in (*map(str, Status), *filter(None, map(str, Reason)), *LIBRARIES, *REDUCTIONS, *SCORES):
         assert f"`{name}`" in page, name
 
 

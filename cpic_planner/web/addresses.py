@@ -36,7 +36,7 @@ _CHANGE = re.compile(rf"([\w.*]+)=(?:[x*×]?\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*{_
 
 
 @dataclass(frozen=True, eq=False)
-class Asking(Generic[Q]):
+class Addresses(Generic[Q]):
     """The way in which an address asks a question.
 
     Attributes
@@ -251,14 +251,14 @@ def _is_number(text: str) -> bool:
 
 _IMAGES = frozenset(("--fidelity", "--tolerance", "--realisations", "--seed"))
 _MODES = frozenset(("--n-modes", "--choose-modes"))
-ETC = Asking(queries.EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
+ETC = Addresses(queries.EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
 """Questions to the calculator; images and modes are left out, they take seconds to minutes."""
-RANK = Asking(
+RANK = Addresses(
     queries.RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"}
 )
 """Rankings; those under many instruments are left out, and lists of stars, which can be files."""
 
-IMAGES = Asking(
+IMAGES = Addresses(
     queries.StarImagesQuestion,
     "images",
     "/jobs",
@@ -314,11 +314,11 @@ def _call(function: str, tree: Mapping[str, Any], made: _Parts) -> str:
     return f"{function}({', '.join([_literal(tree['target'], ('target',), made), *words])})"
 
 
-def _parts(asking: Asking[Any], pairs: Pairs) -> _Parts:
+def _parts(addresses: Addresses[Any], pairs: Pairs) -> _Parts:
     """Return the values that several options make: module and name of the model, and options, by place."""
     made: _Parts = {}
-    given = asking.given(pairs)
-    for option, value in ((option, given[option.name]) for option in asking.options):
+    given = addresses.given(pairs)
+    for option, value in ((option, given[option.name]) for option in addresses.options):
         if option.parts is not None and value is not None:
             own = made.setdefault(option.path[:-1], (option.parts.__module__, option.parts.__name__, {}))
             own[2][option.path[-1]] = value
@@ -346,7 +346,7 @@ FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets", "tab
 
 
 @dataclass(frozen=True)
-class Sent:
+class Submission:
     """A posted question.
 
     Attributes
@@ -366,7 +366,7 @@ class Sent:
         return [(name, hashlib.sha256(data).hexdigest()) for name, data in self.files.items()]
 
 
-def read_sent(content_type: str, body: bytes) -> Sent:
+def read_submission(content_type: str, body: bytes) -> Submission:
     """Return a posted question.
 
     Parameters
@@ -382,7 +382,7 @@ def read_sent(content_type: str, body: bytes) -> Sent:
     """
     kind = content_type.partition(";")[0].strip().lower()
     if kind == _FORM:
-        return Sent(tuple(form_fields(content_type, body)))
+        return Submission(tuple(form_fields(content_type, body)))
     found = re.search(r'boundary="?([\w\'()+,./:=? -]{1,70})"?', content_type)
     if kind != "multipart/form-data" or found is None:
         raise InputError("body", kind[:60] or "no type", allowed="multipart/form-data, as forms and curl -F send it")
@@ -400,7 +400,7 @@ def read_sent(content_type: str, body: bytes) -> Sent:
         _check_file(parameter, name, files)
         files[name] = content
         given.append((parameter, name))
-    return Sent(tuple(given), files)
+    return Submission(tuple(given), files)
 
 
 def form_fields(content_type: str, body: bytes) -> list[tuple[str, str]]:
