@@ -941,14 +941,15 @@ class _Search:
         )
         inherited = etc.inherited_terms(model.instrument, model.instrument.band(band).camera, noise)
         lost = column(possible & (margin < needed * (1.0 - _ROUNDING))).astype(bool)
-        unknown: dict[str, Any] = dict.fromkeys((*_CHANGES, "moves"), np.zeros(n, bool))
-        unknown |= dict.fromkeys(_REQUIRED, np.full(n, np.nan))
+        columns: dict[str, Any] = {name: column(part) for name, part in setting.items()}
+        # What is not known, or not asked.
+        columns |= dict.fromkeys((*_CHANGES, "moves"), np.zeros(n, bool)) | dict.fromkeys(_REQUIRED, np.full(n, np.nan))
         best = OptimalSetting(
             band=np.full(n, band),
             separation_arcsec=column(chosen.separation_arcsec),
             contrast=column(chosen.contrast),
             threshold=column(chosen.threshold),
-            **{name: column(part) for name, part in setting.items()},
+            **columns,
             snr=column(noise.snr),
             significance=column(noise.significance),
             margin=column(margin),
@@ -956,7 +957,6 @@ class _Search:
             needed_margin=column(needed),
             chance_blind=column(chances.blind),
             chance_known_place=column(chances.known_place),
-            **unknown,
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],

@@ -25,11 +25,22 @@ EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 # Modules by path, and tests that mirror them under other names than tests/<path>/test_<module>.py.
 MODULES: dict[str, tuple[str, ...]] = {
     "simulator/imaging/drift.py": (),
-    "cpic_planner/etc/rates.py": ("tests/cpic_planner/etc/test_smear.py", "tests/cpic_planner/etc/test_sky.py"),
-    "cpic_planner/etc/noise.py": ("tests/cpic_planner/etc/test_paper.py", "tests/cpic_planner/etc/test_library.py"),
+    "cpic_planner/etc/rates.py": (
+        "tests/cpic_planner/etc/test_smear.py",
+        "tests/cpic_planner/etc/test_sky.py",
+        "tests/cpic_planner/etc/test_planet.py",
+    ),
+    "cpic_planner/etc/noise.py": (
+        "tests/cpic_planner/etc/test_paper.py",
+        "tests/cpic_planner/etc/test_library.py",
+        "tests/cpic_planner/etc/test_modes.py",
+    ),
     "simulator/signal/speckles.py": (),
     "simulator/signal/saturation.py": (),
-    "cpic_planner/etc/detection.py": (),
+    "cpic_planner/etc/detection.py": (
+        "tests/cpic_planner/etc/test_tails.py",
+        "tests/cpic_planner/etc/test_search_level.py",
+    ),
     "simulator/camera/noise.py": ("tests/simulator/camera/test_track_loss.py",),
     "simulator/detectors/variance.py": (),
     "simulator/ledger/visit.py": ("tests/simulator/ledger/test_sizes.py", "tests/simulator/ledger/test_light.py"),
@@ -38,7 +49,10 @@ MODULES: dict[str, tuple[str, ...]] = {
     "cpic_planner/survey/detection.py": (),
     "simulator/detectors/gain.py": (),
     "cpic_planner/survey/visibility.py": (),
-    "cpic_planner/ranking/completeness.py": (),
+    "cpic_planner/ranking/completeness.py": (
+        "tests/cpic_planner/ranking/test_in_zone.py",
+        "tests/cpic_planner/ranking/test_known_completeness.py",
+    ),
 }
 
 PARTNER = {
