@@ -27,12 +27,15 @@ from catalogs.catalogue import (
     NAMED_TABLES as NAMED_TABLES,
     PLANET_CREDITS as PLANET_CREDITS,
     Catalogue as Catalogue,
+    TableReading as TableReading,
     catalogue_info as catalogue_info,
     catalogue_of_star as catalogue_of_star,
     checked_table_name as checked_table_name,
     data_credits as data_credits,
     open_catalogue as open_catalogue,
+    possible_columns as possible_columns,
     snapshot_vintage as snapshot_vintage,
+    table_readings as table_readings,
 )
 from catalogs.coordinates import (
     position_angle as position_angle,
@@ -117,9 +120,6 @@ from catalogs.table_files import (
 )
 from catalogs.user_tables import (
     OwnTables as OwnTables,
-    TableReading as TableReading,
-    possible_columns as possible_columns,
-    table_readings as table_readings,
     tables_read as tables_read,
 )
 from catalogs.velocity_limits import (

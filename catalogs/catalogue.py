@@ -1,19 +1,30 @@
 """Describe the embedded data: vintage, counts per cut, sources, licences and credits.
 
-Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file.
+Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file; and
+what a file is read as, a table of stars or of planets.
 """
 
+import contextlib
 import functools
 import json
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from catalogs.binaries import BinaryOrbit, binary_orbits, orbits_vintage
-from catalogs.known_planets import STATUSES
+from catalogs.known_planets import (
+    COLUMNS as PLANET_COLUMNS,
+    REQUIRED as PLANETS_REQUIRED,
+    STATUSES,
+    UPDATES_FILE,
+    load_known_planets,
+    own_rows,
+    planets_updated,
+)
 from catalogs.shipped import shipped_rows, shipped_words
 from catalogs.stars import (
+    QUANTITIES,
     PublishedParameters,
     StarTable,
     load_stars,
@@ -21,8 +32,17 @@ from catalogs.stars import (
     published_parameters,
     with_updates,
 )
-from catalogs.table_cells import Use
-from catalogs.table_files import LeftOut
+from catalogs.stellar_physics import stellar_parameters
+from catalogs.table_cells import Columns, Groups, Use, reasons
+from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
+from catalogs.user_tables import (
+    ASSUMED_PC,
+    REQUIRED as STARS_REQUIRED,
+    named_star,
+    tables_read,
+    tell,
+    user_table,
+)
 from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -64,8 +84,6 @@ def snapshot_vintage(*, updates: bool = True) -> str:
 
 def _updates() -> dict[str, Any]:
     """Return the date and file of the updates of known planets, and the planets that are not simply confirmed."""
-    from catalogs.known_planets import UPDATES_FILE, load_known_planets, planets_updated
-
     table = load_known_planets()
     pairs = list(zip(table.text("status"), table.text("planet"), strict=True))
     return {"date": planets_updated(), "file": UPDATES_FILE, "n_rows": sum(map(bool, table.text("updated")))} | {
@@ -122,6 +140,7 @@ RANKED_V_MAG = 7.0
 NAMED_TABLES = ("snapshot", "latest", "simbad_2012")
 """Words that name a star table; anything else is a file."""
 _DIGITS = 12
+TableKind = Literal["stars", "planets"]
 _USER = "user's "
 _USER_TABLE = f"{_USER}table"
 
@@ -242,9 +261,6 @@ def catalogue_of_star(
     InputError
         For a spectral type that gives no temperature, or neither of the two.
     """
-    from catalogs.stellar_physics import stellar_parameters
-    from catalogs.user_tables import ASSUMED_PC, named_star
-
     v_mag = in_unit("v_mag", v_mag, "mag")
     teff_k, distance_pc = in_unit("teff_k", teff_k, "K"), in_unit("distance_pc", distance_pc, "pc")
     if teff_k is None:
@@ -265,9 +281,6 @@ def data_credits(provenance: str) -> tuple[str, ...]:
 
 
 def _from_file(path: str | Path, strict: bool) -> Catalogue:
-    from catalogs.table_files import parse_table, read_bytes
-    from catalogs.user_tables import tell
-
     file = read_bytes(path)
     digest = f"{file.name} {file.sha256[:_DIGITS]}"
     if file.data.startswith(b"# %ECSV") and _is_refreshed(file.data):
@@ -282,8 +295,6 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
         origin = f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})"
         sample = f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas"
         return Catalogue(with_updates(table), "refreshed", origin, sample, notes)
-    from catalogs.user_tables import user_table
-
     raw = parse_table(file)
     made = user_table(raw, strict=strict)
     tell(*made.notes)
@@ -304,3 +315,98 @@ def _is_refreshed(data: bytes) -> bool:
 
     header = [line for line in data.splitlines() if line.startswith(b"#")]
     return any(line.lstrip(b"# -{").startswith(FORMATS["simbad"].encode()) for line in header)
+
+
+@dataclass(frozen=True)
+class TableReading:
+    """The meaning of a file as a table of one kind.
+
+    Parameters
+    ----------
+    kind : {"stars", "planets"}
+    file : str
+        Its name.
+    rows, usable : int
+        Rows of the file, and those that can be used.
+    uses : tuple of Use
+        What each column is taken for.
+    left_out : tuple of LeftOut
+        Rows and cells that cannot be used.
+    notes : tuple of str
+        Remarks on the reading.
+    """
+
+    kind: TableKind
+    file: str
+    rows: int
+    usable: int
+    uses: tuple[Use, ...]
+    left_out: tuple[LeftOut, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def reasons(self) -> list[tuple[LeftOut, int]]:
+        """The first row or cell of each reason for which some are left out, and how many there are; most first."""
+        return reasons(self.left_out)
+
+
+def table_readings(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[TableReading]:
+    """Return what a file is taken for: as a table of stars, of planets, or of both where both can be read from it.
+
+    Parameters
+    ----------
+    source : str or Path
+    kind : {"stars", "planets"}, optional
+        Which of the two it is; by default each that it can be.
+    strict : bool
+        Refuse it for the first row or cell that cannot be used.
+
+    Raises
+    ------
+    InputError
+        If it is neither: why it is none of the kind of which it has more columns.
+    """
+    raw = parse_table(read_bytes(source, key="file", presets=""))
+    made, refused = [], []
+    for one in get_args(TableKind) if kind is None else (kind,):
+        with tables_read(apart=True):
+            try:
+                made.append(_reading(raw, one, strict=False))
+            except InputError as error:
+                refused.append((_known_headings(raw, one), error))
+    if not made:
+        raise max(refused, key=lambda item: item[0])[1]
+    if strict:
+        for reading in made:
+            _reading(raw, reading.kind, strict=True)
+    return made
+
+
+def possible_columns(kind: TableKind) -> tuple[Columns, Groups]:
+    """Return the columns that a table of a kind may have, and groups of those of which it needs one each.
+
+    Parameters
+    ----------
+    kind : {"stars", "planets"}
+    """
+    if kind == "stars":
+        return QUANTITIES, STARS_REQUIRED
+    return PLANET_COLUMNS, PLANETS_REQUIRED
+
+
+def _known_headings(raw: RawTable, kind: TableKind) -> int:
+    """Return how many headings of a file are known in tables of a kind."""
+    columns, known = possible_columns(kind)[0], 0
+    for column in raw.columns:
+        with contextlib.suppress(InputError):
+            known += columns.meant_by(column.heading).column is not None
+    return known
+
+
+def _reading(raw: RawTable, kind: TableKind, *, strict: bool) -> TableReading:
+    if kind == "stars":
+        made = user_table(raw, strict=strict)
+        return TableReading(kind, raw.name, len(raw), len(made.table), made.uses, made.left_out, made.notes)
+    _, given = own_rows(raw, strict=strict)
+    notes = given.notes + given.remarks()
+    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)

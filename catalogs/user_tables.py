@@ -1,4 +1,4 @@
-"""Tables of a user's own: how strictly they are read, what was left out of them, and what their columns are taken for.
+"""Tables of a user's own: how strictly they are read, and what was left out of them.
 
 A star table is any table with a name or number, a distance, a brightness and a type or temperature.
 
@@ -21,8 +21,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
@@ -43,21 +42,17 @@ from catalogs.stars import (
 )
 from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.table_cells import (
-    Columns,
-    Groups,
     Row,
     Rows,
     Use,
     join_sexagesimal,
     read_positions,
     read_rows,
-    reasons,
 )
-from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
+from catalogs.table_files import LeftOut, RawTable
 from cpic_core import InputError, listed
 
 _LOG = logging.getLogger(__name__)
-TableKind = Literal["stars", "planets"]
 
 
 def _log(remark: str) -> None:
@@ -142,106 +137,6 @@ def tell(*remarks: str) -> None:
         if remark not in asked.told:
             asked.told.add(remark)
             asked.tell(remark)
-
-
-@dataclass(frozen=True)
-class TableReading:
-    """The meaning of a file as a table of one kind.
-
-    Parameters
-    ----------
-    kind : {"stars", "planets"}
-    file : str
-        Its name.
-    rows, usable : int
-        Rows of the file, and those that can be used.
-    uses : tuple of Use
-        What each column is taken for.
-    left_out : tuple of LeftOut
-        Rows and cells that cannot be used.
-    notes : tuple of str
-        Remarks on the reading.
-    """
-
-    kind: TableKind
-    file: str
-    rows: int
-    usable: int
-    uses: tuple[Use, ...]
-    left_out: tuple[LeftOut, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def reasons(self) -> list[tuple[LeftOut, int]]:
-        """The first row or cell of each reason for which some are left out, and how many there are; most first."""
-        return reasons(self.left_out)
-
-
-def table_readings(source: str | Path, kind: TableKind | None = None, *, strict: bool = False) -> list[TableReading]:
-    """Return what a file is taken for: as a table of stars, of planets, or of both where both can be read from it.
-
-    Parameters
-    ----------
-    source : str or Path
-    kind : {"stars", "planets"}, optional
-        Which of the two it is; by default each that it can be.
-    strict : bool
-        Refuse it for the first row or cell that cannot be used.
-
-    Raises
-    ------
-    InputError
-        If it is neither: why it is none of the kind of which it has more columns.
-    """
-    raw = parse_table(read_bytes(source, key="file", presets=""))
-    made, refused = [], []
-    for one in get_args(TableKind) if kind is None else (kind,):
-        with tables_read(apart=True):
-            try:
-                made.append(_reading(raw, one, strict=False))
-            except InputError as error:
-                refused.append((_known(raw, one), error))
-    if not made:
-        raise max(refused, key=lambda item: item[0])[1]
-    if strict:
-        for reading in made:
-            _reading(raw, reading.kind, strict=True)
-    return made
-
-
-def possible_columns(kind: TableKind) -> tuple[Columns, Groups]:
-    """Return the columns that a table of a kind may have, and groups of those of which it needs one each.
-
-    Parameters
-    ----------
-    kind : {"stars", "planets"}
-    """
-    if kind == "stars":
-        return QUANTITIES, REQUIRED
-    from catalogs import known_planets
-    from catalogs.known_planets import COLUMNS
-
-    return COLUMNS, known_planets.REQUIRED
-
-
-def _known(raw: RawTable, kind: TableKind) -> int:
-    """Return how many headings of a file are known in tables of a kind."""
-    columns, known = possible_columns(kind)[0], 0
-    for column in raw.columns:
-        with contextlib.suppress(InputError):
-            known += columns.meant_by(column.heading).column is not None
-    return known
-
-
-def _reading(raw: RawTable, kind: TableKind, *, strict: bool) -> TableReading:
-    if kind == "stars":
-        made = user_table(raw, strict=strict)
-        return TableReading(kind, raw.name, len(raw), len(made.table), made.uses, made.left_out, made.notes)
-    from catalogs.known_planets import own_rows
-
-    _, given = own_rows(raw, strict=strict)
-    notes = given.notes + given.remarks()
-    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
 
 
 _NAMES = ("name", "hip", "hd", "gj", "hr", "tic", "gaia", "planet")

@@ -20,17 +20,13 @@ import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError
 from simulator.config import Drift, Timing
 from simulator.imaging.imager import FocalGrid, Imager
-
-if TYPE_CHECKING:
-    from simulator.imaging.psf import Psf
-
 
 STEP_CYCLES = 0.5
 LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
@@ -66,6 +62,14 @@ def low_order_map(samples: int) -> FloatArray:
     total /= math.sqrt(float((total[r2 <= 1.0] ** 2).mean()))
     total.flags.writeable = False
     return total
+
+
+class HoldsImager(Protocol):
+    """Carrier of an optical model: a PSF, or the transforms of a model to some pixels."""
+
+    @property
+    def imager(self) -> Imager:
+        """The optical model."""
 
 
 class Screens(Protocol):
@@ -328,7 +332,7 @@ ALONE = SharedTerms()
 
 
 def visit_frames(
-    optics: Imager | Psf | FocalGrid,
+    optics: Imager | HoldsImager,
     drift: Drift,
     n_frames: int,
     cadence_s: float,

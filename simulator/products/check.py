@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeGuard
+from typing import Any, Literal, TypeGuard
 
 import numpy as np
 
@@ -26,8 +26,19 @@ from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Profile, load_ke
 from simulator.products.sequence import ProductName
 from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
 
-Header: TypeAlias = Mapping[str, Any]
 Severity = Literal["error", "warning"]
+
+
+class Header(dict[str, Any]):
+    """Keywords and values of one unit."""
+
+    def find(self, name: str) -> tuple[str, Any] | None:
+        """Return the spelling and value of a keyword of the table under any of its spellings; None if it is missing."""
+        return load_keywords().find(self, name)
+
+    def value(self, name: str) -> Any:
+        """Return the value of a keyword of the table under any of its spellings; None if it is missing."""
+        return load_keywords().value(self, name)
 
 
 @dataclass(frozen=True)
@@ -217,7 +228,7 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
-def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
+def plain_header(report: Report, units: Any, number: int) -> Header:
     """Return the header of one unit as keywords and values; bad cards, and those that stand twice, are findings.
 
     Parameters
@@ -230,7 +241,7 @@ def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
     """
     from astropy.io import fits
 
-    values: dict[str, Any] = {}
+    values = Header()
     for card in units[number].header.cards:
         try:
             keyword, value = card.keyword, card.value
@@ -315,10 +326,9 @@ def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coord
     coordinates : bool
         Whether the target has coordinates.
     """
-    table = load_keywords()
     needed = {"always": True, "sky": kind in SKY_KINDS, "coordinates": coordinates and kind in SKY_KINDS}
     home = "image" if hdu else "primary"
-    for keyword in table:
+    for keyword in load_keywords():
         found = [spelling for spelling in (keyword.name, *keyword.aliases) if spelling in header]
         if keyword.hdu not in (home, "both"):
             continue
@@ -359,10 +369,10 @@ def check_spellings(report: Report, header: Header, hdu: int, profile: Profile) 
 
 def _misspelled(header: Header, hdu: int, profile: Profile) -> list[tuple[str, str]]:
     """Return the spellings of the profile that a header lacks, and those that it has instead."""
-    table, home = load_keywords(), "image" if hdu else "primary"
+    home = "image" if hdu else "primary"
     found = []
-    for keyword in table:
-        present = table.find(header, keyword.name) if keyword.hdu in (home, "both") else None
+    for keyword in load_keywords():
+        present = header.find(keyword.name) if keyword.hdu in (home, "both") else None
         if present is not None:
             found += [(spelling, present[0]) for spelling in profile.spellings(keyword.name) if spelling not in header]
     return found
@@ -381,17 +391,16 @@ def check_settings(report: Report, header: Header, first: Header, hdu: int) -> N
     hdu : int
         Number of the unit in the file; the primary one is 0.
     """
-    table = load_keywords()
     for key, (least, included) in _LEAST.items():
-        value = table.value(header, key)
+        value = header.value(key)
         if is_real(value) and (value < least or (value == least and not included)):
             report.error(f"is {value}, not {'at least' if included else 'above'} {least:g}", key, hdu)
-    unit = table.value(header, "BUNIT")
+    unit = header.value("BUNIT")
     if isinstance(unit, str) and unit.strip().lower() != "adu":
         report.error(f"is {unit!r}, not 'adu'", "BUNIT", hdu)
     for key in _SETTINGS:
-        other = table.value(first, key)
-        report.differs(table.value(header, key), other, f"image 1 has {other!r}", key, hdu)
+        other = first.value(key)
+        report.differs(header.value(key), other, f"image 1 has {other!r}", key, hdu)
 
 
 def check_shared(report: Report, header: Header, first: Header, primary: Header, hdu: int) -> None:
@@ -410,11 +419,10 @@ def check_shared(report: Report, header: Header, first: Header, primary: Header,
     hdu : int
         Number of the unit in the file; the primary one is 0.
     """
-    table = load_keywords()
-    for keyword in table:
+    for keyword in load_keywords():
         if keyword.hdu == "primary" or keyword.name in _OF_ITS_OWN:
             continue
-        found, other = table.find(header, keyword.name), table.find(first, keyword.name)
+        found, other = header.find(keyword.name), first.find(keyword.name)
         if keyword.name not in _SETTINGS and (found, other) != (None, None):
             if found is None or other is None:
                 where = ("image 1 has it", "image 1 lacks it")[found is not None]
@@ -422,7 +430,7 @@ def check_shared(report: Report, header: Header, first: Header, primary: Header,
             elif found[1] != other[1]:
                 say = report.warning if keyword.name in _MEASURED else report.error
                 say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
-        said = table.value(primary, keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
+        said = primary.value(keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
         if hdu == 1 and found is not None:
             report.differs(found[1], said, f"the primary header says {said!r}", found[0], hdu)
 
@@ -439,21 +447,20 @@ def check_primary(report: Report, header: Header, name: ProductName | None, n_im
     n_images : int
         Images in the file.
     """
-    table = load_keywords()
     for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
-        report.differs(table.value(header, key), expected, f"not {expected!r}", key, 0)
+        report.differs(header.value(key), expected, f"not {expected!r}", key, 0)
     for key in ("NEXTEND", "NFRAME"):
-        report.differs(table.value(header, key), n_images, f"the file has {n_images} images", key, 0)
-    obsid = table.value(header, "OBSID")
+        report.differs(header.value(key), n_images, f"the file has {n_images} images", key, 0)
+    obsid = header.value("OBSID")
     if isinstance(obsid, str) and re.fullmatch(r"\d{11}", obsid, re.ASCII) is None:
         report.error(f"is {obsid!r}, not 11 digits", "OBSID", 0)
     if name is None:
         return
-    written = table.value(header, "FILENAME")
+    written = header.value("FILENAME")
     if isinstance(written, str) and written.removesuffix(".fits") != name.stem:
         report.error(f"is {written!r}, not the name of this file", "FILENAME", 0)
     for key, expected in (("OBSID", name.obsid), ("OBSTYPE", name.kind), ("CAMERA", name.camera)):
-        value = table.value(header, key)
+        value = header.value(key)
         if isinstance(value, str):
             report.differs(value, expected, f"the file name says {expected!r}", key, 0)
 
@@ -468,9 +475,8 @@ def check_times(report: Report, header: Header, name: ProductName | None) -> Non
         Keywords and values of one unit.
     name : ProductName or None
     """
-    table = load_keywords()
     keys = ("DATE-OBS", "DATE-END", "EXPSTART", "EXPEND", "EXPTIME", "READTIME", "NFRAME")
-    get = {key: table.value(header, key) for key in keys}
+    get = {key: header.value(key) for key in keys}
     utc: dict[str, str] = {}
     for key in ("DATE-OBS", "DATE-END"):
         if isinstance(get[key], str):
@@ -509,8 +515,7 @@ def check_world(report: Report, header: Header, primary: Header, hdu: int) -> No
     hdu : int
         Number of the unit in the file; the primary one is 0.
     """
-    table = load_keywords()
-    cd = [table.value(header, key) for key in ("CD1_1", "CD1_2", "CD2_1", "CD2_2")]
+    cd = [header.value(key) for key in ("CD1_1", "CD1_2", "CD2_1", "CD2_2")]
     if not all(is_real(value) for value in cd):
         return
     a, b, c, d = cd
@@ -521,10 +526,10 @@ def check_world(report: Report, header: Header, primary: Header, hdu: int) -> No
     step = math.sqrt(abs(determinant))
     if max(abs(a * a + c * c - step**2), abs(b * b + d * d - step**2), abs(a * b + c * d)) > SCALE_TOLERANCE * step**2:
         report.error("does not describe square pixels", "CD1_1", hdu)
-    scale = table.value(header, "PIXSCALE")
+    scale = header.value("PIXSCALE")
     if is_real(scale) and abs(step * 3600.0 - scale) > SCALE_TOLERANCE * abs(scale):
         report.error(f"describes pixels of {step * 3600.0:.6f} arcsec, PIXSCALE is {scale}", "CD1_1", hdu)
-    angle = table.value(primary, "POS_ANG1")
+    angle = primary.value("POS_ANG1")
     if is_real(angle):
         turn = math.degrees(math.atan2(b, d))
         if abs((turn - angle + 180.0) % 360.0 - 180.0) > ANGLE_TOLERANCE_DEG:
@@ -532,7 +537,7 @@ def check_world(report: Report, header: Header, primary: Header, hdu: int) -> No
     types = header.get("CTYPE1"), header.get("CTYPE2")
     if types == ("RA---TAN", "DEC--TAN"):
         for key, other in (("CRVAL1", "RA_OBJ"), ("CRVAL2", "DEC_OBJ")):
-            value, target = header.get(key), table.value(primary, other)
+            value, target = header.get(key), primary.value(other)
             if is_real(value) and is_real(target):
                 gap = abs((value - target + 180.0) % 360.0 - 180.0)
                 if gap > PLACE_TOLERANCE_DEG:
@@ -557,8 +562,8 @@ class FileFacts:
 
     path: Path
     name: ProductName | None
-    primary: Mapping[str, Any] = field(default_factory=dict)
-    image: Mapping[str, Any] = field(default_factory=dict)
+    primary: Header = field(default_factory=Header)
+    image: Header = field(default_factory=Header)
     begins: list[float | None] = field(default_factory=list)
     end: float | None = None
     shape: tuple[int, ...] | None = None
@@ -583,17 +588,16 @@ def check_file(path: Path) -> tuple[FileFacts, list[Finding]]:
 
 
 def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
-    table = load_keywords()
     primary = plain_header(report, units, 0)
     facts.primary = primary
     if units[0].data is not None:
         report.error("has data in its primary unit", hdu=0)
-    kind = facts.name.kind if facts.name is not None else str(table.value(primary, "OBSTYPE"))
+    kind = facts.name.kind if facts.name is not None else str(primary.value("OBSTYPE"))
     if len(units) == 1:
         report.error("has no image")
     headers = [primary, *(plain_header(report, units, number) for number in range(1, len(units)))]
     known = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
-    coordinates = known or table.find(primary, "RA_OBJ") is not None
+    coordinates = known or primary.find("RA_OBJ") is not None
     check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
     check_primary(report, primary, facts.name, len(units) - 1)
     check_times(report, primary, facts.name)
@@ -787,7 +791,7 @@ def _sums(contents: Mapping[str, bytes], facts: FileFacts) -> dict[str, tuple[st
 
     A configuration that is not what was written states nothing.
     """
-    stated = load_keywords().value(facts.primary, SUM_KEYWORD)
+    stated = facts.primary.value(SUM_KEYWORD)
     found = {CONFIGURATION_FILE: (stated, facts.path.name)} if isinstance(stated, str) and stated else {}
     configuration = contents.get(CONFIGURATION_FILE, b"")
     if found and not sum_of(configuration).startswith(found[CONFIGURATION_FILE][0]):
@@ -808,11 +812,10 @@ def _check_configuration(report: Report, content: bytes, facts: FileFacts) -> No
     if facts.shape is not None and shape != facts.shape:
         there, said = (" x ".join(map(str, reversed(size))) for size in (facts.shape, shape))
         about.error(f"has {there} pixels, {report.path.name} says {said}", "NAXIS1", 1)
-    table = load_keywords()
     settings = [(key, tree["sequence"][name]) for key, name in _OF_SEQUENCE.items() if tree["sequence"].get(name)]
     own = [("CONFHASH", number), ("OBSID", str(tree.get("obsid", facts.name.obsid)))]
     for key, said in dict.fromkeys((*tree.get("header", {}).items(), *settings, *own)):
-        found = table.find(facts.primary, key) if key in table.keywords else None
+        found = facts.primary.find(key) if key in load_keywords().keywords else None
         if found is not None and not _same(found[1], said):
             about.error(f"is {found[1]!r}, that of {report.path.name} is {said!r}", found[0], 0)
         elif found is None and key in tree.get("header", {}):
@@ -840,17 +843,16 @@ def _check_keywords(report: Report, content: bytes, facts: FileFacts) -> None:
     if not isinstance(tree, dict) or not isinstance(tree.get("keywords"), dict):
         report.error("is no table of keywords")
         return
-    version, stated = tree.get("schema_version"), load_keywords().value(facts.primary, "KEYTABLE")
+    version, stated = tree.get("schema_version"), facts.primary.value("KEYTABLE")
     if stated is not None and version != stated:
         report.error(f"is of version {version!r}, KEYTABLE is {stated!r}")
 
 
 def _check_attitude(report: Report, content: bytes, facts: FileFacts) -> None:
     rows = _rows(report, content, ("utc", *(name for name in _ENDS if name not in _ANGLES)), facts)
-    table = load_keywords()
     for column, keywords in _ENDS.items():
         for row, keyword, end in zip((rows[:1], rows[-1:]), keywords, ("first", "last"), strict=True):
-            stated = table.value(facts.primary, keyword)
+            stated = facts.primary.value(keyword)
             cell = row[0].get(column) if row else None
             if not cell or not is_real(stated):
                 continue
@@ -859,7 +861,7 @@ def _check_attitude(report: Report, content: bytes, facts: FileFacts) -> None:
 
 
 def _check_temperature(report: Report, content: bytes, facts: FileFacts) -> None:
-    stated = load_keywords().value(facts.image, "CCDTEMP")
+    stated = facts.image.value("CCDTEMP")
     for number, row in enumerate(_rows(report, content, ("utc", "detector_k"), facts), start=1):
         cell = row["detector_k"]
         if cell and is_real(stated) and not abs(float(cell) - stated) <= LOG_TOLERANCE:
@@ -874,7 +876,7 @@ def _rows(report: Report, content: bytes, needed: Iterable[str], facts: FileFact
     if lacking:
         report.error(f"has no column {', '.join(lacking)}")
         return []
-    if load_keywords().value(facts.primary, "NFRAME") != len(facts.begins):
+    if facts.primary.value("NFRAME") != len(facts.begins):
         return []  # images are missing, which is said
     rows = list(reader)
     expected = [*facts.begins, facts.end]
@@ -935,12 +937,11 @@ def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
 
 
 def _check_truth_units(report: Report, units: Any, facts: FileFacts) -> None:
-    table = load_keywords()
     headers = [plain_header(report, units, number) for number in range(len(units))]
     header = headers[0]
-    others = [keyword.name for keyword in table if keyword.name not in (*_SAME, *_OF_THE_TRUTH)]
+    others = [keyword.name for keyword in load_keywords() if keyword.name not in (*_SAME, *_OF_THE_TRUTH)]
     for key in (*_SAME, *others):
-        mine, other = table.value(header, key), table.value(facts.primary, key)
+        mine, other = header.value(key), facts.primary.value(key)
         if mine != other and (key in _SAME or mine is not None):
             report.error(f"is {mine!r}, that of {facts.path.name} is {other!r}", key, 0)
     if header.get("L0FILE") != facts.path.name:
@@ -955,7 +956,7 @@ def _check_truth_units(report: Report, units: Any, facts: FileFacts) -> None:
         number = names.index(name)
         if name in _MAPS and facts.shape is not None and units[number].shape != facts.shape:
             report.error(f"has shape {units[number].shape}, the images have {facts.shape}", "NAXIS1", number)
-        for keyword in table:
+        for keyword in load_keywords():
             mine, other = headers[number].get(keyword.name), facts.image.get(keyword.name)
             if keyword.name != "BUNIT":
                 report.differs(mine, other, f"that of image 1 is {other!r}", keyword.name, number)
@@ -1112,7 +1113,7 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
     expected = "SCI" if facts.name.kind in SKY_KINDS else "CAL"
     if branch != expected:
         found.append(Finding(file, None, "", f"stands in {branch}, {facts.name.kind} belongs in {expected}"))
-    begin = load_keywords().value(facts.primary, "EXPSTART")
+    begin = facts.primary.value("EXPSTART")
     if is_real(begin) and folder != str(int(begin // 1)):
         found.append(Finding(file, 0, "EXPSTART", f"is MJD {begin:.5f}, the file stands in folder {folder}"))
     truth = root / "Truth" / folder / f"{facts.name.stem}_TRUTH.fits"
@@ -1131,7 +1132,7 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
-    table, found = load_keywords(), []
+    found = []
     for row in rows:
         file = path.parent / row["file"]
         header = headers.get(file.resolve())
@@ -1139,7 +1140,7 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
             found.append(Finding(path, None, "", f"lists {row['file']}, which is no Level-0 file of this tree"))
             continue
         for keyword, key in _OF_VISIT.items():
-            value = table.value(header, keyword)
+            value = header.value(keyword)
             near = is_real(value) and is_real(row[key]) and abs(value - row[key]) * 86400.0 <= TIME_TOLERANCE_S
             if value != row[key] and not near:
                 found.append(Finding(file, 0, keyword, f"is {value!r}, {path.name} says {row[key]!r}"))
