@@ -164,6 +164,11 @@ def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str
     return merged
 
 
+def bare_value(item: Any) -> Any:
+    """Return a value that is given alone, or with its source in a mapping."""
+    return item.get("value") if isinstance(item, Mapping) else item
+
+
 def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> M:
     """Return a copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from cpic_core import InputError
 from simulator import detectors
-from simulator.config.base import FrozenModel, flipped
+from simulator.config.base import FrozenModel, bare_value, flipped
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
@@ -345,22 +345,18 @@ def assume_converter(own: Mapping[str, Any], base: Mapping[str, Any], merged: di
     merged : dict
         The two together, which is changed in place.
     """
-    register = [_plain(own.get("em_gain_max", 0)) == 1, _plain_switch(own) is False]
+    register = [bare_value(own.get("em_gain_max", 0)) == 1, _plain_switch(own) is False]
     if "gain_e_adu" in own or "read_noise_e" not in own or not any(register) or _plain_switch(base) is False:
         return
     merged["adc_bits"] = own.get("adc_bits", {"value": _BITS, "source": "assumed", "confidence": "A"})
     try:
-        steps = 2.0 ** float(_plain(merged["adc_bits"])) - 1.0 - float(_plain(merged["bias_adu"]))
-        gain = float(_plain(merged["full_well_e"])) / steps
+        steps = 2.0 ** float(bare_value(merged["adc_bits"])) - 1.0 - float(bare_value(merged["bias_adu"]))
+        gain = float(bare_value(merged["full_well_e"])) / steps
     except (TypeError, ValueError, ArithmeticError):
         return  # what is no number is refused with its key
     merged["gain_e_adu"] = {"value": gain, "unit": "e-/ADU", "source": CONVERTER_ASSUMED, "confidence": "A"}
 
 
-def _plain(item: Any) -> Any:
-    return item.get("value") if isinstance(item, Mapping) else item
-
-
 def _plain_switch(detector: Mapping[str, Any]) -> Any:
     switches = detector.get("switches")
-    return _plain(switches.get("em_register")) if isinstance(switches, Mapping) else None
+    return bare_value(switches.get("em_register")) if isinstance(switches, Mapping) else None

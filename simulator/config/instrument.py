@@ -32,6 +32,7 @@ from cpic_core import (
 from simulator.config.base import (
     FrozenModel,
     Sourced,
+    bare_value,
     deep_merge,
     preset_names,
     preset_path,
@@ -649,18 +650,19 @@ def own_sky(own: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         For a new value of a key that the model does not read, which would change nothing.
     """
-    model = _plain(own.get("model", base["model"]))
+    model = bare_value(own.get("model", base["model"]))
     for key, reader in _ONLY_WITH.items():
-        if key in own and model != reader and model in _ONLY_WITH.values() and _plain(own[key]) != _plain(base[key]):
-            value = _plain(own[key])
+        if (
+            key in own
+            and model != reader
+            and model in _ONLY_WITH.values()
+            and bare_value(own[key]) != bare_value(base[key])
+        ):
+            value = bare_value(own[key])
             raise InputError(f"sky.{key}", value, allowed=f"only with sky.model: {reader}", hint=f"it is {model}")
     lights = {key: own[key] for key in ("earthshine", "stray_light") if isinstance(own.get(key), Mapping)}
-    alone = {"earthshine": _NO_LIGHT} if model == "uniform" != _plain(base["model"]) else {}
+    alone = {"earthshine": _NO_LIGHT} if model == "uniform" != bare_value(base["model"]) else {}
     return {**alone, **own, **{key: {**_NO_LIGHT, **light} if light else light for key, light in lights.items()}}
-
-
-def _plain(value: Any) -> Any:
-    return value.get("value") if isinstance(value, Mapping) else value
 
 
 def _check_lengths(depth_um: float, max_length_um: float) -> None:
