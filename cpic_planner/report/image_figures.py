@@ -11,7 +11,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner import results
-from cpic_planner.report import drawing
+from cpic_planner.report import drawing, words
 from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, with_style
 from cpic_planner.report.words import decimals, power_of_ten, significant
 from simulator.config import Instrument, Scene
@@ -535,11 +535,7 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[result
 
 _REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"
 _TRUTH, _BEST, _SPECTRUM = "#D55E00", "#000000", "#7A7A7A"
-_STATUS_TEXT = {
-    "constrained": "both constrained",
-    "not_constrained": "not constrained",
-    "degenerate": "degenerate: fewer bands than parameters",
-}
+_STATUS_TEXT = words.WORDS["albedo_short"]
 _BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
 _PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 
