@@ -11,5 +11,6 @@ from cpic_planner.api.runs import (
     curve_job_of as curve_job_of,
     prepared as prepared,
     roc_job_of as roc_job_of,
+    strategies_of as strategies_of,
     visibility_of as visibility_of,
 )

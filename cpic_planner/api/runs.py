@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from catalogs import Catalogue
 from cpic_core import InputError
@@ -22,6 +22,9 @@ from cpic_planner.jobs import Job, run
 from cpic_planner.ranking import AskedStars, asked_stars, timed_model
 from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import checked_utc
+
+if TYPE_CHECKING:
+    from cpic_planner.survey import StrategiesConfig
 
 _QUIET = {"out": None, "images": 0, "workers": 1}
 
@@ -350,6 +353,30 @@ def star_visibility(question: queries.VisibilityQuestion) -> results.VisibilityR
     return visibility_of(question)
 
 
+def strategies_of(question: queries.WhatIfQuestion) -> "StrategiesConfig":
+    """Return the strategies that a question compares: those of its file that it names, with what it changes of them.
+
+    Raises
+    ------
+    InputError
+        For bad input, naming key, value and range.
+    """
+    from cpic_planner import survey
+
+    config, names = survey.load_strategies(question.strategies), question.strategy
+    known = [item.name for item in config.strategies]
+    for name in names:
+        if name not in known:
+            raise InputError("strategy", name, allowed=", ".join(known))
+    if names:
+        chosen = tuple(item for item in config.strategies if item.name in names)
+        config = config.model_copy(update={"strategies": chosen})
+    config = survey.with_universe(config, question.universe(), question.share_of_time)
+    config = survey.varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
+    config = survey.with_exact_calendars(config) if question.exact else config
+    return survey.with_doubt(config, question.doubt)
+
+
 @takes(queries.WhatIfQuestion, first=("strategies",), without=("strategy",), defaults=_QUIET)
 def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult:
     """Compare survey strategies over the same synthetic universes.
@@ -374,12 +401,9 @@ def compare_strategies(question: queries.WhatIfQuestion) -> results.WhatIfResult
     >>> result.strategies[0].schedule.visits
     1
     """
-    from cpic_planner.survey import load_strategies, run_whatif, varied, with_doubt, with_exact_calendars, with_universe
+    from cpic_planner.survey import run_whatif
 
-    config = with_universe(load_strategies(question.strategies), question.universe(), question.share_of_time)
-    config = varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
-    config = with_exact_calendars(config) if question.exact else config
-    config = with_doubt(config, question.doubt)
+    config = strategies_of(question)
     with contextlib.ExitStack() as stack:
         folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
         pages = question.out is not None

@@ -163,14 +163,6 @@ def time_text(cost: Mapping[str, float], workers: int) -> str:
     return text if workers == 1 else f"{text}, {cost['cpu_s']:.0f} s of processor time"
 
 
-def print_line_or_json(line: str, tree: Mapping[str, Any], as_json: bool) -> None:
-    """Print one line, or the same as JSON."""
-    if as_json:
-        print_json(tree)
-    else:
-        say(line)
-
-
 def say(*lines: str) -> None:
     """Print lines on stdout that are no table; names in them may hold anything."""
     rest()
@@ -214,7 +206,8 @@ def result_of(
     if dry_run or isinstance(steps, str):
         cost = estimate(job, workers=question.workers)
         if dry_run:
-            print_line_or_json(line(cost), cost, output.as_json)
+            text = line(cost)
+            print_json(cost) if output.as_json else say(text)
             return None
         steps = int(cost[str(steps)])
     return with_progress(title, steps, functools.partial(run, job, out, **question.how), piece).result

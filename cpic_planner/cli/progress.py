@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -87,19 +87,6 @@ def _duration(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 120 else f"{seconds / 3600:.1f} h"
-
-
-class Display(Protocol):
-    """A way to show how far work is."""
-
-    def tick(self, work: Work, now: float) -> None:
-        """Show what is due."""
-
-    def hide(self) -> None:
-        """Clear the screen for other output."""
-
-    def end(self, work: Work, now: float) -> None:
-        """Say that work that was shown is done."""
 
 
 class Lines:
@@ -186,15 +173,15 @@ class Reporter(logging.Handler):
 
     Parameters
     ----------
-    display : Display
-        `Bar` or `Lines`.
+    display : Bar or Lines
+        Shows how far work is.
     title : str
         What is worked on where nothing else is said.
     clock : callable
         Time in s.
     """
 
-    def __init__(self, display: Display, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, display: Bar | Lines, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(logging.INFO)
         self._display, self._clock = display, clock
         self._stack = [Work(title, clock())]

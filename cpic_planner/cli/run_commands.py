@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cpic_planner import queries
-    from cpic_planner.survey import StrategiesConfig
     from cpic_planner.tradeoff import FixedScene, Point
 
 
@@ -159,9 +157,7 @@ def confirm(question: queries.ConfirmQuestion, output: command.Answer, dry_run: 
 def simulate(
     question: queries.SimulateQuestion,
     output: command.Output,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")
-    ] = False,
+    dry_run: command.DryRunOption = False,
     list_presets: Annotated[bool, typer.Option("--list-presets", help="Show the presets, then stop.")] = False,
 ) -> None:
     """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
@@ -236,7 +232,7 @@ def _print_presets(as_json: bool) -> None:
 def whatif(
     question: queries.WhatIfQuestion,
     output: command.Output,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
+    dry_run: command.DryRunOption = False,
 ) -> None:
     """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
@@ -310,13 +306,10 @@ def whatif(
     chooses one. Lines of one's own need star, start_utc, outcome, band, exposure_s, frames_per_visit and em_gain.
     """
     from cpic_planner import survey
+    from cpic_planner.api import strategies_of
     from cpic_planner.targets import as_catalogue
 
-    chosen = _chosen(survey.load_strategies(question.strategies), question.strategy)
-    config = survey.with_universe(chosen, question.universe(), question.share_of_time)
-    config = survey.varied(config, question.vary, facts=bool(question.facts)) if question.vary else config
-    config = survey.with_exact_calendars(config) if question.exact else config
-    config = survey.with_doubt(config, question.doubt)
+    config = strategies_of(question)
     command.note(*(f"varied: {line}" for line in survey.variation_lines(config)))
     # Tables that cannot be used are refused before any work.
     survey.known_table(config.universe)
@@ -336,17 +329,6 @@ def whatif(
         if output.plain:
             command.say(f"visits: {out / 'visits.csv'}")
         command.tell_report(output, out)
-
-
-def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
-    """Return the strategies that are asked for, in the order of the file."""
-    if not names:
-        return config
-    known = [item.name for item in config.strategies]
-    for name in names:
-        if name not in known:
-            raise InputError("strategy", name, allowed=", ".join(known))
-    return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name in names)})
 
 
 def tradeoff(

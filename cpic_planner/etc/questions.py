@@ -7,7 +7,7 @@ number is chosen for every case (`cpic_planner.etc.programmes`), and frames are 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,13 +30,16 @@ from cpic_planner.etc.noise import (
 from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_columns, programme_fields
 from cpic_planner.etc.rates import planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
-from cpic_planner.queries import MAX_VISITS, ConfirmQuestion, EtcQuestion, ReferencePlanet
+from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import EtcAnswer, EtcResult, Question, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.knobs import Dial, dial_of
 from simulator.signal import frame_limit
+
+if TYPE_CHECKING:
+    from cpic_planner.queries import ConfirmQuestion, EtcQuestion
 
 _NO_THRESHOLD = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
 _MOVES = (
@@ -571,7 +574,7 @@ def contrast_limits(
     return found
 
 
-def times_of(question: EtcQuestion | ConfirmQuestion, model: EtcModel, band: str) -> dict[str, Any]:
+def times_of(question: "EtcQuestion | ConfirmQuestion", model: EtcModel, band: str) -> dict[str, Any]:
     """Return the wall times of all visits and of one in a band: the given ones, or those of the frames.
 
     Parameters

@@ -59,7 +59,6 @@ from cpic_planner.queries.rank import (
     read_star_names as read_star_names,
 )
 from cpic_planner.queries.runs import (
-    MAX_FRAMES as MAX_FRAMES,
     ConfirmQuestion as ConfirmQuestion,
     ImageQuestion as ImageQuestion,
     PlanQuestion as PlanQuestion,
@@ -67,16 +66,17 @@ from cpic_planner.queries.runs import (
     TradeoffQuestion as TradeoffQuestion,
     UniverseSettings as UniverseSettings,
     WhatIfQuestion as WhatIfQuestion,
-    audited as audited,
-    refuse_counting as refuse_counting,
 )
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
     EXCLUSIONS as EXCLUSIONS,
+    MAX_FRAMES as MAX_FRAMES,
     MAX_VISITS as MAX_VISITS,
     FluxFilter as FluxFilter,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
+    audited as audited,
     observed_utc as observed_utc,
+    refuse_counting as refuse_counting,
 )
 from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion

@@ -67,7 +67,7 @@ class ImageQuestion(shared.InstrumentQuestion):
     def _imaged(self) -> Self:
         self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
         self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
-        refuse_counting(self.strategy, self.dial)
+        shared.refuse_counting(self.strategy, self.dial)
         return self
 
     @property
@@ -98,43 +98,6 @@ class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion
         36000.0, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
     )
     planet: shared.ReferencePlanet = shared.asked_planet()
-
-
-def audited(dial: Dial, asked_for: bool | None = None) -> bool:
-    """Return whether one more realisation has every effect of single frames, beside those that are drawn as sums.
-
-    Parameters
-    ----------
-    dial : Dial
-    asked_for : bool, optional
-        What was asked for; ``standard`` has an audit and no other setting without.
-
-    Raises
-    ------
-    InputError
-        Where one is asked of the reference.
-    """
-    if asked_for and dial.fidelity == "reference":
-        hint, allowed = "the reference runs every realisation frame by frame", "quick, standard or a tolerance"
-        raise InputError("audit", "given", allowed=allowed, hint=hint)
-    return dial.fidelity == "standard" if asked_for is None else asked_for
-
-
-def refuse_counting(strategy: shared.Strategy, dial: Dial) -> None:
-    """Refuse photon counting frame by frame.
-
-    Raises
-    ------
-    InputError
-        Naming the mode.
-    """
-    if strategy.mode != "analogue" and dial.fidelity == "reference":
-        hint = "photons are counted in sums of frames, not yet frame by frame: quick, standard or a tolerance"
-        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
-
-
-MAX_FRAMES = 4000
-"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 
 
 class SceneParts(Parts):
@@ -173,7 +136,7 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
     frames are those of most SNR within ``time_s`` of wall time, as the exposure-time calculator chooses them for the
     first planet of the scene that is in the dark hole of the band (for one of 1e-8 at the middle of the hole where it
     has none). A gain that is not given is the best one.
-    ``audit`` None: as `cpic_planner.queries.runs.audited` says.
+    ``audit`` None: as `cpic_planner.queries.shared.audited` says.
     """
 
     KIND: ClassVar[str] = "confirm"
@@ -192,7 +155,7 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
         unset="the mission's start",
     )
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = asked(None, "Exposure of one frame.")
-    n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = asked(
+    n_frames: Annotated[int, Field(ge=1, le=shared.MAX_FRAMES)] | None = asked(
         None, "Science frames of a visit; needs {exposure_s}.", option="--frames"
     )
     em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = asked(None, "Actual EM gain.", unset="the best one")
@@ -221,7 +184,7 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
         if self.exposure_s is not None and self.n_frames is None and not timed:
             allowed = f"together with {called('n_frames')} or {called('time_s')}"
             raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
-        audited(self.dial, self.audit)
+        shared.audited(self.dial, self.audit)
         return self
 
 

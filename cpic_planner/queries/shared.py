@@ -22,6 +22,7 @@ from simulator.config import FrozenModel, Instrument, load_instrument
 
 if TYPE_CHECKING:
     from cpic_planner.jobs import RunSettings
+    from simulator.knobs import Dial
 
 EXCLUSIONS = ("rv", "stability", "known_giants")
 """Facts that can exclude planets: velocities of the star, its companion star, and its giant planets."""
@@ -280,6 +281,8 @@ class Strategy(Reduction):
     )
 
 
+MAX_FRAMES = 4000
+"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 DEFAULT_TIME_S = 36000.0
 ALL = "all"
 """Every band of the instrument, of both cameras."""
@@ -287,6 +290,39 @@ MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
 Fidelity = Literal["quick", "standard", "reference"]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
+
+
+def audited(dial: Dial, asked_for: bool | None = None) -> bool:
+    """Return whether one more realisation has every effect of single frames, beside those that are drawn as sums.
+
+    Parameters
+    ----------
+    dial : Dial
+    asked_for : bool, optional
+        What was asked for; ``standard`` has an audit and no other setting without.
+
+    Raises
+    ------
+    InputError
+        Where one is asked of the reference.
+    """
+    if asked_for and dial.fidelity == "reference":
+        hint, allowed = "the reference runs every realisation frame by frame", "quick, standard or a tolerance"
+        raise InputError("audit", "given", allowed=allowed, hint=hint)
+    return dial.fidelity == "standard" if asked_for is None else asked_for
+
+
+def refuse_counting(strategy: Strategy, dial: Dial) -> None:
+    """Refuse photon counting frame by frame.
+
+    Raises
+    ------
+    InputError
+        Naming the mode.
+    """
+    if strategy.mode != "analogue" and dial.fidelity == "reference":
+        hint = "photons are counted in sums of frames, not yet frame by frame: quick, standard or a tolerance"
+        raise InputError("strategy.mode", strategy.mode, allowed="analogue", hint=hint)
 
 
 def several(value: Any) -> Any:
