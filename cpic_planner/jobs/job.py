@@ -176,11 +176,13 @@ def check_address(scheduler: str | None) -> str | None:
     """Refuse what can be no address of a scheduler, before anything slow is done with it; returns what it got."""
     if scheduler is None:
         return None
-    try:
-        parts = urlsplit(scheduler)
-        good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
-    except (ValueError, TypeError, AttributeError):  # no text, or no port
-        good = False
+    good = isinstance(scheduler, str)
+    if good:
+        try:
+            parts = urlsplit(scheduler)
+            good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
+        except ValueError:  # no port
+            good = False
     if not good:
         raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
     return scheduler
