@@ -14,8 +14,9 @@ import numpy as np
 from cpic_core import NDArray, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
-from simulator.imaging.build import dig
-from simulator.imaging.store import DIGITS, EXACT_DIGITS, LEVELS, SHARED, measure, sensed_with, shipped_file, to_arrays
+from simulator.imaging.build import dig, hole_arrays
+from simulator.imaging.pupil import shipped_file
+from simulator.imaging.store import DIGITS, EXACT_DIGITS, LEVELS, SHARED, measure, sensed_with
 
 STATE_DIGITS = {"raw_contrast": 12, "core_table": 14, "column_light": 14, "filter_gain": 13, "filter_linear": 13}
 """Binary digits that a file of a state keeps of each value."""
@@ -60,7 +61,7 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
         if holes:
             state, hole = dig(instrument, band)
             written.append(Path(folder) / shipped_file("hole", hole, band).name)
-            write_npz(written[-1], to_arrays(state) | {"key": np.asarray(hole)})
+            write_npz(written[-1], hole_arrays(state) | {"key": np.asarray(hole)})
         key, arrays = metrics_key(instrument, band), measure(instrument, band)
         exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
         written.append(Path(folder) / shipped_file("metrics", key, band).name)

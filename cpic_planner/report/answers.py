@@ -713,20 +713,7 @@ _BELOW: Look = {
 }
 _TITLE: dict[str, Any] = {"fontsize": 10, "y": 1.0}  # where it stands anyway: looking for room takes a tenth longer
 _REST = "#D0D0D0"
-_TERM_COLOURS = {
-    "speckle": "#0072B2",
-    "reference": "#E69F00",
-    "planet": "#009E73",
-    "halo": "#CC79A7",
-    "sky": "#56B4E9",
-    "companion": "#882255",
-    "exozodi": "#AA9988",
-    "background_mean": "#8C8C8C",
-    "counting": "#332288",
-    "smear": "#44AA99",
-    "companion_wings": "#661100",
-    "common_speckle": "#117733",
-} | {term: effect.colour for term, effect in noise_terms().items()}
+_TERM_COLOURS = words.WORDS["term_colours"] | {term: effect.colour for term, effect in noise_terms().items()}
 _SNR_LOOK: Look = {"lw": 1.7, "ls": "-"}
 _SIGNIFICANCE_LOOK: Look = {"lw": 1.3, "ls": (0, (4, 2))}
 _THRESHOLD_LOOK: Look = {"lw": 1.0, "ls": ":"}

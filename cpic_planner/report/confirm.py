@@ -95,8 +95,6 @@ def programme_sentences(result: results.ConfirmResult) -> list[str]:
     return [*said, *[f"{unused}."] * bool(unused)]
 
 
-_REGIONS = {"hole": "pixels around the dark hole", "full": "whole frames, of which the dark hole is kept"}
-_DRAWS = {"sums": "sums of frames over the dark hole", "frames": "every frame, one by one"}
 _COARSER = ("wavelength_nodes", "pixel_nodes", "precision", "drift_epochs", "pupil_samples")
 
 
@@ -156,7 +154,7 @@ def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
     made = [band.modelled for band in bands if band.modelled is not None and band.status != "invalid"]
     if not made:
         return ""
-    ways = " and ".join(dict.fromkeys(_DRAWS[item.draw] for item in sorted(made, key=lambda item: item.draw)))
+    ways = " and ".join(words.WORDS["draws"][draw] for draw in sorted({item.draw for item in made}))
     return f"Images: {ways}; predicted error beside the reference: {words.error_text(_largest(made))}."
 
 
@@ -178,8 +176,9 @@ def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[Modell
 
 
 def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
-    record, knobs, ways = members[0][1], members[0][1].knobs, _DRAWS[members[0][1].draw]
-    wavelengths, epochs = counted(knobs.wavelength_nodes, "wavelength"), counted(record.epochs, "epoch")
+    record, knobs, ways = members[0][1], members[0][1].knobs, words.WORDS["draws"][members[0][1].draw]
+    about = {"wavelengths": counted(knobs.wavelength_nodes, "wavelength"), "epochs": counted(record.epochs, "epoch")}
+    about["region"] = words.WORDS["regions"][record.region]
     rows = []
     for effects in zip(*(record.effects for _, record in members), strict=True):
         sizes = ["" if effect.size is None else words.error_percent(effect.size) for effect in effects]
@@ -193,9 +192,7 @@ def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
     return ModelledGroup(
         title=ways[:1].upper() + ways[1:],
         names=tuple(dict.fromkeys(name for name, _ in members)),
-        knobs=f"{_REGIONS[record.region]}; {knobs.pupil_samples} samples across the pupil, {wavelengths} a band, "
-        f"{knobs.pixel_nodes} × {knobs.pixel_nodes} nodes a pixel, {knobs.precision} precision; wavefront at {epochs} "
-        "a visit",
+        knobs=words.text("texts.modelled_knobs", knobs=knobs, **about),
         errors=f"{words.error_text(_largest([item for _, item in members]))}{asked}",
         rows=tuple(sorted(rows, key=lambda row: -row.order)),
     )

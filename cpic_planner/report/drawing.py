@@ -9,6 +9,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
@@ -75,28 +76,13 @@ Look: TypeAlias = dict[str, Any]
 """Keywords of matplotlib that say how something is drawn."""
 
 
-_RC: dict[Any, Any] = {  # Matplotlib's own keys are a Literal
-    "font.family": ["DejaVu Sans"],
-    "font.size": 10.5,
-    "axes.titlesize": 11,
-    "axes.labelsize": 10.5,
-    "legend.fontsize": 9.5,
-    "xtick.labelsize": 9.5,
-    "ytick.labelsize": 9.5,
-    "axes.edgecolor": "#444444",
-    "axes.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "grid.color": "#DDDDDD",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "text.usetex": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "cpic-planner",
-    "path.simplify": True,
-    "axes.unicode_minus": True,
-}
+@functools.cache
+def _settings() -> Any:
+    from matplotlib import rc_params_from_file
+
+    path = resources.files("cpic_planner.report").joinpath("templates/figures.mplstyle")
+    with resources.as_file(path) as file:
+        return rc_params_from_file(file, use_default_template=False)
 
 
 @dataclass(frozen=True)
@@ -116,7 +102,7 @@ def style() -> Iterator[None]:
 
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update(_RC)
+        mpl.rcParams.update(_settings())
         yield
 
 

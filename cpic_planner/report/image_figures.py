@@ -11,12 +11,9 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, NDArray
 from cpic_planner import results
-from cpic_planner.report import drawing
+from cpic_planner.report import drawing, words
 from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, with_style
 from cpic_planner.report.words import decimals, power_of_ten, significant
-from simulator.config import Instrument, Scene
-from simulator.imaging import Zone
-from simulator.target import LitPlanet, sky_to_detector, spectrum_generator
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cpic_planner.validation import AlbedoFit, AlbedoModel
+    from simulator.config import Instrument, Scene
+    from simulator.imaging import Zone
 
 
 _IMAGES = ("science", "reference", "residual")
@@ -42,6 +41,8 @@ def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tu
     roll_deg : float
         Rotation of the sky on the detector.
     """
+    from simulator.target import sky_to_detector
+
     x, y = sky_to_detector([1.0, 1.0], [0.0, 90.0], roll_deg=roll_deg, parity=parity)
     return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))
 
@@ -497,6 +498,8 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[result
     Picture or None
         None where nothing was measured.
     """
+    from simulator.target import LitPlanet, spectrum_generator
+
     measured = [item for item in bands if item.recovered_contrast is not None]
     lights = {row.name: row.light for row in spectrum_generator(scene) if isinstance(row.light, LitPlanet)}
     names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in measured)]
@@ -535,11 +538,7 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[result
 
 _REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"
 _TRUTH, _BEST, _SPECTRUM = "#D55E00", "#000000", "#7A7A7A"
-_STATUS_TEXT = {
-    "constrained": "both constrained",
-    "not_constrained": "not constrained",
-    "degenerate": "degenerate: fewer bands than parameters",
-}
+_STATUS_TEXT = words.WORDS["albedo_short"]
 _BELOW: Look = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
 _PARAMETER_TEXT = {"log10_mh": "[M/H]", "log10_fsed": "f_sed"}
 

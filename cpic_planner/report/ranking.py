@@ -22,12 +22,7 @@ if TYPE_CHECKING:
 
 
 _MOST_NAMED = 5
-TIERS = {
-    1: "the reference planet is detected in the given time",
-    2: "it would be in at most ten times the time, or with a tenth of the drift or more, one of the two changed",
-    3: "a planet at most ten times as bright would be",
-    4: "none of these",
-}
+TIERS = {int(tier): meaning for tier, meaning in words.WORDS["tiers"].items()}
 """Tiers of priority, in words."""
 
 

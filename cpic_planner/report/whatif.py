@@ -33,11 +33,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-_EXCLUSIONS = {
-    "rv": "radial velocities (planets that they would have shown)",
-    "stability": "companion stars (orbits that do not last)",
-    "known_giants": "known giants (no room for another planet)",
-}
+_EXCLUSIONS = words.WORDS["exclusions_of_surveys"]
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
 _HANGS = 0.3
@@ -199,22 +195,6 @@ def _runner_up(result: WhatIfResult, best: str, other: str) -> list[str]:
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
 _UNITS = {f"assumptions.exozodi{part}": "zodi" for part in ("", ".median", ".p95")}
 """Units of keys that do not end in them."""
-_GOALS = {
-    "time": "as long as it pays, at most",
-    "detect": "until the reference planet is detected, at most",
-    "snr": "until the reference planet has the SNR asked for, at most",
-}
-_RULES = {
-    "blind": "a search that does not know where planets are",
-    "known_place": "significance at the planet's place, taken as known",
-    "expected": "predicted significance reaches the threshold; no chance in it",
-}
-_HOSTS = {"any": "", "first": "stars with known planets come first", "only": "only stars with known planets"}
-_METHODS = {
-    "auto": "whole plans of stars weighed against each other, with a limited search",
-    "exact": "whole plans of stars weighed against each other, with a long search",
-    "greedy": "best gain per hour first, with look-ahead",
-}
 
 
 def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
@@ -246,7 +226,7 @@ def shared_facts(settings: Mapping[str, Any], used: results.AssumedInstrument | 
         after_planets="the survey ends with {} planets",
     )
     revisits, scheduler = settings["revisits"], settings["scheduler"]
-    method = _METHODS.get(scheduler["method"], scheduler["method"])
+    method = words.WORDS["schedulers"].get(scheduler["method"], scheduler["method"])
     share = f"at most {percent_text(settings['slot_share'])} of any slot"
     again = f"up to {revisits['max_visits']} visits of a star, at least {revisits['min_gap_days']:g} days apart"
     return [
@@ -290,7 +270,7 @@ def _targets(cuts: Mapping[str, Any]) -> str:
         names="{} named stars",
         exclude="{} stars left out by name",
     )
-    return ", ".join(filter(None, [*parts, _HOSTS[cuts["known_planets"]]]))
+    return ", ".join(filter(None, [*parts, words.WORDS["hosts"][cuts["known_planets"]]]))
 
 
 def _visit(visit: Mapping[str, Any]) -> str:
@@ -298,7 +278,7 @@ def _visit(visit: Mapping[str, Any]) -> str:
     bands = visit["bands"]
     chosen = bands[0] if len(bands) == 1 else f"the best of {', '.join(bands)}"
     fixed = _setting_parts(visit, exposure_s="frames of {:g} s", em_gain="EM gain {:g}")
-    return "; ".join([f"{chosen}, {_GOALS[visit['goal']]} {times} of wall time", *fixed])
+    return "; ".join([f"{chosen}, {words.WORDS['goals'][visit['goal']]} {times} of wall time", *fixed])
 
 
 def _follow_up(rule: Mapping[str, Any]) -> str:
@@ -322,7 +302,7 @@ def _candidates(settings: Mapping[str, Any]) -> str:
 
 
 def _detection(rule: Mapping[str, Any]) -> str:
-    text = f"{_RULES[rule['rule']]}; {rule['sigma']:g}σ per resolution element"
+    text = f"{words.WORDS['detection_rules'][rule['rule']]}; {rule['sigma']:g}σ per resolution element"
     if rule["visits_needed"] > 1:
         text += f", in {rule['visits_needed']} visits"
     if rule["rule"] == "expected":

@@ -243,69 +243,70 @@ def level_text(snr: float | None, sigma: float | None) -> str:
     return "a detection" if sigma is None else f"{sigma:g} sigma"
 
 
-_WORDS = json.loads(resources.files("cpic_planner.report").joinpath("templates/words.json").read_text(encoding="utf-8"))
+WORDS = json.loads(resources.files("cpic_planner.report").joinpath("templates/words.json").read_text(encoding="utf-8"))
+"""Words for codes, by what the codes are of."""
 
 
 #: Symbol of each status, so that badges do not rely on colour.
-STATUS_SYMBOLS: dict[str, str] = _WORDS["status_symbols"]
+STATUS_SYMBOLS: dict[str, str] = WORDS["status_symbols"]
 
 
 #: Whether a planet is detected; only the first has a mark, which is green.
-VERDICTS: dict[str, str] = _WORDS["verdicts"]
+VERDICTS: dict[str, str] = WORDS["verdicts"]
 
 
 #: What limits an answer: in one or two words, and as the end of a sentence about stars or bands.
-LIMITED_BY: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limited_by"].items()}
+LIMITED_BY: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in WORDS["limited_by"].items()}
 
 
-SEARCHES: dict[str, str] = _WORDS["searches"]
+SEARCHES: dict[str, str] = WORDS["searches"]
 """How planets are looked for, for the middle of a sentence."""
 
 
-_REASONS: dict[str, str] = _WORDS["reasons"]
+_REASONS: dict[str, str] = WORDS["reasons"]
 
 
 #: What contrasts refer to.
-STAR_FLUX: dict[str, str] = _WORDS["star_flux"]
+STAR_FLUX: dict[str, str] = WORDS["star_flux"]
 
 
 #: How firm a fit of metallicity and clouds is.
-ALBEDO_STATUS: dict[str, str] = _WORDS["albedo_status"]
+ALBEDO_STATUS: dict[str, str] = WORDS["albedo_status"]
 
 
 #: How realisations are made.
-DRAWN_AS: dict[str, str] = _WORDS["drawn_as"]
+DRAWN_AS: dict[str, str] = WORDS["drawn_as"]
 
 
 #: Terms of the variance.
-TERMS: dict[str, str] = _WORDS["terms"] | {
+TERMS: dict[str, str] = WORDS["terms"] | {
     term: effect.term_label or effect.label for term, effect in noise_terms().items()
 }
 
 
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
-LIMITS: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in _WORDS["limits"].items()}
+LIMITS: dict[str, tuple[str, str]] = {code: (short, long) for code, (short, long) in WORDS["limits"].items()}
 
 
-REMEDIES: dict[str, str] = _WORDS["remedies"]
+REMEDIES: dict[str, str] = WORDS["remedies"]
 
 
 #: What keeps a star from being seen.
-BLOCK_WORDS: dict[str, str] = _WORDS["blocks"]
+BLOCK_WORDS: dict[str, str] = WORDS["blocks"]
 
 
 #: What excludes planets of a population.
-EXCLUSIONS: dict[str, str] = _WORDS["exclusions"]
+EXCLUSIONS: dict[str, str] = WORDS["exclusions"]
 
 
 #: Flags that the planner adds; those of the catalogue are described beside its data.
-FLAGS: dict[str, str] = _WORDS["flags"]
+FLAGS: dict[str, str] = WORDS["flags"]
 
 
 _SMALLEST_GAIN = 1.005
 
 
-_CAPS: dict[str, str] = _WORDS["gain_caps"]
+_CAPS: dict[str, str] = WORDS["gain_caps"]
 
 
 @functools.cache

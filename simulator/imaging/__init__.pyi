@@ -43,6 +43,7 @@ from simulator.imaging.light_expansion import (
 from simulator.imaging.measure import matched_kernel as matched_kernel, visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
 from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
+from simulator.imaging.pupil import shipped_file as shipped_file
 from simulator.imaging.sampling import centred_axis as centred_axis, pixel_axis as pixel_axis
 from simulator.imaging.store import (
     at_contrast as at_contrast,
@@ -51,7 +52,6 @@ from simulator.imaging.store import (
     metrics_key as metrics_key,
     psf_metrics as psf_metrics,
     published_bands as published_bands,
-    shipped_file as shipped_file,
 )
 from simulator.imaging.table_metrics import TableMetrics as TableMetrics, scattered_light as scattered_light
 from simulator.imaging.table_psf import TablePsf as TablePsf, psf_of_table as psf_of_table

@@ -1,20 +1,50 @@
-"""The optical model of a band, put together from the configuration."""
+"""The optical model of a band, put together from the configuration, and the state of its mirror.
 
+The state is shipped for every instrument preset and cached for any other. It is valid for a content key: apodizer,
+telescope, band, zone, static wavefront, mirror and control, but not the resolution and noise of the mirror's
+electronics, which act on the finished command.
+"""
+
+import functools
+import hashlib
+import logging
 import math
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import astuple, replace
+from typing import Any
+
+import numpy as np
 
 from catalogs import Spectrum, load_reference_spectrum
-from cpic_core import FloatArray, InputError, stream
-from simulator.config import Instrument
-from simulator.imaging.dark_hole import DarkHole
+from cpic_core import FloatArray, InputError, NDArray, announce, compute_once, read_npz, stream
+from simulator.config import Instrument, content_hash
+from simulator.imaging.dark_hole import (
+    ControlSettings,
+    DarkHole,
+    HoleMethod,
+    HoleScore,
+    Search,
+    default_settings,
+    solve_dark_hole,
+)
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.imager import Imager
-from simulator.imaging.pupil import Aberrations, cell_means, draw_aberrations, flat_aberrations, upsample
-from simulator.imaging.store import configured_apodizer, hole_key, hole_state, search
+from simulator.imaging.pupil import (
+    HOLE_SCHEMA,
+    Aberrations,
+    cell_means,
+    configured_apodizer,
+    draw_aberrations,
+    flat_aberrations,
+    rounded,
+    shipped,
+    upsample,
+)
 from simulator.imaging.zones import HoleStatus, HoleZone, zone_of
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
 
+_LOG = logging.getLogger(__name__)
 MAX_SAMPLES = 2048
 
 
@@ -140,7 +170,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
 
 
 def dark_hole_of(instrument: Instrument, band: str) -> DarkHole:
-    """Return the dark hole of one band: shipped, cached or dug now; see `simulator.imaging.store.hole_state`.
+    """Return the dark hole of one band: shipped, cached or dug now; see `hole_state`.
 
     Parameters
     ----------
@@ -234,3 +264,102 @@ def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
         hint = "set coronagraph.apodizer_samples to that number"
         raise InputError("wavefront.samples", instrument.wavefront.samples, allowed=allowed, hint=hint)
     return samples
+
+
+METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
+
+
+def _search_settings(instrument: Instrument, band: str) -> ControlSettings:
+    hole = instrument.dark_hole
+    usual = default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
+    seed = instrument.wavefront.seed
+    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star, sensing_seed=seed)
+
+
+def hole_key(instrument: Instrument, solver: Imager) -> str:
+    """Return the content key of the state of one band, 16 hex digits.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    solver : Imager
+        Bare optical model on the grid of the search.
+    """
+    settings = astuple(_search_settings(instrument, solver.band))
+    parts = {
+        "schema": HOLE_SCHEMA,
+        "band": solver.band,
+        "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
+        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
+        "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
+        "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
+        "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
+        "settings": settings if settings[-2] else settings[:-2],  # sensing has no part in a search without its errors
+    }
+    return content_hash(parts)
+
+
+def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
+    """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
+
+    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
+    star some minutes; it is announced. A hole that was not `reached` brings one warning.
+    """
+    key = hole_key(instrument, solver)
+    path = shipped("hole", key, solver.band)
+    if path is not None:
+        state = hole_from_arrays(read_npz(path), solver)
+    else:
+        found = functools.partial(hole_from_arrays, solver=solver)
+        state = compute_once(f"hole-{key}", lambda: hole_arrays(search(instrument, solver, static, mirror)), found)
+    if not state.reached:
+        _warn(key, state.reason)
+    return state
+
+
+@functools.cache
+def _warn(key: str, reason: str) -> None:
+    """Say once for each hole that it was not reached: one measurement of the optics asks for it several times."""
+    _LOG.warning("dark hole not reached: %s", reason)
+
+
+def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> DarkHole:
+    """Dig the hole of one band now."""
+    zone = solver.zone
+    takes = "seconds on a free processor, minutes where the hole is hard to reach"
+    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
+    settings = _search_settings(instrument, solver.band)
+    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
+
+
+def hole_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
+    """Return everything that an npz file needs to hold a state."""
+    scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
+    return {
+        "commands_nm": state.commands_nm,
+        "scores": scores,
+        "history": np.array(state.search.history),
+        "strong": np.array(state.search.strong, dtype=bool),
+        "ended": np.asarray(state.search.ended),
+        "method": np.asarray(state.method),
+        "limit_contrast": np.asarray(state.limit_contrast),
+    }
+
+
+def hole_from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> DarkHole:
+    """Return the inverse of `hole_arrays`.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        Arrays by name.
+    solver : Imager
+    """
+    commands = np.array(arrays["commands_nm"], dtype=np.float64)
+    commands.flags.writeable = False
+    history = tuple(map(float, arrays["history"]))
+    strong = tuple(map(bool, arrays["strong"]))
+    search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
+    before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
+    limit, method = float(arrays["limit_contrast"]), str(arrays["method"])
+    return DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]

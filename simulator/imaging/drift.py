@@ -65,7 +65,7 @@ def low_order_map(samples: int) -> FloatArray:
 
 
 class HoldsImager(Protocol):
-    """What has an optical model: a PSF, or the transforms of a model to some pixels."""
+    """Carrier of an optical model: a PSF, or the transforms of a model to some pixels."""
 
     @property
     def imager(self) -> Imager:

@@ -10,6 +10,7 @@ wide, so that opposite edges of the pupil are independent, and scaled to the exa
 import functools
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, check_word, is_file, stream
+from simulator.config import Instrument
 from simulator.config.map_files import MapFile, read_maps, real_map
 
 Kind: TypeAlias = Literal["amplitude", "intensity"]
@@ -351,3 +353,39 @@ def _frozen(opd_nm: FloatArray, amplitude: FloatArray) -> Aberrations:
     amplitude = np.maximum(amplitude, 0.0)
     opd_nm.flags.writeable = amplitude.flags.writeable = False
     return Aberrations(opd_nm, amplitude)
+
+
+HOLE_SCHEMA = 2  # raise when the search or the meaning of a stored number changes
+
+
+def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
+    """Return the amplitude transmission of an apodizer on its own steps, nothing beyond the clear disc's rim."""
+    coronagraph = instrument.coronagraph
+    mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
+    return mask * disc_coverage(len(mask))
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Return the numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
+    return [float(f"{value:.12g}") for value in values]
+
+
+def shipped_file(kind: str, key: str, band: str) -> Path:
+    """Return the file of the hole or the metrics with a content key; it exists for the bands of the instrument presets.
+
+    Parameters
+    ----------
+    kind : str
+        ``hole`` or ``metrics``.
+    key : str
+        Content key, 16 hex digits.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    return Path(str(files("simulator.imaging") / "data" / f"{kind}_{band}_{key}.npz"))
+
+
+def shipped(kind: str, key: str, band: str) -> Path | None:
+    """Return the `shipped_file` of a content key, None if there is none."""
+    path = shipped_file(kind, key, band)
+    return path if band.isalnum() and path.is_file() else None

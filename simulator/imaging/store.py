@@ -1,7 +1,4 @@
-"""The store of dark holes and of `PsfMetrics`: shipped for every instrument preset, cached for any other.
-
-A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
-resolution and noise of the mirror's electronics, which act on the finished command.
+"""The store of `PsfMetrics`: shipped for every instrument preset, cached for any other.
 
 A file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,
@@ -27,13 +24,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import logging
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, astuple, fields, replace
-from importlib.resources import files
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -41,159 +36,15 @@ from cpic_core import InputError, Keyed, NDArray, announce, compute_once, numeri
 from simulator.config import CoronagraphTable, Instrument, content_hash, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.pupil import Aberrations, disc_coverage, load_apodizer
+from simulator.imaging.pupil import HOLE_SCHEMA, configured_apodizer, rounded, shipped, shipped_file
 from simulator.imaging.zones import zone_of
 from simulator.knobs import Knobs
-
-if TYPE_CHECKING:  # the model of the optics: what is stored of it is used without it
-    from simulator.imaging.dark_hole import ControlSettings, DarkHole, HoleMethod
-    from simulator.imaging.deformable_mirror import DeformableMirror
-    from simulator.imaging.imager import Imager
-
-_LOG = logging.getLogger(__name__)
-HOLE_SCHEMA = 2  # raise when the search or the meaning of a stored number changes
-METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
-
-
-def _settings(instrument: Instrument, band: str) -> ControlSettings:
-    from simulator.imaging.dark_hole import default_settings
-
-    hole = instrument.dark_hole
-    usual = default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
-    seed = instrument.wavefront.seed
-    return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star, sensing_seed=seed)
-
-
-def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
-    """Return the amplitude transmission of an apodizer on its own steps, nothing beyond the clear disc's rim."""
-    coronagraph = instrument.coronagraph
-    mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
-    return mask * disc_coverage(len(mask))
-
-
-def rounded(values: Iterable[float]) -> list[float]:
-    """Return the numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
-    return [float(f"{value:.12g}") for value in values]
-
-
-def hole_key(instrument: Instrument, solver: Imager) -> str:
-    """Return the content key of the state of one band, 16 hex digits.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    solver : Imager
-        Bare optical model on the grid of the search.
-    """
-    settings = astuple(_settings(instrument, solver.band))
-    parts = {
-        "schema": HOLE_SCHEMA,
-        "band": solver.band,
-        "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
-        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
-        "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
-        "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
-        "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
-        "settings": settings if settings[-2] else settings[:-2],  # sensing has no part in a search without its errors
-    }
-    return content_hash(parts)
-
-
-def shipped_file(kind: str, key: str, band: str) -> Path:
-    """Return the file of the hole or the metrics with a content key; it exists for the bands of the instrument presets.
-
-    Parameters
-    ----------
-    kind : str
-        ``hole`` or ``metrics``.
-    key : str
-        Content key, 16 hex digits.
-    band : str
-        Name of a band of the instrument, such as ``F520``.
-    """
-    return Path(str(files("simulator.imaging") / "data" / f"{kind}_{band}_{key}.npz"))
-
-
-def _shipped(kind: str, key: str, band: str) -> Path | None:
-    """Return the file in the package of a content key, None if there is none."""
-    path = shipped_file(kind, key, band)
-    return path if band.isalnum() and path.is_file() else None
 
 
 @functools.lru_cache(maxsize=16)
 def _shipped_metrics(path: Path, pupil_steps: int) -> PsfMetrics:
     """Return the metrics of a file in the package: it takes longer to unpack them than to use them."""
     return replace(PsfMetrics.from_arrays(unpacked(read_npz(path))), pupil_steps=pupil_steps)
-
-
-def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
-    """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
-
-    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
-    star some minutes; it is announced. A hole that was not `reached` brings one warning.
-    """
-    key = hole_key(instrument, solver)
-    path = _shipped("hole", key, solver.band)
-    if path is not None:
-        state = from_arrays(read_npz(path), solver)
-    else:
-        found = functools.partial(from_arrays, solver=solver)
-        state = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, static, mirror)), found)
-    if not state.reached:
-        _warn(key, state.reason)
-    return state
-
-
-@functools.cache
-def _warn(key: str, reason: str) -> None:
-    """Say once for each hole that it was not reached: one measurement of the optics asks for it several times."""
-    _LOG.warning("dark hole not reached: %s", reason)
-
-
-def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> DarkHole:
-    """Dig the hole of one band now."""
-    from simulator.imaging.dark_hole import solve_dark_hole
-
-    zone = solver.zone
-    takes = "seconds on a free processor, minutes where the hole is hard to reach"
-    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
-    settings = _settings(instrument, solver.band)
-    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
-
-
-def to_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
-    """Return everything that an npz file needs to hold a state."""
-    scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
-    return {
-        "commands_nm": state.commands_nm,
-        "scores": scores,
-        "history": np.array(state.search.history),
-        "strong": np.array(state.search.strong, dtype=bool),
-        "ended": np.asarray(state.search.ended),
-        "method": np.asarray(state.method),
-        "limit_contrast": np.asarray(state.limit_contrast),
-    }
-
-
-def from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> DarkHole:
-    """Return the inverse of `to_arrays`.
-
-    Parameters
-    ----------
-    arrays : mapping of str to ndarray
-        Arrays by name.
-    solver : Imager
-    """
-    from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
-
-    commands = np.array(arrays["commands_nm"], dtype=np.float64)
-    commands.flags.writeable = False
-    history = tuple(map(float, arrays["history"]))
-    strong = tuple(map(bool, arrays["strong"]))
-    search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
-    before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
-    limit, method = float(arrays["limit_contrast"]), str(arrays["method"])
-    return DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]
 
 
 SENSING = ("sensing", "sensing_contrast", "sensing_contrast_by_band")  # keys that a hole without its errors lacks
@@ -303,7 +154,7 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     key = metrics_key(instrument, band)
     if instrument.coronagraph.table is not None:
         return _table_metrics(Keyed(key, instrument), band)
-    path = _shipped("metrics", key, band)
+    path = shipped("metrics", key, band)
     if path is not None:
         steps = math.lcm(len(configured_apodizer(instrument)), instrument.wavefront.samples)
         return _shipped_metrics(path, steps)

@@ -2,7 +2,7 @@
 
 from simulator.config import load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
-from simulator.imaging.store import shipped_file
+from simulator.imaging.pupil import shipped_file
 from tools import dig_holes
 
 EVERY = [

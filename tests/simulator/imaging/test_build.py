@@ -5,11 +5,18 @@ import pytest
 
 from catalogs import load_reference_spectrum
 from simulator.config import load_instrument
-from simulator.imaging import build_imager, single_band_psf, store
-from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dark_hole_of, dig, static_wavefront
+from simulator.imaging import build, build_imager, single_band_psf
+from simulator.imaging.build import (
+    aberrations_of,
+    bare_imager,
+    configured_mirror,
+    dark_hole_of,
+    dig,
+    hole_key,
+    static_wavefront,
+)
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.pupil import draw_aberrations
-from simulator.imaging.store import hole_key
 from simulator.knobs import Knobs
 from simulator.passbands import Passbands
 
@@ -128,7 +135,7 @@ def test_noise_of_the_electronics_changes_the_psf_and_not_the_hole(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("searched anew")
 
-    monkeypatch.setattr(store, "search", refuse)
+    monkeypatch.setattr(build, "search", refuse)
     contrast = {}
     for name, mirror in (("none", {"bits": None}), ("12 bits", {"bits": 12}), ("noise", {"noise_nm": 0.05})):
         instrument = load_instrument({"mirror": mirror})

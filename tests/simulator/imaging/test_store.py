@@ -14,6 +14,7 @@ from simulator.imaging import (
     BandGeometry,
     PsfMetrics,
     at_contrast,
+    build,
     build_imager,
     mean_contrast,
     measure,
@@ -22,20 +23,23 @@ from simulator.imaging import (
     single_band_psf,
     store,
 )
-from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
+from simulator.imaging.build import (
+    bare_imager,
+    dark_hole_of,
+    hole_arrays,
+    hole_from_arrays,
+    hole_key,
+    hole_state_of,
+)
 from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
 from simulator.imaging.measure import stamp_figures
+from simulator.imaging.pupil import configured_apodizer, shipped_file
 from simulator.imaging.store import (
     LEVELS,
     SHARED,
     _states,
-    configured_apodizer,
-    from_arrays,
-    hole_key,
     measured_states,
     sensed_with,
-    shipped_file,
-    to_arrays,
 )
 from simulator.knobs import Knobs
 
@@ -60,7 +64,7 @@ def test_every_band_of_every_preset_is_shipped(tmp_path, monkeypatch, preset, ba
 
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "measure", refuse)
-    monkeypatch.setattr(store, "search", refuse)
+    monkeypatch.setattr(build, "search", refuse)
     instrument = load_instrument(preset)
     metrics, hole = psf_metrics(instrument, band), dark_hole_of(instrument, band)
     assert metrics.band == hole.band == band
@@ -222,7 +226,7 @@ def no_search(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("searched anew")
 
-    monkeypatch.setattr(store, "search", refuse)
+    monkeypatch.setattr(build, "search", refuse)
 
 
 @pytest.mark.parametrize("band", BANDS)
@@ -372,15 +376,15 @@ def test_side_is_part_of_the_key_where_it_matters():
 def test_arrays_there_and_back():
     instrument = load_instrument()
     state = dark_hole_of(instrument, "F720")
-    again = from_arrays(to_arrays(state), solver(instrument, "F720"))
+    again = hole_from_arrays(hole_arrays(state), solver(instrument, "F720"))
     assert type(again) is type(state)
     np.testing.assert_array_equal(again.commands_nm, state.commands_nm)
     for name in ("band", "zone", "method", "before", "wide", "own", "limit_contrast"):
         assert getattr(again, name) == getattr(state, name)
     for name in ("history", "strong", "ended"):
         assert getattr(again.search, name) == getattr(state.search, name)
-    brighter = to_arrays(state) | {"limit_contrast": np.asarray(1e-11)}
-    assert not from_arrays(brighter, solver(instrument, "F720")).reached
+    brighter = hole_arrays(state) | {"limit_contrast": np.asarray(1e-11)}
+    assert not hole_from_arrays(brighter, solver(instrument, "F720")).reached
 
 
 def test_any_other_hole_is_searched_once_and_kept(tmp_path, monkeypatch, caplog):
@@ -394,7 +398,7 @@ def test_any_other_hole_is_searched_once_and_kept(tmp_path, monkeypatch, caplog)
         found = Search(commands, (1e-5, 3e-9), (False,), "iterations")
         return DarkHole(imager.band, imager.zone, "relinearised", commands, found, score, score, score, 2e-9)
 
-    monkeypatch.setattr(store, "search", search)
+    monkeypatch.setattr(build, "search", search)
     other = load_instrument({"wavefront": {"seed": 77}})
     with caplog.at_level(logging.WARNING):
         first, second = dark_hole_of(other, "F850"), dark_hole_of(other, "F850")
@@ -429,7 +433,7 @@ def test_the_states_of_the_default_instrument_ship(tmp_path, monkeypatch, band):
 
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "measure", refuse)
-    monkeypatch.setattr(store, "search", refuse)
+    monkeypatch.setattr(build, "search", refuse)
     _states.cache_clear()
     states = measured_states(INSTRUMENT, band)
     contrasts = [mean_contrast(state) for state in states]

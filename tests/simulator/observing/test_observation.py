@@ -7,7 +7,7 @@ import pytest
 
 from cpic_core import InputError
 from simulator import load_instrument, observe
-from simulator.imaging.store import configured_apodizer
+from simulator.imaging.pupil import configured_apodizer
 from simulator.passbands import Passbands
 
 STAR = {"name": "star", "v_mag": 5.0, "teff_k": 5800}
