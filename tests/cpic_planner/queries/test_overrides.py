@@ -241,8 +241,11 @@ def test_changes_are_a_table():
         ("throughput", ("simulator_overrides = throughput", "KEY=VALUE", "YAML file that exists")),
         ("throughput=", ("throughput=", "KEY=VALUE")),
         ("=x2", ("=x2", "KEY=VALUE")),
-        (["throughput=x2", "bands.*.t_opt=x3"], ("bands.*.t_opt = given twice", "throughput is the same key")),
-        (["companions=on", "companions=on"], ("companions = given twice",)),
+        (
+            ["throughput=x2", "bands.*.t_opt=x3"],
+            ("simulator_overrides.bands.*.t_opt = given twice", "throughput is the same key"),
+        ),
+        (["companions=on", "companions=on"], ("simulator_overrides.companions = given twice",)),
         (["throughput=x.5", "bands.F520.t_opt=0.1"], ("bands.F520.t_opt = 0.1", "once", "altered by bands.*.t_opt")),
         ({"detector": {"read_noise_e": [1]}}, ("detector.read_noise_e = [1]", "a number, a word, or a factor")),
         ({"detector": {"read_noise_e": math.inf}}, ("detector.read_noise_e = inf", "finite")),
