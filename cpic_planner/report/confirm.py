@@ -15,6 +15,7 @@ from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, frames_text, print_note, print_plain, print_table, row_cells, status_cell
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import shown_in_both_lights
+from cpic_planner.report.simulation import ModelledGroup, ModelledRow, largest_errors, modelled_groups
 from cpic_planner.report.words import MISSING, contrast_text, count_text, counted, decimals, significant
 from cpic_planner.results import BandConfirmation, CandidateRecord, ModellingRecord, SearchRecord
 from simulator.knobs import Quantity
@@ -95,122 +96,13 @@ def programme_sentences(result: results.ConfirmResult) -> list[str]:
     return [*said, *[f"{unused}."] * bool(unused)]
 
 
-_COARSER = ("wavelength_nodes", "pixel_nodes", "precision", "drift_epochs", "pupil_samples")
-
-
-@dataclass(frozen=True)
-class ModelledRow:
-    """One effect of a table.
-
-    Attributes
-    ----------
-    effect : EffectRecord
-        With its largest size.
-    where : str
-        Image set in which it is that large; empty where all are alike.
-    size : str
-        In per cent.
-    word : str
-        What became of it.
-    """
-
-    effect: results.EffectRecord
-    where: str
-    size: str
-    word: str
-
-    @property
-    def order(self) -> float:
-        """What effects are sorted by; those without a size stand before what is not there."""
-        size = self.effect.size
-        return size if size else 0.5 * words.LEAST_SIZE * words.LEAST_SIZE if size is None else 0.0
-
-
-@dataclass(frozen=True)
-class ModelledGroup:
-    """Image sets that are made alike.
-
-    Attributes
-    ----------
-    title : str
-        How they are made.
-    names : tuple of str
-        Their names.
-    knobs, errors : str
-        Settings of the optics; largest predicted errors, and what was asked for.
-    rows : tuple of ModelledRow
-        Largest size first.
-    """
-
-    title: str
-    names: tuple[str, ...]
-    knobs: str
-    errors: str
-    rows: tuple[ModelledRow, ...]
-
-
 def modelled_sentence(bands: Iterable[BandConfirmation]) -> str:
     """Return how images were drawn and the largest error that is predicted of them; empty without images."""
     made = [band.modelled for band in bands if band.modelled is not None and band.status != "invalid"]
     if not made:
         return ""
     ways = " and ".join(words.WORDS["draws"][draw] for draw in sorted({item.draw for item in made}))
-    return f"Images: {ways}; predicted error beside the reference: {words.error_text(_largest(made))}."
-
-
-def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[ModelledGroup]:
-    """Return one table for every distinct way to make images.
-
-    Parameters
-    ----------
-    named : sequence of (str, ModellingRecord)
-        Name of each image set, and how it was made. Sets that differ in nothing but sizes share a table, which shows
-        the largest.
-    """
-    groups: dict[tuple[object, ...], list[tuple[str, ModellingRecord]]] = {}
-    for name, record in named:
-        kept = tuple((row.effect, row.decision) for row in record.effects)
-        content = (record.draw, record.region, record.epochs, record.knobs.content_hash, kept)
-        groups.setdefault(content, []).append((name, record))
-    return [_group(members) for members in groups.values()]
-
-
-def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
-    record, knobs, ways = members[0][1], members[0][1].knobs, words.WORDS["draws"][members[0][1].draw]
-    about = {"wavelengths": counted(knobs.wavelength_nodes, "wavelength"), "epochs": counted(record.epochs, "epoch")}
-    about["region"] = words.WORDS["regions"][record.region]
-    rows = []
-    for effects in zip(*(record.effects for _, record in members), strict=True):
-        sizes = ["" if effect.size is None else words.error_percent(effect.size) for effect in effects]
-        each = [
-            ModelledRow(effect, name, size, _decision(effect))
-            for (name, _), effect, size in zip(members, effects, sizes, strict=True)
-        ]
-        largest, alike = max(each, key=lambda row: row.order), len({effect.size for effect in effects}) == 1
-        rows.append(ModelledRow(largest.effect, "" if alike else largest.where, largest.size, largest.word))
-    asked = f" (asked: at most {words.error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
-    return ModelledGroup(
-        title=ways[:1].upper() + ways[1:],
-        names=tuple(dict.fromkeys(name for name, _ in members)),
-        knobs=words.text("texts.modelled_knobs", knobs=knobs, **about),
-        errors=f"{words.error_text(_largest([item for _, item in members]))}{asked}",
-        rows=tuple(sorted(rows, key=lambda row: -row.order)),
-    )
-
-
-def _decision(row: results.EffectRecord) -> str:
-    if row.decision == "kept":
-        return "kept"
-    return "coarser" if row.key in _COARSER else "as sums" if row.key == "summed_frames" else "left out"
-
-
-def _largest(records: Iterable[ModellingRecord]) -> dict[Quantity, float | None]:
-    largest: dict[Quantity, float | None] = {}
-    for record in records:
-        for name, value in record.predicted_error.items():
-            before = largest.get(name, 0.0)
-            largest[name] = None if value is None or before is None else max(value, before)
-    return largest
+    return f"Images: {ways}; predicted error beside the reference: {words.error_text(largest_errors(made))}."
 
 
 MEASURED = (

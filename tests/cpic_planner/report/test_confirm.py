@@ -11,7 +11,6 @@ from cpic_planner.report.confirm import (
     albedo_text,
     confirm_document,
     measure_table,
-    modelled_groups,
     modelled_sentence,
     outcome_text,
 )
@@ -20,6 +19,7 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.plan import PlanReport, plan_document
 from cpic_planner.report.ranking import velocities_sentence
+from cpic_planner.report.simulation import modelled_groups
 from cpic_planner.report.words import dial_text, error_text
 
 
