@@ -1,4 +1,4 @@
-"""How images are made; simulated sequences, checks, values of instruments and columns of tables on the terminal."""
+"""Say how images are made; print simulated sequences, checks, values of instruments and columns of tables."""
 
 from __future__ import annotations
 
