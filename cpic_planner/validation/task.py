@@ -634,14 +634,6 @@ class Modelling(Choice):
             seen = seen.switched(dict.fromkeys(("bias_drift", "interference"), False))
         return seen.switched(self.switches) if self.switches else seen
 
-    def scene(self, scene: Scene) -> Scene:
-        """Return the sources that are modelled."""
-        kept = {
-            kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
-            for kind in ("planets", "stars", "extended")
-        }
-        return scene.model_copy(update=kept) if self.left_out else scene
-
     def whole(self) -> "Modelling":
         """Return every frame with every effect, by the same knobs."""
         epochs = max(self.epochs, MAX_EPOCHS)
