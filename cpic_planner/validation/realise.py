@@ -1,6 +1,6 @@
 """Realisations of a programme: science and reference visits, drawn as sums of frames, frame by frame, or audited.
 
-What the references show is an entry of `cpic_planner.registry.LIBRARIES`.
+What the references show is an entry of `cpic_planner.queries.shared.LIBRARIES`.
 
 A sum of frames lacks what only single frames show: particles and their rejection, charge left behind in transfers,
 curves, levels of the bias. An audit runs a fraction of the frames with every effect of the camera, and carries what it

@@ -528,7 +528,7 @@ class LibraryPlan:
     Attributes
     ----------
     name : str
-        A name of `cpic_planner.registry.LIBRARIES`.
+        A name of `cpic_planner.queries.shared.LIBRARIES`.
     science_scene, reference_scene : Scene
         What the frames of each visit show.
     science, reference : dict
