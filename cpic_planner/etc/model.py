@@ -18,8 +18,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, Keyed, NDArray, Reason, Status, digest_of, file_state
 from cpic_planner.etc.searches import CaseArrays
-from cpic_planner.queries import Strategy
-from cpic_planner.registry import LibraryNoise
+from cpic_planner.queries import LibraryNoise, Strategy
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2

@@ -70,9 +70,11 @@ from cpic_planner.queries.runs import (
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,
     EXCLUSIONS as EXCLUSIONS,
+    LIBRARIES as LIBRARIES,
     MAX_FRAMES as MAX_FRAMES,
     MAX_VISITS as MAX_VISITS,
     FluxFilter as FluxFilter,
+    LibraryNoise as LibraryNoise,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,
     audited as audited,

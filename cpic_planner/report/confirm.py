@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpic_core import Registry
 from cpic_planner import results
-from cpic_planner.registry import LIBRARIES
+from cpic_planner.queries import LIBRARIES
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, frames_text, print_note, print_plain, print_table, row_cells, status_cell
 from cpic_planner.report.drawing import Picture

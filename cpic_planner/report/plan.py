@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from catalogs import data_credits
 from cpic_core import Registry, listed
 from cpic_planner import results
-from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.queries import LIBRARIES
+from cpic_planner.registry import SCORES
 from cpic_planner.report import confirm, document as doc, ranking, words
 from cpic_planner.report.cells import Cells, explain_symbols, frames_text, print_note, print_plain, print_table
 from cpic_planner.report.drawing import Picture

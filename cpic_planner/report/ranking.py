@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from cpic_planner import results
-from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.queries import LIBRARIES
+from cpic_planner.registry import SCORES
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, own_cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.known import lacking_lines

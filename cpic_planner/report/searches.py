@@ -12,7 +12,7 @@ import numpy as np
 from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.jobs import RunFolder
-from cpic_planner.registry import LIBRARIES
+from cpic_planner.queries import LIBRARIES
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.answers import flag_lines
 from cpic_planner.report.cells import print_note, print_table, row_cells

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from catalogs import PLANET_CREDITS, data_credits, split_source
 from cpic_core import Registry
 from cpic_planner import results
-from cpic_planner.queries import with_unit
-from cpic_planner.registry import LIBRARIES
+from cpic_planner.queries import LIBRARIES, with_unit
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import Picture

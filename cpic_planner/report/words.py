@@ -13,8 +13,8 @@ from typing import Any
 
 from catalogs import ADDED_FLAGS, CONSTELLATIONS, GREEK
 from cpic_planner import results
-from cpic_planner.queries import SimulatorOverrides
-from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.queries import LIBRARIES, SimulatorOverrides
+from cpic_planner.registry import SCORES
 from cpic_planner.results import ProgrammeColumns
 from simulator.detectors import noise_terms
 from simulator.knobs import Quantity

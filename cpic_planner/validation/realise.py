@@ -1,6 +1,6 @@
 """Realisations of a programme: science and reference visits, drawn as sums of frames, frame by frame, or audited.
 
-What the references show is an entry of `cpic_planner.registry.LIBRARIES`.
+What the references show is an entry of `cpic_planner.queries.shared.LIBRARIES`.
 
 A sum of frames lacks what only single frames show: particles and their rejection, charge left behind in transfers,
 curves, levels of the bias. An audit runs a fraction of the frames with every effect of the camera, and carries what it
@@ -311,7 +311,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     """
     how = modelling or modelling_of(task)
     strategy = validate(Strategy, task.strategy, where="strategy")
-    scene = how.scene(validate(Scene, task.scene, where="scene"))
+    scene = how.kept_sources(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
     plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
     sums = how.draw == "sums"

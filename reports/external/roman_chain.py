@@ -17,8 +17,7 @@ import numpy as np
 from catalogs import Band
 from cpic_planner import Reason, planet_contrast, snr_for_rates, time_for_rates
 from cpic_planner.etc.photon_counting import CountingLaw, counting_law
-from cpic_planner.queries import Strategy
-from cpic_planner.registry import LIBRARIES
+from cpic_planner.queries import LIBRARIES, Strategy
 from reports.external.roman_tables import Mode
 from simulator import Passbands
 from simulator.signal.light import ZODI_V_MAG_ARCSEC2, exozodi_fraction_arcsec2

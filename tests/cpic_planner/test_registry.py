@@ -21,13 +21,11 @@ from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
+from cpic_planner.queries.shared import LIBRARIES, Library, LibraryNoise
 from cpic_planner.ranking import explain_star, rank_targets
 from cpic_planner.registry import (
-    LIBRARIES,
     REDUCTIONS,
     SCORES,
-    Library,
-    LibraryNoise,
     Reduction,
     Score,
     ScoreName,
@@ -289,7 +287,8 @@ def test_entries_are_chosen_on_the_command_line(tmp_path):
     code = (
         "import sys\n"
         "from dataclasses import replace\n"
-        "from cpic_planner.registry import LIBRARIES, SCORES, Library\n"
+        "from cpic_planner.queries.shared import LIBRARIES, Library\n"
+        "from cpic_planner.registry import SCORES\n"
         "SCORES.register(replace(SCORES['detection_margin'], name='toy_score'))\n"
         "LIBRARIES.register(type('Toy', (Library,), {'name': 'toy_library'})())\n"
         "from cpic_planner.cli.main import main\n"

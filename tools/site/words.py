@@ -37,7 +37,8 @@ def entries(enum: type[Enum]) -> list[Entry]:
 
 def registered() -> dict[str, list[Entry]]:
     """Return the entries of the registries: reference libraries, reductions and scores."""
-    from cpic_planner.registry import LIBRARIES, REDUCTIONS, SCORES
+    from cpic_planner.queries import LIBRARIES
+    from cpic_planner.registry import REDUCTIONS, SCORES
 
     return {
         kind: [Entry(anchored(kind, item.name), item.name, (marked(item.meaning),)) for item in registry.values()]
@@ -50,7 +51,7 @@ def flags() -> list[Entry]:
     from catalogs import ADDED_FLAGS
     from catalogs.known_planets import FLAGS as OF_PLANETS
     from catalogs.stars import FLAGS as OF_STARS
-    from cpic_planner.registry import LIBRARIES
+    from cpic_planner.queries import LIBRARIES
     from cpic_planner.report.words import FLAGS as OF_ANSWERS
 
     of_libraries = {flag: text for library in LIBRARIES.values() for flag, text in library.caveats.items()}
