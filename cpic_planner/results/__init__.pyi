@@ -113,6 +113,7 @@ from cpic_planner.results.runs import (
     PlannedSequenceRow as PlannedSequenceRow,
     ReasonLeftOut as ReasonLeftOut,
     RunRecord as RunRecord,
+    SceneFrames as SceneFrames,
     SimulatedProgramme as SimulatedProgramme,
     SimulatedSequence as SimulatedSequence,
     SimulationEstimate as SimulationEstimate,

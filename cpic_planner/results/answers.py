@@ -11,6 +11,8 @@ from cpic_core import Reason, Status
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.results.base import (
     DetectionMode,
+    LimitColumns,
+    OfTarget,
     ProgrammeColumns,
     ReferencePlanetRecord,
     Result,
@@ -190,7 +192,7 @@ class ReductionColumns(Row):
     )
 
 
-class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns):
+class EtcAnswer(LimitColumns, ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns):
     """One answer of the exposure-time calculator for one target, band and planet.
 
     ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
@@ -198,6 +200,7 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
     probabilities are those of `cpic_planner.etc.detection`, ``limited_by`` is that of `cpic_planner.etc.budget`.
     """
 
+    column_order: ClassVar[str] = "... exposure_limited_by gain_limited_by dominant flags"
     required_time_s: float | None = None
     snr: float | None = None
     significance: float | None = None
@@ -210,12 +213,6 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         "light of a companion; null outside the hole and in older results"
     )
     roll_deg: float = column("roll of the telescope: position angle of the detector's +y axis", default=0.0)
-    exposure_limited_by: str = ""
-    gain_limited_by: str = ""
-    gain_caps: dict[str, float] = column(default={})
-    budget: dict[str, float] = column("signal in electrons and terms of its variance in electrons^2", default={})
-    dominant: str = ""
-    remedies: dict[str, float] = column(default={})
     flags: tuple[str, ...] = ()
     known_planet: KnownPlanetLook | None = optional(
         "the known planet that the answer is about; null where it is about a place and a contrast"
@@ -239,7 +236,7 @@ class EtcAnswer(ReductionColumns, VerdictColumns, ProgrammeColumns, AskedColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
-class EtcResult(StarHeader):
+class EtcResult(StarHeader, OfTarget):
     """Answers of the exposure-time calculator for one target."""
 
     kind: Literal["etc"] = "etc"
@@ -351,7 +348,7 @@ class RecoveredRow(Row):
     )
 
 
-class SearchedResult(StarHeader, RunResult):
+class SearchedResult(StarHeader, OfTarget, RunResult):
     """The fields that every result on the programmes of a star has."""
 
     version: str

@@ -57,10 +57,13 @@ class Result(BaseModel):
     ----------
     main_rows : str
         Field that holds the rows that the result is about; empty for the first one that holds rows.
+    column_order : str
+        Names of fields whose columns stand elsewhere than the fields: in front, or after ``...`` at the end.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
     main_rows: ClassVar[str] = ""
+    column_order: ClassVar[str] = ""
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -435,8 +438,8 @@ def optional(meaning: str = "", **look: Any) -> Any:
     return column(meaning, default=None, **look)
 
 
-class ProgrammeColumns(Row):
-    """Columns of the programme that answers a question; null where there is none, and in older results."""
+class FramesColumns(Row):
+    """Columns of visits and their frames; null where there are none, and in older results."""
 
     exposure_s: float | None = None
     n_frames: int | None = None
@@ -446,6 +449,11 @@ class ProgrammeColumns(Row):
     unused_s: float | None = None
     visits: int | None = None
     reference_visits: int | None = None
+
+
+class ProgrammeColumns(FramesColumns):
+    """Columns of the programme that answers a question; null where there is none, and in older results."""
+
     visit_time_s: float | None = None
     frames_per_visit: int | None = None
     independent_visits: float | None = None
@@ -465,6 +473,19 @@ class VerdictColumns(Row):
     required_visits: int | None = None
     required_drift_factor: float | None = None
     required_contrast_factor: float | None = None
+
+
+class LimitColumns(Row):
+    """Columns of what binds the setting of the frames, and of its noise; empty where there is none."""
+
+    exposure_limited_by: str = ""
+    gain_limited_by: str = ""
+    gain_caps: dict[str, float] = column(default={})
+    budget: dict[str, float] = column(
+        "terms of the variance, electrons^2; of answers also the signal, electrons", default={}
+    )
+    dominant: str = ""
+    remedies: dict[str, float] = column(default={})
 
 
 class ReferencePlanetRecord(Result):
@@ -498,10 +519,9 @@ class RankedSample(SampleResult):
     )
 
 
-class StarHeader(OfTables):
-    """Base of results on one target."""
+class StarHeader(Document):
+    """Base of results on one star."""
 
-    target: str
     hip: int | None
     v_mag: float
     distance_pc: float
@@ -510,16 +530,28 @@ class StarHeader(OfTables):
     note: str = Field(description="on the name that was given; empty for none")
 
 
+class OfTarget(OfTables):
+    """Base of results on one target, which stands in front of what `StarHeader` says of its star."""
+
+    target: str
+
+
 def unit_of(name: str) -> str:
     """Return the unit that the suffix of a name states; empty where it states none."""
     return next((unit for suffix, unit in UNITS.items() if name.endswith(f"_{suffix}")), "")
 
 
 @cache
-def columns_of(row: type[BaseModel]) -> tuple[Column, ...]:
-    """Return the columns of a kind of row in the order of its fields; fields that hold other rows are left out."""
-    found = (column_of(row, name) for name in row.model_fields)
+def columns_of(row: type[Result]) -> tuple[Column, ...]:
+    """Return the columns of a kind of row, in order; fields that hold other rows are left out."""
+    found = (column_of(row, name) for name in _in_order(row))
     return tuple(item for item in found if item.dtype)
+
+
+def _in_order(row: type[Result]) -> list[str]:
+    """Return the names of the fields of a kind of row in the order of their columns."""
+    first, _, last = (part.split() for part in row.column_order.partition("..."))
+    return [*first, *(name for name in row.model_fields if name not in (*first, *last)), *last]
 
 
 def column_of(row: type[BaseModel], name: str) -> Column:
@@ -596,7 +628,7 @@ def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda e
         Returns the row of an entry.
     """
     found = []
-    for path in paths or row.model_fields:
+    for path in paths or _in_order(row):
         *outer, name = path.split(".")
         kind, unit = row, ""
         for part in outer:

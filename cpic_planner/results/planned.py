@@ -3,12 +3,13 @@
 Result of confirming one scene.
 """
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    FramesColumns,
     OfTables,
     RankedSample,
     Result,
@@ -58,13 +59,17 @@ class AuditRecord(Row):
     saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
 
 
-class BandConfirmation(Row):
+class BandConfirmation(FramesColumns):
     """One band of one target: prediction beside the measurement in simulated images.
 
     Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic
     mean of its error is the SNR, as variances are unbiased where ratios are not.
     """
 
+    column_order: ClassVar[str] = (
+        "band planet status reason message separation_arcsec pa_deg exposure_s visits reference_visits "
+        "frames_per_visit n_frames em_gain integration_s time_s telescope_h unused_s"
+    )
     band: str
     planet: str = Field(default="reference planet", description="name of the planet")
     status: StatusText
@@ -72,21 +77,14 @@ class BandConfirmation(Row):
     message: str
     separation_arcsec: float
     pa_deg: float = column(label="position angle", format=".1f")
-    exposure_s: float | None = None
-    visits: int | None = optional("science visits that are reduced together", short="visits", format="d")
-    reference_visits: int | None = optional("visits that all the references are spread over")
+    visits: int | None = optional(format="d")
     frames_per_visit: int | None = None
-    n_frames: int | None = None
-    em_gain: float | None = None
-    integration_s: float | None = optional("on source, all visits")
-    time_s: float | None = optional("wall time of all visits")
     telescope_h: float | None = optional(
         "telescope time as surveys count it: slews, settling and occultations of all visits, at the mean visibility "
         "of the star's days in the period of a plan; null where there is none, and where it does not fit them",
         label="telescope time",
         format=".1f",
     )
-    unused_s: float | None = None
     chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
     drawn_as: Literal["sums", "frames"] | None = optional(

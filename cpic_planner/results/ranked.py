@@ -9,6 +9,7 @@ from cpic_planner.results.answers import EtcResult, Quantiles
 from cpic_planner.results.base import (
     DetectionMode,
     Document,
+    LimitColumns,
     LimitText,
     OfTables,
     ProgrammeColumns,
@@ -16,6 +17,7 @@ from cpic_planner.results.base import (
     Result,
     Row,
     RunResult,
+    StarHeader,
     StatusText,
     VerdictColumns,
     column,
@@ -415,9 +417,10 @@ class RankComparison(OfTables):
     targets: list[RankMove] = Field(description="stars that both rankings hold, in the order of the second")
 
 
-class BandStanding(Standing):
+class BandStanding(LimitColumns, Standing):
     """One band of a star's explanation."""
 
+    column_order: ClassVar[str] = "... exposure_limited_by gain_limited_by dominant"
     floor_margin: float = column(
         "margin that no programme can pass, of the given number of visits or of up to 1000",
         label="margin at most",
@@ -426,12 +429,6 @@ class BandStanding(Standing):
     )
     in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
     observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
-    exposure_limited_by: str
-    gain_limited_by: str
-    gain_caps: dict[str, float]
-    dominant: str = column("largest term of the noise")
-    budget: dict[str, float] = column("terms of the variance, electrons^2")
-    remedies: dict[str, float]
 
 
 class Explanation(OfTables):
@@ -647,17 +644,11 @@ class VisibilityResult(OfTables):
     targets: list[VisibleTarget]
 
 
-class StarResult(Document):
+class StarResult(StarHeader):
     """The facts about a star: its place in the ranking, its known planets, and when it is seen."""
 
     kind: Literal["star"] = "star"
     name: str
-    hip: int | None
-    date_utc: str = Field(description="date of the companion's place, and first day of seasons and windows")
-    catalogue: str
-    note: str = Field(description="on the name that was given; empty for none")
-    v_mag: float
-    distance_pc: float
     sp_type: str = Field(description="spectral type; empty where it is not known")
     teff_k: float
     luminosity_lsun: float
@@ -667,7 +658,7 @@ class StarResult(Document):
         "assumptions; null where it is not ranked"
     )
     known: KnownResult | None = Field(description="known planets and their windows; null where none is listed")
-    seasons: VisibilityResult = Field(description="when it is seen")
+    seasons: VisibilityResult = Field(description="when it is seen, from the date on, as are the windows")
 
 
 class TwoInstrumentsResult(Document):

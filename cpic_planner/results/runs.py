@@ -169,17 +169,22 @@ class MachineRecord(Result):
     blas_threads: int
 
 
-class TradeoffScene(Result):
-    """A fixed scene and the frames that it is observed in."""
+class SceneFrames(Result):
+    """Base of fixed scenes: what a scene is, and the frames that it is observed in."""
 
     name: str
     title: str
-    why: str
+    why: str = Field(description="why it is in the list")
     band: str
     exposure_s: float
     n_frames: int = Field(description="of the science visit, and as many of the reference visit")
     em_gain: float
-    scene_model: Literal["exact", "paper"]
+    scene_model: Literal["exact", "paper"] = Field(default="exact", description="how the scene is asked to be made")
+
+
+class TradeoffScene(SceneFrames):
+    """A fixed scene and the frames that it is observed in, with its visits and their reduction."""
+
     visits: int = Field(default=1, description="science visits that are reduced as one")
     reference_visits: int = 1
     n_modes: int = Field(default=0, description="modes of the references that are projected out")
@@ -292,16 +297,22 @@ class RunRecord(RunResult):
     list_sha256: str = Field(default="", description="of the list of the run's files, up to the line of this one")
 
 
-class LeftOutCell(Row):
+class _LeftOutRow(Row):
+    """Base of rows on what is not used of a user's table."""
+
+    row: int = told("number of the row below the heading, from 1; of several the first", label="first row")
+    name: str = told("what that row is about; empty if it does not say", label="of")
+    column: str = told("heading of the file, or several joined by or")
+    value: str = told("what stands there", label="with")
+    reason: str = told("what may stand there, or what is wrong")
+    done: str = told("row left out, or taken as missing", label="what is done")
+
+
+class LeftOutCell(_LeftOutRow):
     """A row of a user's table that is not used, or a cell that is taken as missing."""
 
+    column_order: ClassVar[str] = "table"
     table: str = told("name of the file")
-    row: int = told("number of the row below the heading, from 1")
-    name: str = told("what the row is about; empty if it does not say")
-    column: str = told("heading of the file, or several joined by or")
-    value: str = told("what stands there")
-    reason: str = told("what may stand there, or what is wrong")
-    done: str = told("row left out, or taken as missing")
 
 
 class ColumnTaken(Row):
@@ -315,16 +326,11 @@ class ColumnTaken(Row):
     reason: str = told("why it is not used; empty where it is", label="remark")
 
 
-class ReasonLeftOut(Row):
+class ReasonLeftOut(_LeftOutRow):
     """A reason for which rows or cells of a user's table are not used."""
 
-    done: str = told("row left out, or taken as missing", label="what is done")
+    column_order: ClassVar[str] = "done count column reason row name value"
     count: int = told("rows or cells", label="how many", short="number")
-    column: str = told("heading of the file, or several joined by or")
-    reason: str = told("what may stand there, or what is wrong", label="reason")
-    row: int = told("number of the first such row", label="first row")
-    name: str = told("what that row is about; empty if it does not say", label="of")
-    value: str = told("what stands there", label="with")
 
 
 class TableTaken(Result):

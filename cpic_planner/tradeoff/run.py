@@ -7,7 +7,6 @@ Measure the ways on the scenes, each in a process of its own, and keep what an e
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import itertools
 import math
@@ -261,7 +260,7 @@ def chosen(
     """
     cases = [fixed_scene(name) for name in dict.fromkeys(scenes)] or list(SCENES.values())
     if quick_look:
-        cases = [dataclasses.replace(case, n_frames=GLANCE_FRAMES) for case in cases]
+        cases = [FixedScene.of(case, n_frames=GLANCE_FRAMES) for case in cases]
     known = {case.name: points_of(case) for case in cases}
     everywhere = {point.name for points in known.values() for point in points}
     for name in only:

@@ -8,22 +8,22 @@ import functools
 import math
 import os
 import platform
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from cpic_core import InputError, load_yaml
 from cpic_planner.queries import Strategy
-from cpic_planner.results import MachineRecord
+from cpic_planner.results import MachineRecord, SceneFrames
 from cpic_planner.validation import images_of
 from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
 from simulator.imaging import SceneModel
-from simulator.knobs import FIDELITIES, Dial, Knobs
-from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, choose, forecast
+from simulator.knobs import FIDELITIES, Dial
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, Shortcuts, choose, forecast
 from simulator.observing import Observation, Role, observe
 
 
@@ -69,21 +69,13 @@ _LIST = Path(__file__).resolve().parents[1] / "presets" / "tradeoff" / "scenes.y
 _ALBEDO, _RADIUS_AU = 0.5, 71492.0 / 149597870.7
 
 
-@dataclass(frozen=True)
-class FixedScene:
+class FixedScene(SceneFrames):
     """A scene with the frames that it is observed in.
 
     Attributes
     ----------
-    name, title, why : str
-        Short name, heading, and why it is in the list.
-    band : str
-    exposure_s, n_frames, em_gain
-        Of the science visit; the reference visit has as many frames.
     tree : dict
         The scene, as `simulator.load_scene` reads it, or ``preset`` with what differs.
-    scene_model : {"exact", "paper"}
-        How the scene is asked to be made.
     detector : dict
         What differs from the default instrument's detector of the band.
     strategy : dict
@@ -92,17 +84,9 @@ class FixedScene:
         compared frame by frame.
     """
 
-    name: str
-    title: str
-    why: str
-    band: str
-    exposure_s: float
-    n_frames: int
-    em_gain: float
-    tree: Mapping[str, Any]
-    scene_model: SceneModel = "exact"
-    detector: Mapping[str, Any] = field(default_factory=dict)
-    strategy: Mapping[str, Any] = field(default_factory=dict)
+    tree: dict[str, Any]
+    detector: dict[str, Any] = Field(default_factory=dict)
+    strategy: dict[str, Any] = Field(default_factory=dict)
 
     @property
     def is_programme(self) -> bool:
@@ -213,38 +197,16 @@ REFERENCE_EPOCHS = 1000
 
 
 @dataclass(frozen=True)
-class Setup:
+class Setup(Shortcuts):
     """Everything that a shortcut can change.
 
     Attributes
     ----------
-    draw : {"sums", "frames"}
-        Sums of frames over the dark hole, or every frame.
-    region : {"hole", "full"}
-        Pixels that are simulated: the stamp around the mask, or whole frames.
-    knobs : Knobs
-        Numerical settings of the optics.
-    epochs : int
-        Most wavefronts of a visit.
-    switches : dict
-        Effects of the camera to switch off.
-    left_out : tuple of str
-        Sources of the scene to leave out.
-    sky, drift : bool
-        Whether the sky shines and the wavefront drifts.
-    still : tuple of str
-        Numbers of the drift that are taken as 0.
+    drift : bool
+        Whether the wavefront drifts.
     scene_model : {"exact", "paper"}
     """
 
-    draw: Literal["sums", "frames"]
-    region: Literal["hole", "full"]
-    knobs: Knobs
-    epochs: int
-    switches: Mapping[str, bool] = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()
-    sky: bool = True
-    still: tuple[str, ...] = ()
     drift: bool = True
     scene_model: SceneModel = "exact"
 
@@ -258,9 +220,8 @@ class Setup:
 
     def scene(self, case: FixedScene, *, planets: bool = True) -> Scene:
         """Return what is shown, without planets if so asked."""
-        kinds = {kind: getattr(case.scene, kind) for kind in ("stars", "planets", "extended")}
-        kept = {kind: tuple(one for one in bodies if one.name not in self.left_out) for kind, bodies in kinds.items()}
-        return case.scene.model_copy(update=kept if planets else kept | {"planets": ()})
+        kept = self.kept_sources(case.scene)
+        return kept if planets else kept.without_planets()
 
     def n_epochs(self, case: FixedScene) -> int:
         """Return the wavefronts of one visit."""
@@ -290,7 +251,7 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
 
 def chosen_by(case: FixedScene, choice: Choice) -> Setup:
     """Return the setup of a choice of the effect ledger."""
-    own = {item.name: getattr(choice, item.name) for item in fields(Setup) if hasattr(choice, item.name)}
+    own = {item.name: getattr(choice, item.name) for item in fields(Shortcuts)}
     region = "hole" if choice.draw == "sums" else choice.region
     return Setup(**own | {"region": region, "scene_model": case.scene_model})
 

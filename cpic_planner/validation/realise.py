@@ -311,7 +311,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     """
     how = modelling or modelling_of(task)
     strategy = validate(Strategy, task.strategy, where="strategy")
-    scene = how.scene(validate(Scene, task.scene, where="scene"))
+    scene = how.kept_sources(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
     plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
     sums = how.draw == "sums"

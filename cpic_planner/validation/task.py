@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal, NamedTuple, Required, TypedDict, Unpack
+from typing import Any, Literal, Required, TypedDict, Unpack
 
 import numpy as np
 
@@ -50,7 +50,8 @@ UNPREDICTED = (
 """Predictions of a planet that are not known for every reduction."""
 
 
-class Frames(NamedTuple):
+@dataclass(frozen=True)
+class Frames:
     """Frames of a science visit, and how many such visits are reduced together."""
 
     exposure_s: float
@@ -58,13 +59,13 @@ class Frames(NamedTuple):
     em_gain: float
     visits: int = 1
 
-    @classmethod
-    def of(cls, answer: EtcAnswer) -> "Frames | None":
+    @staticmethod
+    def of(answer: EtcAnswer) -> "Frames | None":
         """Return those of an answer of the calculator; None where it has no frame."""
         per_visit = answer.frames_per_visit or answer.n_frames
         if answer.exposure_s is None or not per_visit or answer.em_gain is None:
             return None
-        return cls(answer.exposure_s, per_visit, answer.em_gain, answer.visits or 1)
+        return Frames(answer.exposure_s, per_visit, answer.em_gain, answer.visits or 1)
 
 
 class ImageSettings(TypedDict, total=False):
@@ -91,9 +92,9 @@ class ImageSettings(TypedDict, total=False):
     audit: bool
 
 
-@dataclass(frozen=True)
-class ConfirmTask:
-    """One scene in one band, ready to be simulated anywhere: plain data only.
+@dataclass(frozen=True, kw_only=True)
+class ConfirmTask(Frames):
+    """One scene and its frames in one band, ready to be simulated anywhere: plain data only.
 
     Attributes
     ----------
@@ -103,8 +104,6 @@ class ConfirmTask:
         Instrument of the images: the nominal one, altered where the simulator is overridden.
     scene : dict
         What the images show.
-    exposure_s, n_frames, em_gain
-        Frames of a science visit.
     strategy : dict
         How it is observed and reduced (`cpic_planner.etc.model.Strategy`).
     predictions : list of dict
@@ -113,8 +112,8 @@ class ConfirmTask:
         Their names in the scene.
     seed, fidelity, tolerance, realisations, audit
         `ImageSettings`.
-    visits, reference_visits : int
-        Science visits that are reduced together, and visits that all the references are spread over.
+    reference_visits : int
+        Visits that all the references are spread over.
     gap_s : float
         From the start of a science visit to that of the next, s.
     unused_s : float or None
@@ -127,9 +126,6 @@ class ConfirmTask:
     band: str
     simulator: dict[str, Any]
     scene: dict[str, Any]
-    exposure_s: float
-    n_frames: int
-    em_gain: float
     strategy: dict[str, Any]
     predictions: list[dict[str, Any]]
     planets: list[str]
@@ -138,7 +134,6 @@ class ConfirmTask:
     tolerance: float | None = None
     realisations: int = 1
     audit: bool = False
-    visits: int = 1
     reference_visits: int = 1
     gap_s: float = 0.0
     unused_s: float | None = None
@@ -412,10 +407,7 @@ def task_of(
         band=band,
         simulator=altered.instrument(model.instrument).model_dump(mode="json"),
         scene=altered.scene(scene).model_dump(mode="json"),
-        exposure_s=frames.exposure_s,
-        n_frames=frames.n_frames,
-        em_gain=frames.em_gain,
-        visits=frames.visits,
+        **asdict(frames),
         reference_visits=model.strategy.references_of(frames.visits),
         gap_s=gap_s(model, band, frames),
         strategy=model.strategy.model_dump(mode="json"),
@@ -633,14 +625,6 @@ class Modelling(Choice):
         if seen.coronagraph.table is not None:  # no shadow of a mask tells the level of a frame: it counts as known
             seen = seen.switched(dict.fromkeys(("bias_drift", "interference"), False))
         return seen.switched(self.switches) if self.switches else seen
-
-    def scene(self, scene: Scene) -> Scene:
-        """Return the sources that are modelled."""
-        kept = {
-            kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
-            for kind in ("planets", "stars", "extended")
-        }
-        return scene.model_copy(update=kept) if self.left_out else scene
 
     def whole(self) -> "Modelling":
         """Return every frame with every effect, by the same knobs."""

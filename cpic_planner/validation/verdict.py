@@ -501,7 +501,7 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
         reasons = {}
         strategy = validate(Strategy, task.strategy, where="strategy")
         instrument = validate(Instrument, task.simulator, where="instrument")
-        scene = modelling.scene(validate(Scene, task.scene, where="scene"))
+        scene = modelling.kept_sources(validate(Scene, task.scene, where="scene"))
         plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
         geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
         for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):

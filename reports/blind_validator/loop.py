@@ -12,7 +12,7 @@ from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.ranking import rank_targets
 from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target, rank_sample
-from cpic_planner.validation import PREDICTION_ERROR, Frames, calibrate, confirm_task, expected_of
+from cpic_planner.validation import PREDICTION_ERROR, calibrate, confirm_task, expected_of
 
 UNALTERED_STARS, UNALTERED_REALISATIONS = 20, 24
 ALTERED = ("throughput=x0.7", "read_noise=x1.5", "visit_drift=x3", "companions=on")
@@ -58,9 +58,8 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
     for (star, band), task in zip(pairs, tasks, strict=True):
         target, _ = find_target(star, companions="on")
         expected = task.predictions[0]
-        frames = Frames(task.exposure_s, task.n_frames, task.em_gain, task.visits)
         place = planet_offsets(model, target, band, expected["separation_arcsec"])
-        known.append(expected_of(model, target, band, place, expected["contrast"], frames)["snr"] / expected["snr"])
+        known.append(expected_of(model, target, band, place, expected["contrast"], task)["snr"] / expected["snr"])
     mean = calibrate(bands)
     assert mean.etc_ratio is not None  # every band was measured
     assert mean.etc_ratio_error is not None

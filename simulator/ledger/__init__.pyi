@@ -2,6 +2,7 @@ from simulator.ledger.case import NOT_IN_SUMS as NOT_IN_SUMS, CameraCase as Came
 from simulator.ledger.choice import (
     SUM_EPOCHS as SUM_EPOCHS,
     Choice as Choice,
+    Shortcuts as Shortcuts,
     budget_of as budget_of,
     checked_quantities as checked_quantities,
     checked_tolerance as checked_tolerance,

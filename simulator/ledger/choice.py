@@ -6,8 +6,8 @@ left out first.
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from cpic_core import InputError, Outcome, Reason, Status, check_number
@@ -53,15 +53,19 @@ _NEEDS = {effect.switch: effect.hides for effect in rows_of(VISIBLE)}
 
 
 @dataclass(frozen=True)
-class Choice:
-    """The way in which an observation is modelled; made by `choose`.
+class Shortcuts:
+    """Everything that makes a model of an observation cheaper.
 
     Attributes
     ----------
-    rows : tuple of EffectRow
-        Every effect, setting and source: kept or skipped, with its size.
+    draw : {"sums", "frames"}
+        Sums of frames over the dark hole, or every frame.
+    region : {"hole", "full"}
+        Pixels that are simulated: the stamp around the mask, or whole frames.
     knobs : Knobs
         Settings of the optics.
+    epochs : int
+        At which the drift of a visit is sampled, at most.
     switches : dict of str to bool
         Effects of the camera to switch off.
     left_out : tuple of str
@@ -70,10 +74,34 @@ class Choice:
         Whether the light of the sky is modelled.
     still : tuple of str
         Numbers of the drift that are taken as 0.
-    epochs : int
-        At which the drift of a visit is sampled.
-    draw : {"sums", "frames"}
-    region : {"hole", "full"}
+    """
+
+    draw: Literal["sums", "frames"]
+    region: Literal["hole", "full"]
+    knobs: Knobs
+    epochs: int
+    switches: Mapping[str, bool] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+    sky: bool = True
+    still: tuple[str, ...] = ()
+
+    def kept_sources(self, scene: Scene) -> Scene:
+        """Return the scene with the sources that are modelled."""
+        kept = {
+            kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
+            for kind in ("planets", "stars", "extended")
+        }
+        return scene.model_copy(update=kept) if self.left_out else scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice(Shortcuts):
+    """The way in which an observation is modelled; made by `choose`.
+
+    Attributes
+    ----------
+    rows : tuple of EffectRow
+        Every effect, setting and source: kept or skipped, with its size.
     predicted_error : dict
         Bound of the error of each quantity asked for.
     outcome : Outcome of float
@@ -81,14 +109,6 @@ class Choice:
     """
 
     rows: tuple[EffectRow, ...]
-    knobs: Knobs
-    switches: dict[str, bool]
-    left_out: tuple[str, ...]
-    sky: bool
-    still: tuple[str, ...]
-    epochs: int
-    draw: Literal["sums", "frames"]
-    region: Literal["hole", "full"]
     predicted_error: dict[Quantity, float]
     outcome: Outcome[float]
 

@@ -1,9 +1,7 @@
-import dataclasses
-
 import pytest
 
 from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
-from cpic_planner.tradeoff.scenes import SCENES
+from cpic_planner.tradeoff.scenes import SCENES, FixedScene
 
 SMALL = {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}
 
@@ -11,7 +9,7 @@ SMALL = {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}
 @pytest.fixture(scope="session")
 def small_case():
     """The faint planet in two frames of a small detector."""
-    return dataclasses.replace(SCENES["faint"], n_frames=2, detector=SMALL)
+    return FixedScene.of(SCENES["faint"], n_frames=2, detector=SMALL)
 
 
 def machine(key="here"):

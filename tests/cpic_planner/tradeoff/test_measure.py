@@ -31,6 +31,7 @@ from cpic_planner.tradeoff.measure import (
 from cpic_planner.tradeoff.scenes import (
     SCENES,
     TOLERANCES_MEASURED,
+    FixedScene,
     Setup,
     choice_of,
     chosen_by,
@@ -168,7 +169,7 @@ def test_lost_frames_cost_noise(small_case, window, places):
 
 
 def test_sums_and_frames_have_the_same_noise(small_case, window, sums, places):
-    case = dataclasses.replace(small_case, n_frames=4)
+    case = FixedScene.of(small_case, n_frames=4)
     still = {"cosmic_rays": False, "bad_pixels": False, "bad_columns": False}
     calm = dataclasses.replace(window, switches=still)
     frames = white_of_frames(places, (drawn_frames(visit(case, calm, n_frames=24)),))
@@ -178,7 +179,7 @@ def test_sums_and_frames_have_the_same_noise(small_case, window, sums, places):
 
 
 def test_infrared_sums_and_frames_have_the_same_noise(window, sums):
-    case = dataclasses.replace(SCENES["infrared"], n_frames=4)
+    case = FixedScene.of(SCENES["infrared"], n_frames=4)
     places, calm = Places.of(case), dataclasses.replace(window, switches={"cosmic_rays": False, "bad_pixels": False})
     frames = white_of_frames(places, (drawn_frames(visit(case, calm, n_frames=24)),))
     stacked = white_of_sums(case, sums, places, 24)
@@ -202,7 +203,7 @@ def test_speckles_grow_with_the_star_and_vanish_without_drift(small_case, window
     assert (few > 0).all()
     assert (speckle_samples(small_case, dataclasses.replace(window, drift=False), places, 2) == 0).all()
     bright = dict(small_case.tree) | {"cstar": dict(small_case.tree["cstar"]) | {"magnitude": 3.0}}
-    brighter_case = dataclasses.replace(small_case, tree=bright)
+    brighter_case = FixedScene.of(small_case, tree=bright)
     brighter = speckle_samples(brighter_case, window, Places.of(brighter_case), 2)
     assert brighter == pytest.approx(few * 100.0, rel=1e-6)  # 2.5 mag, squared
     walk, one = walk_samples(small_case, dataclasses.replace(window, epochs=2), places, 2)
@@ -211,13 +212,13 @@ def test_speckles_grow_with_the_star_and_vanish_without_drift(small_case, window
 
 
 def test_the_work_measures_what_is_there(small_case, sums):
-    case = dataclasses.replace(small_case, em_gain=1.0)
+    case = FixedScene.of(small_case, em_gain=1.0)
     work = worked(case, sums)
     assert work.drawn == ()
     ones = np.ones(work.science.psf.on_axis.shape)
     assert aperture_flux_e(work.science, ones) == pytest.approx(case.instrument.aperture_pixels(case.band), rel=1e-3)
     with pytest.raises(NotApplicable, match="reach"):
-        worked(dataclasses.replace(case, em_gain=1000.0, exposure_s=1e5), sums)
+        worked(FixedScene.of(case, em_gain=1000.0, exposure_s=1e5), sums)
 
 
 def test_the_ledger_decides(small_case):

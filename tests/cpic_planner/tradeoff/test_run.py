@@ -1,5 +1,4 @@
 import csv
-import dataclasses
 import io
 
 import numpy as np
@@ -19,7 +18,7 @@ from cpic_planner.tradeoff.run import (
     report_text,
     speed_ups,
 )
-from cpic_planner.tradeoff.scenes import GLANCE, SCENES, points_of
+from cpic_planner.tradeoff.scenes import GLANCE, SCENES, FixedScene, points_of
 from cpic_planner.version import __version__
 from simulator.knobs import FIDELITIES, Knobs
 
@@ -50,7 +49,7 @@ def test_rows_of_every_group(small_case, monkeypatch):
 
 
 def test_a_row_that_does_not_apply_has_a_reason(small_case):
-    case = dataclasses.replace(small_case, em_gain=1000.0, exposure_s=1e5)
+    case = FixedScene.of(small_case, em_gain=1000.0, exposure_s=1e5)
     (row,) = measured_rows(case, points(case, "sums_quick"), GLANCE, "here", 0.0)
     assert (row.status, row.reason) == ("invalid", "not_applicable")
     assert row.message != ""
@@ -60,7 +59,7 @@ def test_a_row_that_does_not_apply_has_a_reason(small_case):
 def test_ways_that_void_every_aperture_are_rows_of_their_own(small_case, monkeypatch):
     """Their frames can be drawn, and show nothing: no error that ends the rows of the other ways."""
     monkeypatch.setitem(FIDELITIES, "reference", Knobs(wavelength_nodes=1, pixel_nodes=1))  # for speed
-    case = dataclasses.replace(small_case, em_gain=1000.0, exposure_s=1e4)
+    case = FixedScene.of(small_case, em_gain=1000.0, exposure_s=1e4)
     rows = measured_rows(case, points(case, "hole_quick"), GLANCE, "here", 0.0)
     rows += measured_rows(case, points(case, "epochs_1", "no_flat"), GLANCE, "here", 0.0)
     assert [row.point for row in rows] == ["hole_quick", "epochs_1", "no_flat"]
