@@ -67,8 +67,6 @@ class ExpectedSignals:
     contrast: FloatArray
     separation_arcsec: FloatArray
     pa_deg: FloatArray
-    distance_au: FloatArray
-    phase_deg: FloatArray
 
 
 def programme_of(model: etc.EtcModel, setting: Setting) -> etc.Programme:
@@ -218,7 +216,7 @@ def pair_signals(
                 reached[known][put], widths[known][put] = (part[real] for part in found)
             reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
     law = reached[0], widths[0], reached[1], widths[1]
-    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg, pairs.distance_au, pairs.phase_deg)
+    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg)
 
 
 def expected_signals(

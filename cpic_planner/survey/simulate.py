@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from catalogs import KnownPlanetTable
+from catalogs import KnownPlanetTable, OrbitPlaces
 from cpic_core import BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Runner, Task
@@ -789,10 +789,11 @@ class _Simulation:
             own = [(k, visit) for k, visit in visits if visit.option == option]
             when = np.array([(visit.slot, visit.ordinal) for _, visit in own]).T
             way, faint = survey.options[i][option], survey.faintest[i][option]
-            found, odds, roll = self._visited(i, way, planets, when, placed, faint)
+            found, odds, roll, places = self._visited(i, way, planets, when, placed, faint)
             for row, (k, visit) in enumerate(own):
                 star.hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
                 star.seen[k] = {key: values[row] for key, values in vars(found).items()}
+                star.seen[k] |= {"distance_au": places.distance_au[row], "phase_deg": places.phase_deg[row]}
                 star.seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(planets), roll[row])}
                 star.seen[k]["exozodi_zodis"] = zodis
                 drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
@@ -802,8 +803,8 @@ class _Simulation:
 
     def _visited(
         self, i: int, way: Setting, planets: PlanetSample, when: IntArray, placed: BoolArray, faint: FloatArray | None
-    ) -> tuple[ExpectedSignals, FloatArray, FloatArray]:
-        """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
+    ) -> tuple[ExpectedSignals, FloatArray, FloatArray, OrbitPlaces]:
+        """Return what visits of a star show of planets, the odds that each detects each, the rolls, and the places.
 
         ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
         ``faint`` below which contrast in each ring none is looked at.
@@ -814,7 +815,7 @@ class _Simulation:
         who = survey.model, survey.targets.select([i]), way, planets, self.albedos
         found = expected_signals(*who, places, roll, self._dust(i, planets), faint)
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
-        return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll
+        return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll, places
 
     def _dust(self, i: int, planets: PlanetSample) -> FloatArray | None:
         """Return the dust around a star in the universe of each planet."""
@@ -947,7 +948,7 @@ class _Simulation:
             slots = slot + np.flatnonzero(calendar.fraction[i, slot:] > 0.0)
             able = np.flatnonzero(np.any(list(star.hits.values()), axis=0) & star.allowed)
             when = np.array([slots, slots])
-            found, odds, _ = self._visited(i, setting, star.planets.select(able), when, np.ones(able.size, bool), None)
+            found, odds, *_ = self._visited(i, setting, star.planets.select(able), when, np.ones(able.size, bool), None)
             snr = found.snr * self.calibration[star.planets.universe[able]]
             table[:, slots[:, None], able] = odds, snr
         return np.asarray(star.ahead[setting][:, slot, some])

@@ -20,7 +20,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, InputError, NDArray
 from cpic_planner.jobs import DamagedPartError, RunFolder
-from cpic_planner.results import Column, Row, arrow_schema, column, columns_of
+from cpic_planner.results import Column, Row, arrow_schema, column, columns_of, unit_of
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
@@ -215,38 +215,43 @@ PLANETS = ("new_planets", "known_planets")
 """Columns that add up to the planets found."""
 HOURS = ("search_h", "follow_up_h", "alarm_h")
 """Columns that add up to the telescope time used."""
+_STRATEGY = Column("strategy", "string", "name of the strategy")
+_MEANINGS = {
+    "universe": "number of the universe, the same sky for every strategy",
+    "new_planets": "planets found that nobody knew",
+    "new_planets_unconditional": "the same of the whole population, had nobody looked before: with planets that "
+    "velocities, stability and known giants exclude, in the same visits",
+    "known_planets": "known planets seen",
+    "stars_with_planet": "stars with a planet found",
+    "characterised_planets": "planets found and seen in every band of the follow-up",
+    "orbits_known": "planets found whose orbit is known, what is published and logged included",
+    "confirmed_planets": "planets found where a published orbit has them, or seen again in another visit",
+    "noise_alarms": "noise taken for a planet",
+    "background_alarms": "background stars taken for a planet",
+    "visits": "visits made",
+    "search_h": "telescope time of the search",
+    "follow_up_h": "telescope time of follow-up, visits for orbits, and second visits of true candidates",
+    "alarm_h": "telescope time of visits that only false alarms asked for",
+}
+_OF_UNIVERSE = {
+    name: Column(name, "float64" if name in HOURS else "int64", meaning, unit_of(name))
+    for name, meaning in _MEANINGS.items()
+}
+"""Columns of one universe of a strategy, by name."""
 
 
-class UniverseRow(Row):
-    """One universe of a strategy."""
-
-    strategy: str = column("name of the strategy")
-    universe: int = column("number of the universe, the same sky for every strategy")
-    new_planets: int = column("planets found that nobody knew")
-    new_planets_unconditional: int = column(
-        "the same of the whole population, had nobody looked before: with planets that velocities, stability and known "
-        "giants exclude, in the same visits"
-    )
-    known_planets: int = column("known planets seen")
-    stars_with_planet: int = column("stars with a planet found")
-    characterised_planets: int = column("planets found and seen in every band of the follow-up")
-    orbits_known: int = column("planets found whose orbit is known, what is published and logged included")
-    confirmed_planets: int = column("planets found where a published orbit has them, or seen again in another visit")
-    noise_alarms: int = column("noise taken for a planet")
-    background_alarms: int = column("background stars taken for a planet")
-    visits: int = column("visits made")
-    search_h: float = column("telescope time of the search")
-    follow_up_h: float = column("telescope time of follow-up, visits for orbits, and second visits of true candidates")
-    alarm_h: float = column("telescope time of visits that only false alarms asked for")
-
-
-class DetectionRow(Row):
-    """One planet that a strategy finds in one universe."""
+class PlanetRow(Row):
+    """What tells the planets of a strategy apart."""
 
     strategy: str = column("name of the strategy")
     universe: int = column("number of the universe")
     star: str = column("name in the catalogue")
     planet: int = column("number of the planet around its star, known ones first")
+
+
+class DetectionRow(PlanetRow):
+    """One planet that a strategy finds in one universe."""
+
     known_row: int = column("row in the table of known planets, -1 for a new planet")
     kind: int = column("number of the planet's kind in the population; the last one is that of known planets")
     ordinal: int = column("number of the visit among those of its star")
@@ -270,13 +275,9 @@ class DetectionRow(Row):
     exozodi_zodis: float = column("dust around the star, in solar systems")
 
 
-class OrbitRow(Row):
+class OrbitRow(PlanetRow):
     """The orbit of one planet that a strategy finds in one universe, with enough positions; errors are 1 sigma."""
 
-    strategy: str = column("name of the strategy")
-    universe: int = column("number of the universe")
-    star: str = column("name in the catalogue")
-    planet: int = column("number of the planet around its star, known ones first")
     epochs: int = column("positions: visits of search, follow-up and the observation log that show it")
     arc_periods: float = column("from the first position to the last, in periods of the planet")
     axis_error: float = column("of the semi-major axis, relative")
@@ -289,17 +290,16 @@ class OrbitRow(Row):
     orbit_known: bool = column("whether both errors are within the rule of the strategy")
 
 
-_OF_UNIVERSE = {item.name: item for item in columns_of(UniverseRow)}
 _SUMMED = ("visits", *HOURS, "new_planets", "new_planets_unconditional", "known_planets", "orbits_known")
 STAR_COLUMNS = (
-    _OF_UNIVERSE["strategy"],
+    _STRATEGY,
     Column("star", "string", "name in the catalogue"),
     Column("block", "int64", "block of universes that the sums run over"),
     Column("universes", "int64", "universes of the block"),
     *(replace(_OF_UNIVERSE[name], description=f"{_OF_UNIVERSE[name].description}, sum") for name in _SUMMED),
 )
 """Columns of what a strategy does and finds at one star in one block of universes."""
-UNIVERSES = Table("universes", columns_of(UniverseRow), key=("strategy", "universe"))
+UNIVERSES = Table("universes", (_STRATEGY, *_OF_UNIVERSE.values()), key=("strategy", "universe"))
 DETECTIONS = Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet"))
 STARS = Table("stars", STAR_COLUMNS, key=("strategy", "star", "block"))
 ORBITS = Table("orbits", columns_of(OrbitRow), key=("strategy", "universe", "star", "planet"))

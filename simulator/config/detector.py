@@ -177,8 +177,8 @@ class _AnyDetector(FrozenModel):
 class Detector(_AnyDetector, OwnVisible):
     """EMCCD and its frame; read noise at the register output."""
 
-    chain: ClassVar[detectors.Chain] = detectors.VISIBLE
-    set_name: ClassVar[str] = "visible"
+    chain = detectors.VISIBLE
+    set_name = "visible"
 
     pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     parity: Literal[-1, 1]
@@ -280,8 +280,8 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
     ``interpixel_coupling`` is the part of a pixel's signal that appears in each of its four neighbours.
     """
 
-    chain: ClassVar[detectors.Chain] = detectors.INFRARED
-    set_name: ClassVar[str] = "infrared"
+    chain = detectors.INFRARED
+    set_name = "infrared"
     cic_e: ClassVar[float] = 0.0
     stripe_rms_adu: ClassVar[float] = 0.0
     em_gain_max: ClassVar[float] = 1.0

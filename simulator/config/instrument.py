@@ -251,15 +251,38 @@ class WavefrontConfig(FrozenModel):
 
 
 class MirrorConfig(FrozenModel):
-    """The deformable mirror; see `simulator.imaging.deformable_mirror.DeformableMirror`."""
+    """The deformable mirror and what its electronics do to a command.
 
-    n_actuators: Annotated[int, Field(ge=4, le=128)]
-    span_diameters: Annotated[float, Field(ge=0.5, le=1.5)]
-    coupling: Annotated[float, Field(ge=0.01, le=0.5)]
-    stroke_nm: Annotated[float, Field(gt=0, le=1e5)]
-    bits: Annotated[int, Field(ge=8, le=32)] | None
-    noise_nm: Annotated[float, Field(ge=0, le=100)]
-    dead: tuple[tuple[int, int], ...]
+    Attributes
+    ----------
+    n_actuators : int
+        Actuators a side.
+    span_diameters : float
+        Side of the square that they fill, in pupil diameters (A: 0.875, the open part of the apodizer).
+    coupling : float
+        Influence of an actuator one pitch away (A: 0.15, usual for micro-machined mirrors).
+    stroke_nm : float
+        Range of the surface command, from ``-stroke/2`` to ``+stroke/2``.
+    bits : int or None
+        Resolution of the digital-analogue converter over the stroke; None does not quantise.
+    noise_nm : float
+        Rms noise of each actuator, nm of surface.
+    dead : tuple of (int, int)
+        Row and column of actuators that stay at zero.
+    """
+
+    n_actuators: Annotated[int, Field(ge=4, le=128)] = 32
+    span_diameters: Annotated[float, Field(ge=0.5, le=1.5)] = 0.875
+    coupling: Annotated[float, Field(ge=0.01, le=0.5)] = 0.15
+    stroke_nm: Annotated[float, Field(gt=0, le=1e5)] = 1000.0
+    bits: Annotated[int, Field(ge=8, le=32)] | None = None
+    noise_nm: Annotated[float, Field(ge=0, le=100)] = 0.0
+    dead: tuple[tuple[int, int], ...] = ()
+
+    def _check_values(self) -> None:
+        for place in self.dead:
+            if not all(0 <= index < self.n_actuators for index in place):
+                raise InputError("dead", place, allowed=f"row and column from 0 to {self.n_actuators - 1}")
 
 
 class DarkHoleConfig(FrozenModel):

@@ -8,14 +8,13 @@ controls ``a / (2 x 0.875)`` cycles per diameter instead of ``a / 2``. Light is 
 difference is twice the surface.
 """
 
-import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from catalogs import length_nm
 from cpic_core import FloatArray, InputError, NDArray, check_whole, numeric_context
+from simulator.config.instrument import MirrorConfig
 from simulator.config.map_files import read_maps, real_map
 
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
@@ -23,51 +22,8 @@ MAX_SURFACE_NM = 1e4
 MAX_SIDE = 4096
 
 
-@dataclass(frozen=True)
-class DeformableMirror:
-    """A mirror and what its electronics do to a command.
-
-    Attributes
-    ----------
-    n_actuators : int
-        Actuators a side, 4 to 128 (A: 32).
-    span_diameters : float
-        Side of the square that they fill, in pupil diameters, 0.5 to 1.5 (A: 0.875, the open part of the apodizer).
-    coupling : float
-        Influence of an actuator one pitch away, 0.01 to 0.5 (A: 0.15, usual for micro-machined mirrors).
-    stroke_nm : float
-        Range of the surface command, from ``-stroke/2`` to ``+stroke/2``, > 0 (A: 1000).
-    bits : int or None
-        Resolution of the digital-analogue converter over the stroke, 8 to 32; None does not quantise.
-    noise_nm : float
-        Rms noise of each actuator, nm of surface, >= 0.
-    dead : tuple of (int, int)
-        Row and column of actuators that stay at zero.
-    """
-
-    n_actuators: int = 32
-    span_diameters: float = 0.875
-    coupling: float = 0.15
-    stroke_nm: float = 1000.0
-    bits: int | None = None
-    noise_nm: float = 0.0
-    dead: tuple[tuple[int, int], ...] = ()
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name, low, high in (("n_actuators", 4, 128), ("span_diameters", 0.5, 1.5), ("coupling", 0.01, 0.5)):
-            if not low <= getattr(self, name) <= high:
-                unit = "pupil diameters" if name == "span_diameters" else ""
-                raise InputError(name, getattr(self, name), unit=unit, allowed=f"{low} to {high}")
-        if not (math.isfinite(self.stroke_nm) and self.stroke_nm > 0):
-            raise InputError("stroke_nm", self.stroke_nm, unit="nm", allowed="above 0")
-        if self.bits is not None and not 8 <= self.bits <= 32:
-            raise InputError("bits", self.bits, allowed="8 to 32, or none")
-        if not (math.isfinite(self.noise_nm) and self.noise_nm >= 0):
-            raise InputError("noise_nm", self.noise_nm, unit="nm", allowed="at least 0")
-        for place in self.dead:
-            if len(place) != 2 or not all(0 <= index < self.n_actuators for index in place):
-                raise InputError("dead", place, allowed=f"row and column from 0 to {self.n_actuators - 1}")
+class DeformableMirror(MirrorConfig):
+    """A mirror: its surface, and what it does when asked."""
 
     @property
     def alive(self) -> NDArray[np.bool_]:

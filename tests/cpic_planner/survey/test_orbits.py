@@ -487,7 +487,7 @@ def test_a_slot_is_early_enough_where_the_positions_to_come_make_the_orbit_known
     slots, day = np.flatnonzero(np.isfinite(cost)), survey.calendar.day[0]
     assert not found[~np.isfinite(cost)].any()
     every = np.ones(len(rows), bool)
-    seen, odds, _ = run._visited(0, setting, planets, np.array([slots, slots * 0]), every, None)
+    seen, odds, *_ = run._visited(0, setting, planets, np.array([slots, slots * 0]), every, None)
     odds = detection_chance(seen, survey.strategy.detection, every, calibration=survey.strategy.detection.calibration)
     published = star.published
     for k in range(len(rows)):

@@ -593,7 +593,7 @@ def test_a_known_planet_is_looked_at_where_its_orbit_has_it(plain):
     answers = set()
     for slot in np.flatnonzero(survey.calendar.fraction[number] > 0):
         when = np.array([[slot], [slot]])
-        found, _, _ = run._visited(number, survey.options[number][0], star.planets, when, known, None)
+        found, *_ = run._visited(number, survey.options[number][0], star.planets, when, known, None)
         inside = star.inside(survey, number, band, int(slot))
         np.testing.assert_array_equal(inside[known], found.contrast[0, known] > 0.0)
         assert not inside[~known].any()
