@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from cpic_planner.etc import build_model
+from cpic_planner.queries.shared import LIBRARIES, Library
 from cpic_planner.ranking import KnownChoice
 from cpic_planner.ranking.known_answer import known_answer
-from cpic_planner.registry import LIBRARIES, SCORES, Library
+from cpic_planner.registry import SCORES
 from cpic_planner.report.confirm import calibration_sentence
 from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture

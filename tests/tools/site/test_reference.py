@@ -10,8 +10,8 @@ import pytest
 
 from cpic_core import Reason, Status
 from cpic_core.errors import InputError
-from cpic_planner.queries import options_of
-from cpic_planner.registry import LIBRARIES, REDUCTIONS, SCORES
+from cpic_planner.queries import LIBRARIES, options_of
+from cpic_planner.registry import REDUCTIONS, SCORES
 from cpic_planner.results.base import LimitText, VerdictText
 from cpic_planner.schemas import FOLDER, QUESTIONS, RESULTS
 from simulator.products.keywords import KEYWORD_FILE
