@@ -1,4 +1,4 @@
-"""How images are made; simulated sequences, checks, values of instruments and columns of tables on the terminal."""
+"""Simulated sequences, how images are made, checks, values of instruments and columns of tables on the terminal."""
 
 from __future__ import annotations
 

@@ -241,7 +241,7 @@ _OF_UNIVERSE = {
 
 
 class PlanetRow(Row):
-    """What tells the planets of a strategy apart."""
+    """Base of rows of planets that a strategy finds."""
 
     strategy: str = column("name of the strategy")
     universe: int = column("number of the universe")

@@ -970,7 +970,7 @@ def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike
     -------
     ndarray
         ``(reference_e - pedestal_e) scale + pedestal_e``: the variance of star light counts ``scale`` times that of the
-        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.registry.OtherStar`.
+        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.queries.shared.OtherStar`.
 
     Raises
     ------

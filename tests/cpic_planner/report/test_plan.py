@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from cpic_planner.etc import build_model
-from cpic_planner.queries.shared import LIBRARIES, Library
+from cpic_planner.queries import LIBRARIES
+from cpic_planner.queries.shared import Library
 from cpic_planner.ranking import KnownChoice
 from cpic_planner.ranking.known_answer import known_answer
 from cpic_planner.registry import SCORES
