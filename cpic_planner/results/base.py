@@ -438,6 +438,12 @@ def optional(meaning: str = "", **look: Any) -> Any:
     return column(meaning, default=None, **look)
 
 
+class StarRow(Row):
+    """Base of rows on one star."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+
+
 class FramesColumns(Row):
     """Columns of visits and their frames; null where there are none, and in older results."""
 

@@ -16,6 +16,7 @@ from cpic_planner.results.base import (
     Row,
     RunResult,
     SampleResult,
+    StarRow,
     StatusText,
     VerdictText,
     column,
@@ -223,10 +224,9 @@ class ImagedResult(RunResult):
     )
 
 
-class LeftOutRow(Row):
+class LeftOutRow(StarRow):
     """A star that is not proposed because it cannot be observed in the period of the plan."""
 
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     rank: int = column("in the ranking, which knows no visibility", label="#")
     limited_by: Literal["visibility"] = "visibility"
     usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
@@ -234,10 +234,9 @@ class LeftOutRow(Row):
     message: str = column("why it is left out, in words", label="why")
 
 
-class SeenRow(Row):
+class SeenRow(StarRow):
     """The times when a target of a plan can be seen in its period."""
 
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     usable_h: float = column("time of the period in which it is seen and may be pointed at", label="seen", format=".1f")
     seasons: list[SeasonRecord]
 

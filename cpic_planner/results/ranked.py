@@ -18,6 +18,7 @@ from cpic_planner.results.base import (
     Row,
     RunResult,
     StarHeader,
+    StarRow,
     StatusText,
     VerdictColumns,
     column,
@@ -105,10 +106,9 @@ class SensitivityRow(Row):
     best: str = column("first star under this assumption", label="first star", short="first", format="star")
 
 
-class SensitivityStar(Row):
+class SensitivityStar(StarRow):
     """The ranks of one of the nominal first stars under all assumptions, the nominal ones included."""
 
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     rank: int = column("nominal rank", label="#")
     rank_lowest: int = column("lowest number of its rank under any of the assumptions")
     rank_highest: int = column("highest number of its rank under any of them")
@@ -201,9 +201,10 @@ class Standing(VerdictColumns, ProgrammeColumns, PlaceColumns):
     )
 
 
-class RankedColumns(Row):
+class RankedColumns(StarRow):
     """Columns of a star in the ranking."""
 
+    column_order: ClassVar[str] = "rank rank_in_catalogue score"
     rank: int = column(
         "1 is best: highest score; among the stars that the filters choose, where there are any", label="#"
     )
@@ -216,7 +217,6 @@ class RankedColumns(Row):
         "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
         "follow each other by detection_margin, then name"
     )
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     hip: int | None
     v_mag: float
     sp_type: str = column("spectral type as catalogued", label="type")
@@ -603,10 +603,9 @@ class VisibleDays(Result):
     )
 
 
-class VisibleTarget(Row):
+class VisibleTarget(StarRow):
     """The times when one star can be seen. Medians are over the steps on which it can."""
 
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     hip: int | None
     ra_deg: float
     dec_deg: float

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.results.base import OfTables, Result, Row, RunResult, column, optional
+from cpic_planner.results.base import OfTables, Result, Row, RunResult, StarRow, column, optional
 
 
 class CurvePoint(Result):
@@ -148,10 +148,9 @@ class ScheduleRecord(Result):
     distance: float = Field(description="1 - value / bound")
 
 
-class SurveyTarget(Row):
+class SurveyTarget(StarRow):
     """One star of a strategy."""
 
-    name: str = column("name of the star in the catalogue", label="star", format="star")
     rank: int = column("by planets found per hour", label="#")
     v_mag: float
     distance_pc: float

@@ -64,7 +64,7 @@ def lines(text):
 def test_csv_holds_every_row_in_full_precision(rank):
     rows = lines(ranking_csv(rank))
     assert len(rows) == len(rank.targets)
-    assert list(rows[0]) == [name for name in RankedTarget.model_fields if name != "own"]
+    assert tuple(rows[0]) == names_of(RankedTarget)
     for row, target in zip(rows, rank.targets, strict=True):
         assert float(row["contrast"]) == target.contrast
         assert row["name"] == target.name
@@ -81,7 +81,7 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     text = ranking_ecsv(rank)
     assert text.startswith("# %ECSV 1.0")
     table = Table.read(text, format="ascii.ecsv")
-    assert table.colnames == [name for name in RankedTarget.model_fields if name != "own"]
+    assert tuple(table.colnames) == names_of(RankedTarget)
     units = {name: table[name].unit for name in table.colnames if table[name].unit}
     assert len(units) == 24
     assert (units["visit_time_s"], units["unused_s"], units["required_time_s"]) == (u.s, u.s, u.s)
@@ -108,7 +108,7 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
 def test_the_same_text_twice_and_a_head_without_rows(rank, writer):
     assert writer(rank) == writer(rank)
     text = writer(rank.model_copy(update={"targets": []}))
-    assert text.splitlines()[-1].split(",") == [name for name in RankedTarget.model_fields if name != "own"]
+    assert text.splitlines()[-1].split(",") == list(names_of(RankedTarget))
 
 
 def test_a_measurement_for_each_target_and_band(plan):
@@ -282,6 +282,14 @@ def test_a_null_column_keeps_its_type():
     assert [table[name].dtype.kind for name in ("visits", "time_s")] == ["i", "f"]
     assert table["time_s"].mask.all()
     assert [item.column.dtype for item in taken_of(ProgrammeColumns, "visits", "time_s")] == ["int64", "float64"]
+
+
+def test_columns_stand_where_the_row_says():
+    assert names_of(RankedTarget)[:5] == ("rank", "rank_in_catalogue", "score", "name", "hip")
+    assert names_of(EtcAnswer)[-5:] == ("roll_deg", "exposure_limited_by", "gain_limited_by", "dominant", "flags")
+    measured = ("pa_deg", "exposure_s", "visits", "reference_visits", "frames_per_visit", "n_frames", "em_gain")
+    assert names_of(planned.BandConfirmation)[6:13] == measured
+    assert len(set(names_of(planned.BandConfirmation))) == len(names_of(planned.BandConfirmation))
 
 
 class Wider(RankedTarget):
