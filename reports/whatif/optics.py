@@ -13,7 +13,6 @@ from cpic_planner.survey.prepare import (
     assumed_model,
     imaged_model,
     mirror_noise_nm,
-    raw_contrast_median,
     with_contrast,
 )
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -75,7 +74,7 @@ def images(band: str, contrast: float) -> dict[str, Any]:
     return {
         "band": band,
         "contrast": contrast,
-        "nominal": raw_contrast_median(nominal),
+        "nominal": nominal.median_contrast,
         "mirror_noise_nm": mirror_noise_nm(instrument, band, contrast),
         "ratio": float(np.mean(ratios)),
         "error": float(np.std(ratios, ddof=1) / np.sqrt(n)),

@@ -74,11 +74,13 @@ def write(folder, names):
 
 def kept_names():
     """Return the questions whose transcripts are part of the tests: quick ones, with little to read."""
-    left_out = re.compile(
-        r"-dry$|^rank|^schema|^plan|list$|^page-(rank|openapi|commands)|^(curve|visibility)-json|-json$|show|hwo$|known-star$"
-    )
-    both = [*QUESTIONS["light"], *QUESTIONS["pages"]]
-    return [name for name in both if not left_out.search(name) or name in ("rank", "rank-explain", "etc-detect-json")]
+    asked = QUESTIONS["light"] | QUESTIONS["pages"]
+    left_out = re.compile(r"-dry$|^rank|^schema|^plan|list$|^page-(rank|openapi|commands|etc-json)|show|hwo$")
+    return [
+        name
+        for name, question in asked.items()
+        if "--json" not in question and (name in ("rank", "rank-explain") or not left_out.search(name))
+    ]
 
 
 def transcript(place):
