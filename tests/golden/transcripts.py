@@ -75,7 +75,7 @@ def write(folder, names):
 def kept_names():
     """Return the questions whose transcripts are part of the tests: quick ones, with little to read."""
     asked = QUESTIONS["light"] | QUESTIONS["pages"]
-    left_out = re.compile(r"-dry$|^rank|^schema|^plan|list$|^page-(rank|openapi|commands|etc-json)|show|hwo$")
+    left_out = re.compile(r"-dry$|^catalog$|^rank|^schema|^plan|list$|^page-(rank|openapi|commands|etc-json)|show|hwo$")
     return [
         name
         for name, question in asked.items()
@@ -87,7 +87,8 @@ def transcript(place):
     """Return what a question in a folder was answered with: what was printed, and the text of a page."""
     parts = [(place / "stdout.txt").read_text(encoding="utf-8")]
     parts += [_plain(page.read_text(encoding="utf-8")) for page in place.glob("page.html")]
-    return "\n".join(line.rstrip() for part in parts for line in part.splitlines() if line.strip()) + "\n"
+    text = re.sub(r"\b[0-9a-f]{12,64}\b", "HASH", "\n".join(parts))
+    return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"
 
 
 def keep(names, folder):
