@@ -87,7 +87,7 @@ def transcript(place):
     """Return what a question in a folder was answered with: what was printed, and the text of a page."""
     parts = [(place / "stdout.txt").read_text(encoding="utf-8")]
     parts += [_plain(page.read_text(encoding="utf-8")) for page in place.glob("page.html")]
-    text = re.sub(r"\b[0-9a-f]{12,64}\b", "HASH", "\n".join(parts))
+    text = re.sub(r"(?<!\.)\b(?=(?:\d*[a-f]){2})[0-9a-f]{12,64}\b", "HASH", "\n".join(parts))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"
 
 
