@@ -14,7 +14,7 @@ HERE = Path(__file__).parent
 _SPEC = importlib.util.spec_from_file_location("golden_transcripts", HERE / "transcripts.py")
 golden = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(golden)
-NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:[eE][-+]?\d{1,3})?(?!\w)")
 
 
 def unit_in_the_last_place(text):
