@@ -553,6 +553,10 @@ class Once(TyperCommand):
         return super().parse_args(ctx, args)
 
 
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
+"""Said to every command: each keeps the help option of the context that first asks for its parameters."""
+
+
 class Commands(typer.Typer):
     """A group of commands, each of them `Once`."""
 
@@ -560,7 +564,7 @@ class Commands(typer.Typer):
         self, name: str | None = None, *, cls: type[TyperCommand] | None = None, **how: Any
     ) -> Callable[[Run], Run]:
         """Add a command."""
-        return super().command(name, cls=cls or Once, **how)
+        return super().command(name, cls=cls or Once, context_settings=HELP_OPTIONS, **how)
 
     @functools.cached_property
     def built(self) -> Any:

@@ -16,7 +16,7 @@ import typer
 
 from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import catalog_command, run_commands, star_commands, upkeep_command as upkeep
-from cpic_planner.cli.command import Commands, command, error_line, group, late
+from cpic_planner.cli.command import HELP_OPTIONS, Commands, command, error_line, group, late
 from cpic_planner.cli.progress import QuietOption, VerboseOption, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -55,7 +55,7 @@ app = Commands(
     epilog=f"{' '.join(EXIT_HELP.split())} cpic COMMAND --help says more.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=HELP_OPTIONS,
 )
 
 
