@@ -12,7 +12,7 @@ import itertools
 import math
 import multiprocessing
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,7 +157,7 @@ def pareto_figure(result: TradeoffResult) -> Figure:
         panel.tick_params(labelbottom=True)  # the lowest of each column
     figure.supxlabel("wall clock of one observation (s)", fontsize=10.5)
     figure.supylabel("relative error (larger of flux and SNR)", fontsize=10.5)
-    handles, labels = _legend()
+    handles, labels = _legend({row.group for row in ok})
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     for panel, scene in zip(panels, scenes, strict=False):
         named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
@@ -200,16 +200,17 @@ def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
         )
 
 
-def _legend() -> tuple[list[Artist], list[str]]:
+def _legend(groups: Collection[str]) -> tuple[list[Artist], list[str]]:
     from matplotlib.lines import Line2D
 
+    drawn = [look for group, look in LOOKS.items() if group in groups]
     handles: list[Artist] = [
         Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+x" else colour)
-        for _, colour, marker, _ in LOOKS.values()
+        for _, colour, marker, _ in drawn
     ]
     handles.append(Line2D([], [], color="#444444", marker="v", ls="none", ms=7, mfc="none"))
     handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
-    return handles, [*(text for *_, text in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
+    return handles, [*(text for *_, text in drawn), "upper limit", "1, 3 and 5 %"]
 
 
 _MAX_BYTES = 100_000_000
