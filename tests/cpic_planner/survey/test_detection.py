@@ -34,6 +34,7 @@ from cpic_planner.survey.detection import (
     ExpectedSignals,
     Pairs,
     Setting,
+    alarms,
     background_alarms,
     detection_chance,
     expected_signals,
@@ -44,7 +45,7 @@ from cpic_planner.survey.detection import (
     rolled,
     star_counts_deg2,
 )
-from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.universe import NEW, PlanetSample
 from cpic_planner.targets import find_target
 from simulator import load_instrument
@@ -616,3 +617,15 @@ def test_background_stars_of_an_even_sky(one_band, monkeypatch):
     # A grid of 32 points across the hole tells a side to one step.
     step, per_arcsec2 = metrics.hole_outer_arcsec / 16.0, 1000.0 / 3600.0**2
     assert per_arcsec2 * 4.0 * (side - step) ** 2 < found < per_arcsec2 * 4.0 * (side + step) ** 2
+
+
+def test_alarms_of_each_visit_are_those_of_its_band_and_time(model):
+    """By star and option; background stars where the survey counts them."""
+    stars = find_target("tau Cet")[0]
+    options = ((SETTING, replace(SETTING, band="F850", n_frames=30.0)),)
+    strategy = SurveyStrategy(name="one")
+    noise, background = alarms(UniverseConfig(background="on"), strategy, model, stars, options)
+    assert noise == (tuple(noise_alarms(model, way.band) for way in options[0]),)
+    each = [float(background_alarms(model, stars, [way], strategy.detection)[0]) for way in options[0]]
+    assert background == (tuple(each),)
+    assert alarms(UniverseConfig(background="off"), strategy, model, stars, options) == (noise, ((0.0, 0.0),))
