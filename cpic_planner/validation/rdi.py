@@ -683,7 +683,7 @@ class RollResult:
         Notes
         -----
         Exact with temporal centring: the planet is the same in all references and leaves with their mean. Where what
-        they share does not leave with what is subtracted (`Reduction.follows_references`), it
+        they share does not leave with what is subtracted (``follows_references`` of the reduction), it
         changes the modes, and the result holds to first order in its brightness: perturbed eigenvectors of the
         references' covariance, as the forward model of Pueyo 2016 (ApJ 824, 117), applied to the mean science frame.
         What is left out stays below 1 % of the flux for a planet of 7 sigma in a single frame.
