@@ -115,10 +115,10 @@ def test_strangers_are_refused(refused):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("place", [0, 5, 9])
+@pytest.mark.parametrize("place", [0, 5, 10])
 def test_one_of_the_first_few_ranks_as_among_all_stars(rank, place):
     name = rank.targets[place].name
     setting, index = RankSetting.of(MODEL, **ASKED), STARS.name.tolist().index(name)
     among_all = {item.key: int(order.rank[index]) for item, order in under_others(setting, STARS)}
-    assert max(among_all.values()) > 10 or place < 9  # the last of them falls behind the first few
+    assert max(among_all.values()) > place + 1 or place < 10  # the last of them falls behind its place
     assert explain_star(MODEL, STARS, name, other_assumptions=True, **ASKED).ranks == among_all
