@@ -328,7 +328,7 @@ def read_answer(answer: RawTable, table: str, *, unique: tuple[str, ...] = ()) -
 
 
 Kind = Literal["simbad", "archive"]
-"""Where a table is from: stars from SIMBAD, planets from the NASA Exoplanet Archive."""
+"""Archive that a table is from: stars from SIMBAD, planets from the NASA Exoplanet Archive."""
 MOST_LOST = 0.1
 """Largest fraction of what was known that a refreshed table may lack.
 
@@ -344,7 +344,7 @@ _SUFFIX = ".ecsv"
 _STAMP = "%Y-%m-%dT%H%M%SZ"
 _SET_ASIDE = "set_aside_"
 DAMAGED = "damaged, or made by another version: make a new one with cpic catalog refresh"
-"""What may be wrong with a stored table, and what to do about it, for messages."""
+"""Faults of a stored table and their remedy, for messages."""
 
 
 @dataclass(frozen=True, kw_only=True)

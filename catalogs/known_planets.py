@@ -53,7 +53,7 @@ COUNTED = tuple(shipped_words("planet_statuses", "counted"))
 CANDIDATE = "candidate"
 """Status of those that are counted as well when asked for."""
 FLAGS = shipped_words("planet_flags")
-"""What each flag means."""
+"""Meaning of each flag of a planet, by its name."""
 GIVEN_FLAGS = tuple(shipped_words("planet_flags", "given"))
 """Flags that a table states; the others follow from what is missing."""
 

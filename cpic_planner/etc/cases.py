@@ -782,7 +782,7 @@ class Goal:
 
     @property
     def steady(self) -> bool:
-        """Whether the level is the same for all programmes."""
+        """Tell whether the level is the same for all programmes."""
         return not self.laws and self.motion is None
 
     @classmethod

@@ -84,12 +84,12 @@ class _Answers:
 
     @property
     def with_planet(self) -> bool:
-        """Whether the level is an SNR, with the planet's own noise."""
+        """Tell whether the level is an SNR, with the planet's own noise."""
         return self.cases.objective == "snr"
 
     @property
     def searched(self) -> bool:
-        """Whether the level is that of a detection, in the least time."""
+        """Tell whether the level is that of a detection, in the least time."""
         return self.question == "exposure_time" and self.cases.value is None
 
     def answers(self) -> list[EtcAnswer]:
