@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from catalogs import LeftOut
-    from cpic_planner.jobs import Finished, Job
+    from cpic_planner.jobs import Job, Runner
     from cpic_planner.queries import SimulatorOverrides
 
 
@@ -213,7 +213,7 @@ def result_of(
     return with_progress(title, steps, functools.partial(run, job, out, **question.how), piece).result
 
 
-def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
+def with_progress(title: str, total: int, start: Callable[..., Runner[R]], piece: str = "piece") -> Runner[R]:
     """Run a job with progress on stderr, and say how much of it was there already.
 
     Parameters

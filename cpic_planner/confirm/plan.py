@@ -28,7 +28,7 @@ from cpic_planner.confirm.scene import (
     why_not_imaged,
 )
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion, observed_utc
 from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model, with_own
@@ -225,7 +225,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
 
 def make_plan(
     config: PlanQuestion, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
-) -> Finished[results.PlanResult]:
+) -> Runner[results.PlanResult]:
     """Rank, confirm and report.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from cpic_core import Reason, Status
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
@@ -387,7 +387,7 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
 
 def confirm_scene(
     config: ConfirmQuestion, out: str | Path | None = None, **how: Unpack[RunSettings]
-) -> Finished[ConfirmResult]:
+) -> Runner[ConfirmResult]:
     """Confirm a scene.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import NDArray, announce
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
@@ -291,7 +291,7 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
 
 def run_whatif(
     config: StrategiesConfig, out: str | Path, *, n_images: int = 0, pages: bool = True, **how: Unpack[RunSettings]
-) -> Finished[WhatIfResult]:
+) -> Runner[WhatIfResult]:
     """Compare strategies.
 
     Parameters
