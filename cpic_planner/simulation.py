@@ -651,7 +651,7 @@ def simulation_job(
     hashes, files = _hashes(planned)
     settings = [item.settings(hashes) for item in planned]
 
-    def work(runner: Runner) -> SimulationResult:
+    def work(runner: Runner[Any]) -> SimulationResult:
         folder = runner.folder
         for item in planned:
             products.refuse_taken(folder.path / item.folder, item.name, overwrite=True)

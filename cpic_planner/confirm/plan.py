@@ -197,7 +197,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         asked: dict[str, Any] = {"time_s": config.time_s, "planet": config.planet, "score": config.score}
         return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
 
-    def work(runner: Runner) -> results.PlanResult:
+    def work(runner: Runner[Any]) -> results.PlanResult:
         bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, bodies, firmness())
 

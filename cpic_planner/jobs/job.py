@@ -4,7 +4,7 @@ A kind of job is one function that returns a `Job`: what decides its result, the
 that it makes of their bodies. `run` does everything else, the same for every kind::
 
     def squares(n: int) -> Job[Total]:
-        def work(runner: Runner) -> Total:
+        def work(runner: Runner[Any]) -> Total:
             found = runner.finish(square, [Task(f"square {i}", (i,)) for i in range(n)])
             return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
 

@@ -347,7 +347,7 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
     return found
 
 
-def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner) -> list[Prepared]:
+def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner[Any]) -> list[Prepared]:
     """Return surveys in several states of what is known: a task for each strategy, in all of them.
 
     Parameters
