@@ -135,7 +135,7 @@ def with_progress(title: str, total: int, start: Callable[..., Runner[R]], piece
     piece : str
         What its tasks are called.
     """
-    with progress(title, total=total, enabled=total > 0) as advance:
+    with progress(title, total) as advance:
         done = start(advance=advance, command=sys.argv[1:])
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished {piece}{'s' * (done.resumed_parts != 1)} of an earlier run")

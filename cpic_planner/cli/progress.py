@@ -276,9 +276,9 @@ def write_line(text: str) -> None:
 
 
 @contextlib.contextmanager
-def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
-    """Show the work in ``total`` pieces on stderr unless quiet; yield ``advance(text, steps)``."""
-    if not enabled or is_quiet():
+def progress(title: str, total: int) -> Iterator[Advance]:
+    """Show the work in ``total`` pieces, if any, on stderr unless quiet; yield ``advance(text, steps)``."""
+    if total < 1 or is_quiet():
         yield untold
         return
     with contextlib.ExitStack() as stack:

@@ -12,16 +12,14 @@ from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose, progress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from catalogs import Catalogue
     from cpic_planner import queries
     from cpic_planner.cli.output import EtcOutput, KnownOutput, RankOutput, SearchOutput, VisibilityOutput
-    from cpic_planner.etc import EtcModel
     from cpic_planner.jobs import Job
     from cpic_planner.ranking import KnownChoice
-    from cpic_planner.results import EtcAnswer, RankResult, SearchedResult
-    from cpic_planner.targets import Targets
+    from cpic_planner.results import RankResult, SearchedResult
 
 
 def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
@@ -98,22 +96,10 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
     """
     from cpic_planner.api import answered
 
-    answer = answered(question, check=_checked, tell=command.note)
+    answer = answered(question, working=progress)
     output.draw(answer.figure)
     printed = partial(answer.print, every_budget=output.budget, explain=output.explain)
     output.show(answer.result, printed, answer.found)
-
-
-def _checked(
-    question: queries.EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
-) -> Sequence[EtcAnswer]:
-    """Return the answers, checked in images, with a bar of progress."""
-    from cpic_planner.api import checked
-    from cpic_planner.confirm import needs_images
-
-    total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
-    with progress("images, per cent", total=total, enabled=total > 0) as advance:
-        return checked(question, model, stars, answers, advance=advance)
 
 
 R = TypeVar("R", bound="SearchedResult")

@@ -419,7 +419,7 @@ class Runner(Generic[R]):
         dict
             Bodies by key, in the order of the tasks.
         """
-        keeper = (store or self.output) if kept else None
+        keeper: Any = (store or self.output) if kept else None
         every = {task.key: task for task in tasks}
         bodies: dict[str, Any] = {}
         for task in every.values() if keeper is not None and not again else ():

@@ -8,6 +8,7 @@ the first visits and could change the rest: that is left out, so that losses are
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
