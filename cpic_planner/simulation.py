@@ -657,7 +657,7 @@ def simulation_job(
             products.refuse_taken(folder.path / item.folder, item.name, overwrite=True)
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
-        bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
+        bodies = runner.finish(make_sequence, tasks, tells=True)
         rows = [_row(item, own, bodies[item.obsid], truth) for item, own in zip(planned, settings, strict=True)]
         return SimulationResult(
             version=__version__,
@@ -720,22 +720,6 @@ def simulate(
     job = simulation_job(planned, simulation, truth=truth, notes=notes)
     _check_room(Path(out), planned, truth=truth)
     return run(job, out, **how)
-
-
-@dataclass(frozen=True)
-class _Products:
-    """Sequences in the folder of a run: on record when all of their files are on disk."""
-
-    folder: RunFolder
-
-    def part(self, key: str) -> dict[str, Any] | None:
-        stored = self.folder.part(key)
-        return stored if stored is not None and _whole(self.folder.path, stored) else None
-
-    def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
-        for name in reversed(body["files"]):  # the Level-0 file last: where it is, the others are
-            self.folder.adopt(self.folder.temporary / key / name, name, **body["files"][name])
-        return self.folder.save_part(key, body)
 
 
 def _hashes(planned: Sequence[PlannedSequence]) -> tuple[dict[int, str], dict[str, str]]:
@@ -856,15 +840,6 @@ def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
         file=(Path(item.part.folder) / item.name.file).as_posix(),
         streams=streams,
     )
-
-
-def _whole(root: Path, body: dict[str, Any]) -> bool:
-    """Return whether the files of a sequence are as they were left."""
-    for name, known in body["files"].items():
-        path = root / name
-        if not path.is_file() or path.stat().st_size != known["size_bytes"] or digest_of(path) != known["sha256"]:
-            return False
-    return True
 
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from catalogs import LeftOut
     from cpic_planner.cli.output import Output
     from cpic_planner.jobs import Job, Runner
-    from cpic_planner.queries import SimulatorOverrides
+    from cpic_planner.queries import Option, SimulatorOverrides
 
 
 R = TypeVar("R", bound=BaseModel)
@@ -504,7 +504,7 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
     parameters += [_parameter("verbose", VerboseOption, 0), _parameter("quiet", QuietOption, False)]
 
     def called(**given: Any) -> None:
-        from cpic_planner.queries import called_as, option_names
+        from cpic_planner.queries import called_as
         from simulator.config import validate
 
         if given["verbose"] or given["quiet"]:
@@ -515,7 +515,7 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
             if model is not None:
                 arguments["question"] = question
             if shown is not None:
-                with called_as(option_names(shown)):
+                with called_as(_options(shown)[1]):
                     strict = {_STRICT: question.strict} if lacking and tables else {}
                     arguments["output"] = validate(shown, _answered(shown, _OUTPUT, given)[0] | strict)
             run(**arguments)
@@ -526,16 +526,24 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
     return called
 
 
+@functools.cache
+def _options(model: Any) -> tuple[tuple[Option, ...], dict[str, str]]:
+    """Return the options of a model, and the option of each of its fields."""
+    from cpic_planner.queries import option_names, options_of
+
+    return tuple(options_of(model)), option_names(model)
+
+
 def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
 def _parameters_of(model: Any, before: str, of_strict: str = "") -> list[inspect.Parameter]:
     """Return the parameters of a command for the fields of a model, their names behind ``before``."""
-    from cpic_planner.queries import option_names, options_of, spelled
+    from cpic_planner.queries import spelled
 
-    names, parameters = option_names(model), []
-    for option in options_of(model):
+    (options, names), parameters = _options(model), []
+    for option in options:
         text = f"{spelled(option.text, names)} {of_strict if option.path == (_STRICT,) else ''}".rstrip()
         default = inspect.Parameter.empty if option.required and option.asked.argument else None
         parameters.append(_parameter(before + option.name, _annotation(option, text), default))
@@ -546,14 +554,14 @@ def _answered(
     model: Any, before: str, given: Mapping[str, Any], file: Mapping[str, Any] = MappingProxyType({})
 ) -> tuple[dict[str, Any], dict[str, str], set[str]]:
     """Return what options and a file say of a model, the option of each value, and which fields options are about."""
-    from cpic_planner.queries import called_as, option_names, options_of, tree_of
+    from cpic_planner.queries import called_as, tree_of
 
-    options, names = tuple(options_of(model)), option_names(model)
+    options, names = _options(model)
     values = {option.name: _value(given.get(before + option.name)) for option in options}
     said = [option for option in options if values[option.name] not in (None, (), [])]
     # A value that is made of parts is called by the first of them that is given.
     parts = {".".join(item.path[:-1]): item.flag for item in reversed(said) if item.parts is not None}
-    names |= parts
+    names = names | parts
     with called_as(names):
         return tree_of(options, values, file, names), names, {option.path[0] for option in said}
 

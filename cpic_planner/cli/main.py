@@ -85,11 +85,10 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-class _Printable(logging.Formatter):
-    """Messages that quote names without steering the terminal by them."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return visible(super().format(record), "\n")
+def _printable(record: logging.LogRecord) -> bool:
+    """Let a message that quotes names not steer the terminal by them."""
+    record.msg, record.args = visible(record.getMessage(), "\n"), None
+    return True
 
 
 @app.callback(invoke_without_command=True)
@@ -107,8 +106,8 @@ def root(
         typer.echo(context.get_help())
         return
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_Printable("%(levelname)s: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler])
+    handler.addFilter(_printable)
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], format="%(levelname)s: %(message)s")
     set_loudness(verbose, quiet)
     if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))
