@@ -70,9 +70,9 @@ PLACE_ERROR, CORNER_ERROR = 0.08, 0.17
 """Residual speckles of the closed forms around one planet, up to the first of `CORNERS_ARCSEC` and from the second on.
 
 Up to 0.7 arcsec their mean over a ring is that of images within 2 % in every band; around one planet, the 20 cases of
-the report blind_validator, of which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % at a share
-of 58 %). Where squares cut the ring to their corners, the mean of the ring takes off more than that of the hole, which the
-closed forms reckon with: they are up to 14 % too large."""
+the report blind_validator, of which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % at a
+share of 58 %). Where squares cut the ring to their corners, the mean of the ring takes off more than that of the hole,
+which the closed forms reckon with: they are up to 14 % too large."""
 CORNERS_ARCSEC = (0.7, 0.9)
 
 WINGS_ERROR = 0.5
