@@ -237,7 +237,7 @@ def _place(rows: list[Row]) -> None:
             hours, minutes, seconds, sign, degrees, arcmin, arcsec = parts
             right = join_sexagesimal(hours, minutes, seconds, clock=True)
             pair = right, join_sexagesimal(degrees, arcmin, arcsec, sign if any(sign) else None)
-        for row, ra, dec in zip(lacking, *(item.values.tolist() for item in pair), strict=True):
+        for row, ra, dec in zip(lacking, *(item.tolist() for item in pair), strict=True):
             if math.isfinite(ra + dec):
                 row |= {"ra_deg": ra, "dec_deg": dec}
 

@@ -7,8 +7,6 @@ from cpic_planner.validation.albedo_fit import (
 )
 from cpic_planner.validation.astrometry import (
     Astrometry as Astrometry,
-    SkyPosition as SkyPosition,
-    band_average as band_average,
     fit_position as fit_position,
 )
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
@@ -37,7 +35,6 @@ from cpic_planner.validation.photometry import (
     Contrast as Contrast,
     Photometry as Photometry,
     aperture_photometry as aperture_photometry,
-    aperture_sum as aperture_sum,
     aperture_weights as aperture_weights,
     contrast as contrast,
     edge_crossed as edge_crossed,
@@ -51,7 +48,6 @@ from cpic_planner.validation.rdi import (
     reduce_stack as reduce_stack,
     roll_photometry as roll_photometry,
     roll_subtract as roll_subtract,
-    scale_library as scale_library,
 )
 from cpic_planner.validation.realise import (
     FrameStatistics as FrameStatistics,

@@ -21,7 +21,6 @@ from cpic_core import (
     check_positive,
     checked_array,
     disc_overlap,
-    load_quietly,
     numeric_context,
     require,
 )
@@ -216,40 +215,6 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     weights = np.zeros(shape)
     weights[first[0] : last[0], first[1] : last[1]] = disc_overlap(y, x, radius)
     return weights
-
-
-def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:
-    """Sum inside exact circular apertures.
-
-    Parameters
-    ----------
-    image : array_like
-        Image (y, x), finite.
-    x_pixel, y_pixel : array_like
-        Centres, broadcast; pixel centres are at integers.
-    radius_pixel : float
-        Radius, above 0; every circle must lie inside the image.
-
-    Returns
-    -------
-    ndarray
-        One sum per centre, shape of the centres.
-
-    Raises
-    ------
-    InputError
-        If a circle leaves the image, or a number is not finite.
-    """
-    CircularAperture = load_quietly("photutils.aperture").CircularAperture
-
-    data = checked_image(image)
-    x, y = np.broadcast_arrays(np.asarray(x_pixel, dtype=np.float64), np.asarray(y_pixel, dtype=np.float64))
-    _check_inside(data.shape, x, y, radius_pixel)
-    if x.size == 0:
-        return np.zeros(x.shape)
-    apertures = CircularAperture(np.column_stack([x.ravel(), y.ravel()]), float(radius_pixel))
-    sums, _ = apertures.do_photometry(data, method="exact")
-    return np.asarray(sums, dtype=np.float64).reshape(x.shape)
 
 
 def sample_scatter(

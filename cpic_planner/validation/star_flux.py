@@ -44,7 +44,8 @@ class StarFlux:
         Electrons per second of the whole star without mask, apodizer or aperture.
     error_e_s : float
         Its 1-sigma error.
-    method : {"off_mask", "field_star"}
+    method : {"off_mask", "field_star", "known"}
+        How it was measured; ``known`` for that of the scene.
     flux_e : float
         Electrons measured in the aperture, background taken off, of the star itself or of the field star.
     core : float
@@ -57,7 +58,7 @@ class StarFlux:
 
     rate_e_s: float
     error_e_s: float
-    method: Literal["off_mask", "field_star"]
+    method: Literal["off_mask", "field_star", "known"]
     flux_e: float
     core: float
     time_s: float
@@ -66,7 +67,7 @@ class StarFlux:
     @classmethod
     def known(cls, rate_e_s: float) -> "StarFlux":
         """Return a rate that is known without a measurement, as the scene's own."""
-        return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
+        return cls(rate_e_s, 0.0, "known", rate_e_s, 1.0, 1.0)
 
 
 def off_mask_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import pytest
 from photutils.aperture import CircularAperture
 
 from cpic_core import stream
-from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
+from cpic_planner.validation import aperture_photometry, aperture_weights, contrast
 from cpic_planner.validation.photometry import (
     kernel_at,
     outside_discs,
@@ -49,17 +49,6 @@ def test_weights_are_those_of_photutils(x: float, y: float, radius: float) -> No
 def test_weights_need_no_photutils() -> None:
     code = "import sys; from cpic_planner.validation import aperture_weights as w; w((9, 9), 4.1, 4.2, 2.3); "
     subprocess.run([sys.executable, "-c", code + "sys.exit('photutils' in sys.modules)"], check=True)
-
-
-def test_sums() -> None:
-    image = np.random.default_rng(0).normal(size=(SIDE, SIDE))
-    x, y = np.array([[20.0, 30.4], [41.7, 50.0]]), np.array([[20.0], [61.2]])
-    sums = aperture_sum(image, x, y, RADIUS)
-    assert sums.shape == (2, 2)
-    expected = np.sum(image * aperture_weights(image.shape, 30.4, 20.0, RADIUS))
-    assert sums[0, 1] == pytest.approx(expected, rel=1e-12)
-    assert aperture_sum(np.ones((9, 9)), 4, 4, 2.0) == pytest.approx(4 * math.pi)
-    assert aperture_sum(image, [], [], 2.0).shape == (0,)
 
 
 @pytest.mark.parametrize("phase", [(0.0, 0.0), (0.5, 0.3), (-0.4, 0.1)])
