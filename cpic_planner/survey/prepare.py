@@ -132,7 +132,7 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
     Notes
     -----
     Of what can brighten a dark hole this is the plainest: static and everywhere in it. It does more harm than as much
-    light of the instrument's own hole (``reports/whatif``), whose field differs across the band, so that its products
+    light of the instrument's own hole (report ``whatif``), whose field differs across the band, so that its products
     with the drift partly cancel; an error of the mirror leaves nearly the same field at all wavelengths of a band.
     """
     if instrument.coronagraph.table is not None:
