@@ -32,11 +32,9 @@ from cpic_planner.validation.measure import (
     planet_templates as planet_templates,
 )
 from cpic_planner.validation.photometry import (
-    Contrast as Contrast,
     Photometry as Photometry,
     aperture_photometry as aperture_photometry,
     aperture_weights as aperture_weights,
-    contrast as contrast,
     edge_crossed as edge_crossed,
 )
 from cpic_planner.validation.rdi import (
@@ -66,7 +64,6 @@ from cpic_planner.validation.search import (
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
     observe_off_mask as observe_off_mask,
-    star_flux_of_field_star as star_flux_of_field_star,
     star_flux_off_mask as star_flux_off_mask,
 )
 from cpic_planner.validation.task import (

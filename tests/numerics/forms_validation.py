@@ -1,4 +1,4 @@
-"""Closed forms of the validator: contrasts, apertures, sums of frames, albedos."""
+"""Closed forms of the validator: apertures, sums of frames, albedos."""
 
 from __future__ import annotations
 
@@ -12,24 +12,8 @@ from cpic_planner.validation import (
     AlbedoModel,
     aperture_weights,
     combine,
-    contrast,
     filled,
 )
-
-LIGHT = [
-    (f, t, core, rate, time, e, s)
-    for f in (0.0, 1e-6, -3.0, 1e12)
-    for t in (1e-3, 1.0)
-    for core in (1e-6, 0.3)
-    for rate, time in ((1e-12, 1e-6), (1e6, 1e6), (1e20, 1.0))
-    for e, s in ((0.0, 0.0), (5.0, 1e-3))
-]
-
-
-def ratio_error(f: mpf, t: mpf, core: mpf, rate: mpf, time: mpf, e: mpf, s: mpf) -> mpf:
-    full = t * core * rate * time
-    return mp.sqrt((e / full) ** 2 + (f / full * s / rate) ** 2)
-
 
 MODEL = AlbedoModel(
     bands=("F520",),
@@ -64,20 +48,6 @@ USABLE = np.array([True, False, True])[:, None, None]
 SUMS = [(x, r) for x in (20.0, 20.25, 19.7) for r in (1e-3, 0.3, 1.0, 3.3, 15.0)]
 
 FORMS = [
-    ClosedForm(
-        "cpic_planner.validation.contrast",
-        "flux -3 to 1e12 e-, contrasts 1e-30 to 1e30",
-        LIGHT,
-        lambda f, t, core, rate, time, e, s: contrast(f, t, core, rate, time, error=e, star_rate_error_e_s=s).value,
-        lambda f, t, core, rate, time, e, s: f / (t * core * rate * time),
-    ),
-    ClosedForm(
-        "cpic_planner.validation.contrast, error",
-        "as the contrast",
-        LIGHT,
-        lambda f, t, core, rate, time, e, s: contrast(f, t, core, rate, time, error=e, star_rate_error_e_s=s).error,
-        ratio_error,
-    ),
     ClosedForm(
         "cpic_planner.validation.combine",
         "one frame of three unusable, 1e-12 to 1e100 e-",

@@ -29,11 +29,11 @@ ROOMS = {
         "stage_probability to_electrons write_calibration_set"
     ),
     "cpic_planner.validation": (
-        "AlbedoFit AlbedoModel Astrometry BlindSearch CalibratedFrames Candidate Contrast LibraryPlan Photometry "
+        "AlbedoFit AlbedoModel Astrometry BlindSearch CalibratedFrames Candidate LibraryPlan Photometry "
         "RdiResult ReducedStack RollResult SpeckleMaps StarFlux aperture_photometry "
-        "aperture_weights calibrated_frames combine contrast detection_threshold filled fit_albedo "
+        "aperture_weights calibrated_frames combine detection_threshold filled fit_albedo "
         "fit_position library_plan observe_off_mask planet_albedo_model rdi_subtract reduce_stack reject_cosmic_rays "
-        "roll_photometry roll_subtract star_flux_of_field_star star_flux_off_mask threshold_array"
+        "roll_photometry roll_subtract star_flux_off_mask threshold_array"
     ),
 }
 """What users may call beside the names of the roots; the other names of a room are for other rooms."""
@@ -105,7 +105,6 @@ NO_NUMBER = {
         "CalibrationSet",
         "Candidate",
         "Catalogue",
-        "Contrast",
         "Effect",
         "Exposure",
         "ExternalPsf",

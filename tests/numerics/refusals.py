@@ -15,7 +15,7 @@ from catalogs.coordinates import propagate
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.planets.population import read_law
-from cpic_planner.validation import aperture_weights, combine, contrast, filled
+from cpic_planner.validation import aperture_weights, combine, filled
 from simulator.camera.noise import mean_projection_um
 from simulator.detectors import clean_fraction
 from simulator.effects import cosmic_ray_rate
@@ -104,21 +104,6 @@ REFUSALS = [
             ((19.0, 0.0), "sigma = 0.0 sigma: not accepted; allowed: above 0 and at most 20"),
             ((19.0, 20.5), "sigma = 20.5 sigma: not accepted; allowed: above 0 and at most 20"),
             (("a", 5.0), "n_resolution_elements = a: not accepted; allowed: numbers, finite and at least 0"),
-        )
-    ),
-    *(
-        Refusal("cpic_planner.validation.contrast", contrast, given, says)
-        for given, says in (
-            ((NAN, 1.0, 0.5, 1.0, 1.0), "flux = nan e-: not accepted; allowed: a finite number"),
-            ((1.0, 0.0, 0.5, 1.0, 1.0), "throughput = 0.0: not accepted; allowed: finite and above 0"),
-            ((1.0, 1.0, 1.5, 1.0, 1.0), "core = 1.5: not accepted; allowed: above 0 and at most 1"),
-            ((1.0, 1e-200, 1e-200, 1.0, 1.0), "throughput x core x star_rate_e_s x time_s = 0.0 e-: not accepted"),
-            ((1.0, 1.0, 1.0, 1e308, 1e308), "throughput x core x star_rate_e_s x time_s = inf e-: not accepted"),
-            (
-                (1e308, 1e-10, 1.0, 1.0, 1.0),
-                "contrast = inf: not accepted; allowed: a finite ratio with a finite error",
-            ),
-            (("1", 1.0, 0.5, 1.0, 1.0), "flux = 1 e-: not accepted; allowed: real numbers"),
         )
     ),
     *(
