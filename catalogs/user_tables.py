@@ -41,14 +41,7 @@ from catalogs.stars import (
     type_flags,
 )
 from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.table_cells import (
-    Row,
-    Rows,
-    Use,
-    join_sexagesimal,
-    read_positions,
-    read_rows,
-)
+from catalogs.table_cells import Row, Rows, Use, join_sexagesimal, read_positions, read_rows
 from catalogs.table_files import LeftOut, RawTable
 from cpic_core import InputError, listed
 

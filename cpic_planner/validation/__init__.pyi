@@ -5,10 +5,7 @@ from cpic_planner.validation.albedo_fit import (
     fit_albedo as fit_albedo,
     planet_albedo_model as planet_albedo_model,
 )
-from cpic_planner.validation.astrometry import (
-    Astrometry as Astrometry,
-    fit_position as fit_position,
-)
+from cpic_planner.validation.astrometry import Astrometry as Astrometry, fit_position as fit_position
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
 from cpic_planner.validation.frames import (
     CalibratedFrames as CalibratedFrames,

@@ -30,14 +30,7 @@ from cpic_planner.validation.photometry import (
 )
 from cpic_planner.validation.rdi import ReducedStack, paying_modes, roll_photometry, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
-from cpic_planner.validation.search import (
-    BlindSearch,
-    Searcher,
-    SpeckleMaps,
-    mirror_share,
-    speckle_maps,
-    whole_kernels,
-)
+from cpic_planner.validation.search import BlindSearch, Searcher, SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask, LibraryPlan
 from simulator.config import Instrument

@@ -9,14 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import (
-    ArrayLike,
-    BoolArray,
-    FloatArray,
-    InputError,
-    check_word,
-    numeric_context,
-)
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_word, numeric_context
 from cpic_planner.etc import CountingLaw, counting_variance
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation.photometry import (
