@@ -87,7 +87,6 @@ ELSEWHERE = {
     "roll_subtract": "tests/cpic_planner/validation/test_roll.py",
     "roll_photometry": "tests/cpic_planner/validation/test_roll.py",
     "star_flux_off_mask": "tests/cpic_planner/validation/test_star_flux.py",
-    "star_flux_of_field_star": "tests/cpic_planner/validation/test_star_flux.py",
     "observe_off_mask": "tests/cpic_planner/validation/test_star_flux.py",
     "planet_albedo_model": "tests/cpic_planner/validation/test_albedo_model.py",
 }
