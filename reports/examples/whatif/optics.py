@@ -88,4 +88,3 @@ def images(band: str, contrast: float) -> dict[str, Any]:
 def run() -> list[dict[str, Any]]:
     """All cases."""
     return [images(*case) for case in CASES]
-
