@@ -24,6 +24,8 @@ INSTRUMENTS = ("cpic_default", "as_published")
 DRIFTS_NM = (0.02, 0.05, 0.1, 0.3)
 VISITS: tuple[int | None, ...] = (1, 4, 16, None)
 TIME_S = 36_000.0
+WHY = """Where more planets are found blind than at known places: the law of a look at a known place is that of single
+visits, whose few resolution elements make its threshold; a search of many visits has their scatter as well."""
 
 
 def detected(
@@ -94,8 +96,7 @@ Each number is the count of rows with verdict `detected` of one command, as
     for name in INSTRUMENTS:
         parts.append(f"## {name}, {TIME_S / 3600:g} h of wall time a star and band")
         parts.append(table(heads, list(rows(targets, name))))
-    parts.append("""Where more planets are found blind than at known places: the law of a look at a known place is that of single
-visits, whose few resolution elements make its threshold; a search of many visits has their scatter as well.""")
+    parts.append(WHY)
     write_text(HERE / "report.md", "\n\n".join(parts) + "\n")
 
 

@@ -333,9 +333,6 @@ def main() -> None:
         frames = optimiser_rows(model)
         curves, floors = limit_curves(), floor_rows()
     write_text(HERE / "monte_carlo.csv", csv_text(trials + stars))
-    write_text(HERE / "counting.csv", csv_text(counted))
-    write_text(HERE / "optimiser.csv", csv_text(frames))
-    write_text(HERE / "limits.csv", csv_text([row for curve in curves for row in curve.rows()]))
     with style():
         write_bytes(HERE / "monte_carlo.png", png(monte_carlo_figure(trials, WHITE)))
         write_bytes(HERE / "contrast_limit.png", png(limit_figure(curves)))
