@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 
 from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
-from cpic_planner.validation import Contrast
 from tools.report_parts import columns, png, table
 
 HERE = Path(__file__).resolve().parent
@@ -30,6 +29,7 @@ from reports.paper.paper_table1.figures import (  # noqa: E402
 from reports.paper.paper_table1.measure import (  # noqa: E402
     SIMULATION,
     Case,
+    Contrast,
     Measured,
     answered,
     instrument,
