@@ -7,7 +7,7 @@ number is chosen for every case (`cpic_planner.etc.programmes`), and frames are 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from cpic_planner.etc.noise import (
     stack_noise,
 )
 from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_columns, programme_fields
-from cpic_planner.etc.rates import planets_of
+from cpic_planner.etc.rates import Planets, planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import EtcAnswer, EtcResult, Question, ReferencePlanetRecord
@@ -383,13 +383,24 @@ TRIAL_CONTRAST = 1e-8
 """Contrast of the planet that stands for all where a faintest one is looked for."""
 
 
+Places: TypeAlias = float | Sequence[float] | Mapping[str, Sequence[float]]
+"""Separations in arcsec, in all bands or by band, as many in each."""
+
+
+def _planets(places: Places, planet: Any, contrast: Any) -> Planets | dict[str, Planets]:
+    """Return the planets of a question, in all bands or by band."""
+    if isinstance(places, Mapping):
+        return {band: planets_of(of_band, planet, contrast) for band, of_band in places.items()}
+    return planets_of(places, planet, contrast)
+
+
 def signal_to_noise(
     model: EtcModel,
     target: Targets,
     *,
     time_s: float | None = None,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
     contrast: float | Sequence[float] | None = None,
@@ -411,8 +422,8 @@ def signal_to_noise(
         where number and time of the visits are given.
     visit_time_s : float, optional
         Wall time of one visit.
-    separation_arcsec : float or sequence of float
-        Projected separation, on the diagonal of a quadrant, 0 to 120.
+    separation_arcsec : float, sequence of float, or mapping of str to these
+        Projected separation, on the diagonal of a quadrant, 0 to 120; in all bands or by band.
     bands : sequence of str, optional
         All of the model by default.
     planet : ReferencePlanet or sequence, optional
@@ -439,7 +450,7 @@ def signal_to_noise(
         For values out of range, sequences of different lengths, and times that contradict each other.
     """
     span = Span.of(model, time_s, visit_time_s)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), _planets(separation_arcsec, planet, contrast)
     every = cases_by_camera(model, target, bands, planets, fixed, 1.0, offsets_arcsec=offsets_arcsec)
     solved = [cases.in_time(span, exact) for cases in every]
     with np.errstate(divide="ignore"):
@@ -455,7 +466,7 @@ def exposure_time(
     sigma: float | None = None,
     detect: bool = False,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
     contrast: float | Sequence[float] | None = None,
@@ -493,7 +504,7 @@ def exposure_time(
         raise InputError("snr", " and ".join(given) or None, allowed="one of snr, sigma, detect")
     check_levels(snr, sigma)
     span = Span.of(model, None, visit_time_s, asked=True)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), _planets(separation_arcsec, planet, contrast)
     every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
     solved = [cases.for_level(span) for cases in every]
     values = [one.programme.visits * model.time_s(one.choice.visit_s) for one in solved]
@@ -506,7 +517,7 @@ def contrast_limit(
     *,
     time_s: float | None = None,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     sigma: float | None = None,
     snr: float | None = None,
@@ -535,7 +546,7 @@ def contrast_limit(
     if sigma is not None and snr is not None:
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
     span = Span.of(model, time_s, visit_time_s)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
+    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), _planets(separation_arcsec, None, _START)
     every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
     limits = [_limit(cases, span, exact) for cases in every]
     solved = [_at_limit(cases, limit, exact) for cases, limit in zip(every, limits, strict=True)]
@@ -564,7 +575,7 @@ def contrast_limits(
         By band, as many in each.
     """
     bands, span = tuple(separation_arcsec), Span.of(model, time_s, None)
-    planets = {band: planets_of(place.tolist(), None, _START) for band, place in separation_arcsec.items()}
+    planets = _planets({band: place.tolist() for band, place in separation_arcsec.items()}, None, _START)
     fixed, found = fixed_frames(model, bands, exposure_s, em_gain), dict[str, FloatArray]()
     for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
         limit = _limit(cases, span, exact=False)
