@@ -324,14 +324,14 @@ def best_places(
     grids = {band: separation_grid(model, band) for band in bands}
     most = max(len(grid) for grid in grids.values())
     grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
-    fixed = etc.fixed_frames(model, bands, question.exposure_s, question.em_gain)
+    how = {name: getattr(question, name) for name in ("exposure_s", "em_gain", "snr", "sigma")}
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best: dict[str, list[float]] = {band: [] for band in bands}
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
         them = {band: etc.planets_of(list(grid), planet, contrast) for band, grid in grids.items()}
-        for cases in etc.cases_by_camera(model, star, bands, them, fixed, question.snr, question.sigma):
+        for cases in etc.cases_by_camera(model, star, bands, them, **how):
             for band, cost in zip(cases.bands, _cost(question, model, cases), strict=True):
                 best[band].append(float(grids[band][int(np.argmin(cost))]))
     return best
@@ -339,16 +339,16 @@ def best_places(
 
 def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> FloatArray:
     """Return what to make small, one number a band and separation; places outside the field cost ``inf``."""
-    every, given = cases.programmes, model.strategy.visits
+    given = model.strategy.visits
     if not question.asks_time:
         times = questions.times_of(question, model, cases.bands[0])
         return cases.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
-        time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
+        time_s = cases.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
-        visits = every.quickest() if given is None else fixed
-        time_s = visits * model.time_s(every.solved(visits)[0])
+        visits = cases.quickest() if given is None else fixed
+        time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
     cost = np.where(cases.possible, time_s, np.inf)
     answered = np.isfinite(cost).any(axis=(1, 2), keepdims=True)
     if answered.all():
