@@ -75,7 +75,7 @@ _LEVEL_STEPS, _SAME, _STILL = 60, 1e-10, 1e-10
 _HAIR = 1e-14
 _SHORT, _ENDLESS_S = 0.98, 1e15
 _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
-_STEPS, _CLOSE, _FLAT = 40, 1e-12, 2e-3
+_STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
 _OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_laws", "_averaging", "camera")
@@ -943,33 +943,46 @@ class Cases:
 
     def at_level(self, visits: FloatArray) -> "Solution":
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
-        if not self.model.strategy.n_modes:
-            return self._at_level_by_mean(visits)
-        visit_s = self.solved(visits)[0]
+        if self.model.strategy.n_modes:
+            return self._by_length(visits, self.solved(visits)[0])
+        visit_s, level = None, np.full(visits.shape, self.value or 1.0)
+        if not self.steady or self.model.instrument.drift.correlation_time_h > 0.0:
+            visit_s, level = self.solved(visits)
+        found = self._by_secants(visits, visit_s, level)
+        if visit_s is None:
+            return found
+        missed = found.choice.inverse_snr2 * found.level**2
+        lost = np.isfinite(visit_s) & ~(missed <= 1.0 + 10.0 * _SAME)
+        if not lost.any():
+            return found
+        # Whole frames make steps of the level that secants may not find together.
+        return self._by_length(visits, np.where(lost, visit_s, np.inf)).where(lost, found)
+
+    def _by_length(self, visits: FloatArray, visit_s: FloatArray) -> "Solution":
+        """Return the frames of the shortest visits that reach the level: the question for a time, turned round.
+
+        Parameters
+        ----------
+        visits : ndarray
+        visit_s : ndarray
+            About as long; ``inf`` where no length reaches it.
+        """
         reachable = np.isfinite(visit_s)
 
         def in_visits(length_s: FloatArray) -> tuple[FloatArray, Solution]:
             found = self.framed(visits, self.model.time_s(length_s))
             return found.choice.inverse_snr2 * found.level**2, found
 
-        # The frames of the shortest visits that reach it: the question for a time, turned round.
-        start_s = np.where(reachable, visit_s, 1.0)
-        taken_s = shortest(lambda length_s: in_visits(length_s)[0], start_s, reachable)
+        taken_s = shortest(lambda length_s: in_visits(length_s)[0], np.where(reachable, visit_s, 1.0), reachable)
         missed, found = in_visits(taken_s * (1.0 + _HAIR))
-        lost = ~reachable | (missed > 1.0 + _SAME)
-        choice = found.choice
+        lost, choice = ~reachable | (missed > 1.0 + _SAME), found.choice
         none = np.zeros_like(choice.n_frames)
         return replace(found, choice=choice.where(~lost, replace(choice, n_frames=none, visit_s=none)))
 
-    def _at_level_by_mean(self, visits: FloatArray) -> "Solution":
-        """Return the same without modes."""
+    def _by_secants(self, visits: FloatArray, visit_s: FloatArray | None, level: FloatArray) -> "Solution":
+        """Return the quickest frames for a level that follows them slowly; ``visit_s``: about as long, None for all."""
         model, last = self.model, None
-        steady = self.steady and model.instrument.drift.correlation_time_h == 0.0
-        if steady:
-            wall_s, level = np.array(np.inf), np.full(visits.shape, self.value, float)
-        else:
-            visit_s, level = self.solved(visits)
-            wall_s = model.time_s(visit_s)
+        wall_s = np.array(np.inf) if visit_s is None else model.time_s(visit_s)
         for _ in range(_LEVEL_STEPS):
             programme = Programme.of(model.strategy, visits, wall_s)
             problem = self.problem_in(programme)
@@ -978,7 +991,7 @@ class Cases:
             wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
             found = np.where(some, self.level_of(programme, problem, choice), level)
             off = np.subtract(found, level, out=np.zeros_like(level), where=some)
-            if steady or (last is not None and np.all(np.abs(off) <= _SAME * level)):
+            if visit_s is None or (last is not None and np.all(np.abs(off) <= _SAME * level)):
                 break
             # Secants of a fixed point: the level follows the length of the visits slowly.
             slope = np.zeros_like(level)
@@ -1081,6 +1094,12 @@ class Solution:
 
         cases = self.cases.in_programme(self.cases.programme._combined(take))
         return Solution(cases, self.problem._combined(take), self.choice._combined(take), take(self.level))
+
+    def where(self, mask: NDArray[np.bool_], other: "Solution") -> "Solution":
+        """Return this solution where the mask holds, another one of the same cases elsewhere."""
+        pairs = ((one.cases.programme.spread(mask.shape), one.problem, one.choice) for one in (self, other))
+        programme, problem, choice = (one.where(mask, two) for one, two in zip(*pairs, strict=True))
+        return Solution(self.cases.in_programme(programme), problem, choice, np.where(mask, self.level, other.level))
 
 
 def _beside(visits: FloatArray) -> list[FloatArray]:

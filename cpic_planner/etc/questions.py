@@ -1,7 +1,7 @@
 """The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once.
 
 An observation is a programme of visits that are reduced together. Where the strategy does not say how many, the best
-number is chosen for every case (`cpic_planner.etc.programmes`), and frames are whole.
+number is chosen for every case (`cpic_planner.etc.cases`), and frames are whole.
 """
 
 import math
