@@ -945,7 +945,7 @@ class Cases:
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
         if self.model.strategy.n_modes:
             return self._by_length(visits, self.solved(visits)[0])
-        visit_s, level = None, np.full(visits.shape, self.value or 1.0)
+        visit_s, level = None, np.full(visits.shape, float(self.value or 1.0))
         if not self.steady or self.model.instrument.drift.correlation_time_h > 0.0:
             visit_s, level = self.solved(visits)
         found = self._by_secants(visits, visit_s, level)
