@@ -218,9 +218,7 @@ class TradeoffRow(Row):
     settings: dict[str, Any] = Field(default_factory=dict, description="what is modelled")
     samples: dict[str, list[float]] = Field(
         default_factory=dict,
-        description="what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, "
-        "walk_e2_s2, one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2; of programmes "
-        "contrast and contrast_error (one a realisation)",
+        description="what the noise was measured from: contrast_error, one value a realisation",
     )
     n_frames: int = 0
     machine: str = Field(description="key of the machine")

@@ -4,8 +4,9 @@ False alarms are noise that passes the threshold, and background stars that pass
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -496,12 +497,32 @@ def noise_alarms(model: etc.EtcModel, band: str) -> float:
 
 Ways = tuple[tuple[Setting, ...], ...]
 """Ways to visit some stars."""
-_Rates = tuple[tuple[float, ...], ...]
+_Each = tuple[tuple[Any, ...], ...]
+
+
+def of_ways(targets: Targets, options: Ways, worked: Callable[[Targets, list[Setting]], Iterable[Any]]) -> _Each:
+    """Return something of each way to visit stars, by star and option.
+
+    Parameters
+    ----------
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    worked : callable
+        Returns it for some stars, each with a visit in the same band.
+    """
+    every = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
+    found = [[None] * len(ways) for ways in options]
+    for band in dict.fromkeys(way.band for *_, way in every):
+        stars, places, settings = zip(*(item for item in every if item[2].band == band), strict=True)
+        for i, o, value in zip(stars, places, worked(targets.select(list(stars)), list(settings)), strict=True):
+            found[i][o] = value
+    return tuple(map(tuple, found))
 
 
 def alarms(
     universe: UniverseConfig, strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
-) -> tuple[_Rates, _Rates]:
+) -> tuple[_Each, _Each]:
     """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
 
     Parameters
@@ -514,45 +535,11 @@ def alarms(
     options : tuple of tuple of Setting
         Ways to visit each star.
     """
+
+    def background(stars: Targets, settings: list[Setting]) -> list[float]:
+        if universe.background == "off":
+            return [0.0] * len(settings)
+        return background_alarms(model, stars, settings, strategy.detection).tolist()
+
     noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
-    background = [[0.0] * len(ways) for ways in options]
-    for places, stars, settings in by_band(targets, options) if universe.background == "on" else ():
-        found = background_alarms(model, stars, settings, strategy.detection)
-        for (i, o), expected in zip(places, found.tolist(), strict=True):
-            background[i][o] = expected
-    return noise, tuple(map(tuple, background))
-
-
-def by_band(targets: Targets, options: Ways) -> Iterator[tuple[list[tuple[int, int]], Targets, list[Setting]]]:
-    """Yield the visits of each band: positions of star and option, the stars, and the settings.
-
-    Parameters
-    ----------
-    targets : Targets
-    options : tuple of tuple of Setting
-        Ways to visit each star.
-    """
-    every = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
-    for band in dict.fromkeys(way.band for *_, way in every):
-        own = [item for item in every if item[2].band == band]
-        yield [(i, o) for i, o, _ in own], targets.select([i for i, *_ in own]), [way for *_, way in own]
-
-
-def faintest_by_way(
-    strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
-) -> tuple[tuple[FloatArray, ...], ...]:
-    """Return the contrast below which a visit shows no planet, by star, option and ring.
-
-    Parameters
-    ----------
-    strategy : SurveyStrategy
-    model : EtcModel
-    targets : Targets
-    options : tuple of tuple of Setting
-        Ways to visit each star.
-    """
-    found = [[np.zeros(0)] * len(ways) for ways in options]
-    for places, stars, settings in by_band(targets, options):
-        for (i, o), rings in zip(places, faintest_of(model, stars, settings, strategy.detection), strict=True):
-            found[i][o] = rings
-    return tuple(map(tuple, found))
+    return noise, of_ways(targets, options, background)

@@ -34,7 +34,8 @@ from cpic_planner.survey.detection import (
     Setting,
     detection_chance,
     expected_signals,
-    faintest_by_way,
+    faintest_of,
+    of_ways,
     on_detector,
     reach_au,
 )
@@ -271,7 +272,8 @@ class Survey:
     @cached_property
     def faintest(self) -> tuple[tuple[FloatArray, ...], ...]:
         """Contrast below which a visit shows no planet, by star, option and ring."""
-        return faintest_by_way(self.strategy, self.model, self.targets, self.options)
+        rule = self.strategy.detection
+        return of_ways(self.targets, self.options, lambda *ways: faintest_of(self.model, *ways, rule))
 
 
 @dataclass(frozen=True, eq=False)
