@@ -175,7 +175,7 @@ class Effort:
     budget_s: float = 1.5
     realisations: int = 48
     visits_by_frames: int = 24
-    changes: int = 4
+    changes: int = 3
 
     def number_of(self, point: "Point", draw: str, visits: int) -> int:
         """Return the realisations of a way."""
