@@ -746,6 +746,7 @@ class _Simulation:
         self.clock = Clock(n, survey.strategy.time_budget_h, promised_h)
         self.noise_alarms, self.background_alarms, self.planets_found = np.zeros((3, n), np.int64)
         self.detections: list[dict[str, NDArray[Any]]] = []
+        self._costs: dict[tuple[int, Setting], FloatArray] = {}
 
     def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
         """Return the planets of a star, and what every visit would detect of them."""
@@ -936,8 +937,10 @@ class _Simulation:
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Return the telescope time of one more visit of a star; infinite where it is not possible."""
-        calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
-        return float(calendar.cost_h(self.survey.model, i, setting, settlings)[slot])
+        if (i, setting) not in self._costs:
+            calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
+            self._costs[i, setting] = calendar.cost_h(self.survey.model, i, setting, settlings)
+        return float(self._costs[i, setting][slot])
 
     def _ahead(self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int) -> FloatArray:
         """Return the odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, InputError
 from cpic_planner import etc, validation
 from cpic_planner.confirm import scene_target
 from cpic_planner.results import TradeoffRow
@@ -90,6 +90,9 @@ class NotApplicable(Exception):
     def __init__(self, message: str, reason: str = "not_applicable") -> None:
         super().__init__(message)
         self.reason = reason
+
+
+_CUT_OFF = "limits cut off the planet's aperture or what is around it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,12 +169,15 @@ class Images:
         else:
             if number:
                 visits = validation.visit_pair(self.task, realisation=number, modelling=self.how)
-            drawn, _ = validation.realise_frames(visits)
+            try:
+                drawn, _ = validation.realise_frames(visits)
+            except InputError:  # no pixel is left
+                raise NotApplicable(_CUT_OFF) from None
         star = validation.StarFlux.known(visits.science.truth.sources[0].rate_e_s)
         planets = list(validation.planet_templates(self.visits))
         (one,), _ = validation.measure_planets(visits, drawn, planets, star, searched=False)
         if one is None:
-            raise NotApplicable("limits cut off the planet's aperture or what is around it")
+            raise NotApplicable(_CUT_OFF)
         return one.contrast_error
 
     def flux_e(self) -> float:

@@ -108,7 +108,7 @@ def test_a_left_out_source_and_a_dark_sky_are_not_in_the_light(small_case):
         Images.of(small_case, way(**changes)).visits.science
         for changes in ({}, {"sky": False}, {"sky": False, "left_out": ("planet",)})
     )
-    assert dark.light.static_e_s.min() < 1e-3 * whole.light.static_e_s.min()
+    assert np.median(dark.light.static_e_s) < 1e-3 * np.median(whole.light.static_e_s)
     assert alone.scene.planets == ()
     assert alone.light.static_e_s.max() < 1e-6 * whole.light.static_e_s.max()
 
