@@ -539,7 +539,7 @@ def alarms(
     def background(stars: Targets, settings: list[Setting]) -> list[float]:
         if universe.background == "off":
             return [0.0] * len(settings)
-        return background_alarms(model, stars, settings, strategy.detection).tolist()
+        return list(background_alarms(model, stars, settings, strategy.detection).tolist())
 
     noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
     return noise, of_ways(targets, options, background)

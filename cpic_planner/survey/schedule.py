@@ -1146,7 +1146,7 @@ def _best(
     return exchanged(problem, room, group, chosen)
 
 
-def _fits(problem: Problem, room: Room, made: Chosen) -> bool:
+def _fits(problem: Problem, room: Room, made: Mapping[int, Sequence[Visit]]) -> bool:
     """Return whether what is left holds all of these visits."""
     left = room.after(problem, made)
     return left.budget_h >= -ROUNDING and bool((left.slots_h >= -ROUNDING).all())

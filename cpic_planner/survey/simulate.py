@@ -273,7 +273,7 @@ class Survey:
     def faintest(self) -> tuple[tuple[FloatArray, ...], ...]:
         """Contrast below which a visit shows no planet, by star, option and ring."""
         rule = self.strategy.detection
-        return of_ways(self.targets, self.options, lambda *ways: faintest_of(self.model, *ways, rule))
+        return of_ways(self.targets, self.options, lambda stars, ways: faintest_of(self.model, stars, ways, rule))
 
 
 @dataclass(frozen=True, eq=False)
