@@ -535,7 +535,8 @@ def _before(universe: UniverseConfig, fact: str) -> dict[str, Any]:
     """Return what of a universe was otherwise before a fact was known; nothing where the survey does not use it."""
     base, file = split_source(universe.known_planets)
     if fact == "known_planets":
-        return {fact: "+".join(filter(None, ("archive_2019", file)))} if base == "snapshot" else {}
+        used = base == "snapshot" and universe.known_planets != "off"
+        return {fact: "+".join(filter(None, ("archive_2019", file)))} if used else {}
     if fact == "companions":
         return {"catalog": "simbad_2012"} if universe.catalog == "snapshot" else {}
     left = tuple(word for word in universe.exclusions if word != fact)
