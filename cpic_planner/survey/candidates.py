@@ -30,7 +30,7 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
+from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, looks_at_place, pair_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.orbits import orbit_chance
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
@@ -270,8 +270,9 @@ class PlanningSky:
             pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
             zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
             albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
-            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, zodis, faintest()[0])
             rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+            light = zodis, faintest()[0], looks_at_place(rule, placed)
+            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, *light)
             odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
             likely = odds >= LEAST_PROBABILITY
             some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)

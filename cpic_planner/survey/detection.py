@@ -155,6 +155,7 @@ def pair_signals(
     roll_deg: ArrayLike,
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
+    at_place: bool = True,
 ) -> ExpectedSignals:
     """Return what visits expect of planets; arrays of the length of ``pairs``.
 
@@ -166,6 +167,8 @@ def pair_signals(
         Which planets, and where they stand at which visit.
     faintest : ndarray, shape (ring,), optional
         Contrast below which planets are not looked at: nothing is seen of them (`faintest_of`).
+    at_place : bool
+        Whether any of them is looked for at a known place; if not, none is reached there.
     """
     band, shape = setting.band, pairs.visit.shape
     metrics = model.metrics[band]
@@ -212,7 +215,7 @@ def pair_signals(
             shares = etc.speckled_share(noise), etc.lit_share(noise, light)
             where = etc.own_share(noise), separation[at], *shares, visits
             # At a known place the orbit is followed.
-            for known, paid in enumerate((noise.significance / motion, noise.significance)):
+            for known, paid in enumerate((noise.significance / motion, noise.significance)[: 1 + at_place]):
                 found = etc.band_law(model, band).reach(paid, *where, at_place=bool(known))
                 reached[known][put], widths[known][put] = (part[real] for part in found)
             reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
@@ -230,6 +233,7 @@ def expected_signals(
     roll_deg: ArrayLike,
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
+    at_place: bool = True,
 ) -> ExpectedSignals:
     """Return what visits at some dates expect of every planet.
 
@@ -249,7 +253,7 @@ def expected_signals(
         Position angle of the detector's +y axis at each visit.
     zodis : ndarray, shape (n,), optional
         Dust around the star of each planet; by default that of the model.
-    faintest : ndarray, shape (ring,), optional
+    faintest, at_place
         As of `pair_signals`.
 
     Returns
@@ -266,7 +270,7 @@ def expected_signals(
     shape = places.phase_deg.shape
     every = Pairs.between(places, 0.0, math.inf)
     roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
-    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest)
+    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
     return ExpectedSignals(*(part.reshape(shape) for part in vars(found).values()))
 
 
@@ -311,6 +315,11 @@ def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:
     inner = min(metrics.hole_inner_corner_arcsec for metrics in model.metrics.values())
     outer = max(metrics.owa_arcsec for metrics in model.metrics.values())
     return inner * distance_pc, outer * distance_pc
+
+
+def looks_at_place(rule: DetectionRule, known: BoolArray) -> bool:
+    """Return whether visits look for any planet at a known place, by the rule and what is known of each."""
+    return rule.rule == "known_place" or bool(np.any(known))
 
 
 def detection_chance(

@@ -35,6 +35,7 @@ from cpic_planner.survey.detection import (
     detection_chance,
     expected_signals,
     faintest_of,
+    looks_at_place,
     of_ways,
     on_detector,
     reach_au,
@@ -816,7 +817,8 @@ class _Simulation:
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
         who = survey.model, survey.targets.select([i]), way, planets, self.albedos
-        found = expected_signals(*who, places, roll, self._dust(i, planets), faint)
+        how = self._dust(i, planets), faint, looks_at_place(strategy.detection, placed)
+        found = expected_signals(*who, places, roll, *how)
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll, places
 

@@ -102,11 +102,6 @@ class FixedScene(SceneFrames):
         """Science visits."""
         return self.how.visits or 1
 
-    @property
-    def frames(self) -> dict[str, Any]:
-        """Band, exposure, number and gain of the frames."""
-        return {name: getattr(self, name) for name in ("band", "exposure_s", "n_frames", "em_gain")}
-
     @functools.cached_property
     def scene(self) -> Scene:
         """Star, planet and whatever else there is."""
