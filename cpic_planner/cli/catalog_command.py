@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -55,7 +54,7 @@ def info(as_json: command.JsonOption = False) -> None:
         command.print_json(facts | {"data_folder": str(catalogs.data_dir())} | tables)
         return
     screen = command.console()
-    report.print_plain(screen, facts["vintage"], bold=True)
+    report.print_lines(screen, facts["vintage"], bold=True)
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
     graded = (
@@ -65,7 +64,7 @@ def info(as_json: command.JsonOption = False) -> None:
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
         "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources.",
@@ -73,22 +72,22 @@ def info(as_json: command.JsonOption = False) -> None:
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]
-    report.print_plain(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    report.print_lines(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
         f"Controversial, counted: {', '.join(new['controversial'])}.",
     )
-    report.print_plain(screen, *facts["credits"])
+    report.print_lines(screen, *facts["credits"])
     rows = [
         (item.path.name, f"{item.queried_utc:%Y-%m-%d %H:%M} UTC", f"{option} latest" if item is items[0] else "")
         for option, items in stored.items()
         for item in items
     ]
     if not rows:
-        report.print_plain(
+        report.print_lines(
             screen, f"No refreshed table in {catalogs.data_dir()} (cpic catalog refresh makes one).", wraps=False
         )
         return
@@ -149,7 +148,7 @@ def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
         command.write_rejects(rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    command.Output("json" if as_json else "table").show(result, partial(report.print_columns, result))
+    command.Output("json" if as_json else "table").show(result, report.columns_blocks(result))
 
 
 def _possible(as_json: bool) -> None:
@@ -165,7 +164,7 @@ def _possible(as_json: bool) -> None:
         )
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
-    report.print_plain(
+    report.print_lines(
         screen,
         "Upper and lower case, blanks and _ make no difference, but where it is said. Units are those of an ECSV or "
         "VOTable, or are written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet "
@@ -464,9 +463,9 @@ def _show_result(done: Written, screen: Console) -> None:
     if moved:
         columns = ("planet", "element", "shipped", "archive", "combined errors")
         table(screen, "Orbits that moved", columns, map(_moved, moved))
-    report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
+    report.print_lines(screen, *getattr(made, "notes", ()), wraps=False)
     if not done.made.refusal:
-        report.print_plain(screen, f"wrote {command.place_of(done.path)}", wraps=False)
+        report.print_lines(screen, f"wrote {command.place_of(done.path)}", wraps=False)
 
 
 def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import inspect
 import pkgutil
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from pathlib import Path
@@ -24,7 +24,16 @@ from typer.core import TyperCommand
 
 from cpic_core import InputError, at_home, check_writable, dump_json, faults_by_line, one_line, visible, write_named
 from cpic_planner import report
-from cpic_planner.cli.progress import QuietOption, VerboseOption, is_quiet, progress, rest, set_loudness, write_line
+from cpic_planner.cli.progress import (
+    QuietOption,
+    VerboseOption,
+    is_quiet,
+    is_verbose,
+    progress,
+    rest,
+    set_loudness,
+    write_line,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,13 +106,14 @@ class Output:
         """Tell whether more than a table is printed, for people."""
         return self.form == "table" and not self.brief and not self.columns
 
-    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
-        """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
+    def show(self, result: BaseModel, blocks: Iterable[report.Block], found: bool = True) -> None:
+        """Print a result as JSON, or in ``blocks``, or the first table of these in another form.
 
         Parameters
         ----------
         result : BaseModel
-        tables : callable
+        blocks : iterable of Block
+            Made as they are printed.
         found : bool
             Whether there is an answer, and of a planet a detection; without, ``strict`` leaves with `NOTHING_FOUND`.
 
@@ -115,34 +125,44 @@ class Output:
         if self.as_json:
             print_json(result)
         elif self.columns == ("help",):
-            sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
+            sys.stdout.write(report.offered_text(self._table(blocks, "csv")))
         elif self.form != "table":
-            sys.stdout.write(self.text(self.form, result, tables))
+            sys.stdout.write(self.text(self.form, result, blocks))
         elif self.plain:
-            tables(console())
+            report.print_blocks(blocks, console(), full=is_verbose())
+        elif self.columns:
+            table = report.chosen(self._table(blocks, self.form), self.columns)
+            report.print_table(table, console(), chosen=True)
         else:
-            self._taken(tables, self.form)
+            report.print_blocks(_up_to_table(blocks), console())
         if self.strict and not found:
             raise typer.Exit(NOTHING_FOUND)
 
-    def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
-        """Return the first table that ``tables`` print in a form, with the columns that are asked for.
+    def text(self, form: str, result: BaseModel, blocks: Iterable[report.Block]) -> str:
+        """Return the first table of an answer in a form, with the columns that are asked for.
 
         Raises
         ------
         InputError
             If there is no table.
         """
-        taken, columns = self._taken(tables, form), self.columns
-        return report.form_text(form, result, taken, columns=columns, caption=self.caption, label=self.label)
+        table, columns = self._table(blocks, form), self.columns
+        return report.form_text(form, result, table, columns=columns, caption=self.caption, label=self.label)
 
-    def _taken(self, tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], list[Any]]:
-        sheet = report.Sheet(console(), form, self.columns if form == "table" else ())
-        tables(cast("Console", sheet))
-        if sheet.taken is None and (self.columns or form != "table"):
+    def _table(self, blocks: Iterable[report.Block], form: str) -> report.Table:
+        table = report.first_table(blocks)
+        if table is None:
             option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.columns))
             raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
-        return sheet.taken or ("", (), [])
+        return table
+
+
+def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
+    """Yield blocks up to the first table."""
+    for block in blocks:
+        yield block
+        if isinstance(block, report.Table):
+            return
 
 
 class Answer(Output):

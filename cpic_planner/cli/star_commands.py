@@ -125,7 +125,7 @@ def etc(
     answer = answered(question, check=_checked, tell=command.note)
     if plot is not None:
         command.write_plot(plot, answer.figure())
-    output.show(answer.result, partial(answer.print, every_budget=budget, explain=explain), answer.found)
+    output.show(answer.result, answer.blocks(every_budget=budget, explain=explain), answer.found)
 
 
 def _checked(
@@ -192,7 +192,7 @@ def curve(
     if plot is not None:
         command.write_plot(plot, report.curve_figure(done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
-    output.show(done, partial(report.print_curve, done, full=is_verbose()), found)
+    output.show(done, report.search_blocks(done, full=is_verbose()), found)
     command.tell_report(output, question.out)
 
 
@@ -233,7 +233,7 @@ def roc(
         return
     if plot is not None:
         command.write_plot(plot, report.roc_figure(done))
-    output.show(done, partial(report.print_roc, done, full=is_verbose()), bool(done.levels))
+    output.show(done, report.search_blocks(done, full=is_verbose()), bool(done.levels))
     command.tell_report(output, question.out)
 
 
@@ -389,7 +389,7 @@ def rank(
     command.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
-        output.show(moved, partial(report.print_moves, moved, limit=shown))
+        output.show(moved, report.move_blocks(moved, limit=shown))
         return
     ready = prepared(question)
     if explain is not None:
@@ -402,13 +402,13 @@ def rank(
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
         asked: dict[str, Any] = ready.asked | {"other_assumptions": sensitivity}
         reasons = ready.noted(ranking.explain_star(ready.model, ready.stars.targets, name, **asked))
-        output.show(reasons, partial(report.print_explanation, reasons))
+        output.show(reasons, report.explanation_blocks(reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
         firm = ready.noted(sensitivity_of(ready.model, ready.stars.answered, **ready.asked))
-        output.show(firm, partial(report.print_sensitivity, firm))
+        output.show(firm, report.sensitivity_blocks(firm))
         return
     result = ready.ranked(output.columns)
     if out is not None:
@@ -420,7 +420,7 @@ def rank(
         command.write_plot(plot, draw(result, shown), few)
     command.tell_rows(output, shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
-    output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
+    output.show(result, report.rank_blocks(result, limit=shown, full=is_verbose()), detected)
 
 
 def _write(out: Path, result: RankResult, output: command.Answer, limit: int | None) -> None:
@@ -433,7 +433,7 @@ def _write(out: Path, result: RankResult, output: command.Answer, limit: int | N
     elif own is not None and not output.columns:
         text = partial(own, result, rows)
     else:
-        text = partial(output.text, form, result, partial(report.print_rank, result, limit=rows))
+        text = partial(output.text, form, result, report.rank_blocks(result, limit=rows))
     command.write_out(out, text, rows, every)
 
 
@@ -538,7 +538,7 @@ def known(
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
     command.tell_rows(output, limit, len(result.planets))
-    output.show(result, partial(report.print_known, result, limit=limit, full=is_verbose()))
+    output.show(result, report.known_blocks(result, limit=limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -597,4 +597,4 @@ def visibility(
     if plot is not None:
         command.write_plot(plot, report.visibility_figure(result))
     seen = any(target.observable_days for target in result.targets)
-    output.show(result, partial(report.print_visibility, result, full=is_verbose()), seen)
+    output.show(result, report.visibility_blocks(result, full=is_verbose()), seen)

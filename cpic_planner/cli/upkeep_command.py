@@ -41,7 +41,7 @@ def _show_values(
         two = None if other is None else changed_instrument(other, ())
         title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
         result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
-    output.show(result, partial(report.print_instrument, result, layout))
+    output.show(result, report.instrument_blocks(result, layout))
 
 
 def show(output: Output, name: NameArgument = "cpic_default", changes: SetOption = None, key: KeyOption = "") -> None:
@@ -196,7 +196,7 @@ def check(
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    Output("json" if as_json else "table").show(result, partial(report.print_check, result))
+    Output("json" if as_json else "table").show(result, report.check_blocks(result))
     if errors or (strict and findings):
         raise typer.Exit(1)
 
