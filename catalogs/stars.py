@@ -168,15 +168,18 @@ def updated_columns(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDA
         All columns of the table, by name. Stars without published parameters keep what they have.
     """
     medians = physics.measured_medians(columns)
-    changed: dict[str, list[Any]] = {}
+    changed: dict[str, dict[int, Any]] = {}
     for index, star in enumerate(columns["name"].tolist()):
         if star in published_parameters():
             old = {name: columns[name][index].item() for name in _READ}
             of_type_k = physics.nearest_subtype(old["sp_type"], medians)[0]
             for name, value in _row(old, published_parameters()[star], of_type_k).items():
                 shown = round(value, _DECIMALS[name]) if isinstance(value, float) else value
-                changed.setdefault(name, columns[name].tolist())[index] = shown
-    return {name: np.array(cells) for name, cells in changed.items()}
+                changed.setdefault(name, {})[index] = shown
+    return {
+        name: np.array([new.get(index, old) for index, old in enumerate(columns[name].tolist())])
+        for name, new in changed.items()
+    }
 
 
 def _row(old: Mapping[str, Any], rows: tuple[PublishedParameters, ...], of_type_k: float) -> dict[str, Any]:

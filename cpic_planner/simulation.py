@@ -10,15 +10,16 @@ import os
 import shutil
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
+from types import MappingProxyType
 from typing import Any, Unpack, cast
 
 import numpy as np
 
 from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
 from cpic_core import InputError, at_home, digest_of, dump_json, faults_by_line, fingerprint, is_file, load_mapping
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, pace, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, pace, run
 from cpic_planner.queries import called, called_as
 from cpic_planner.results import (
     ModellingRecord,
@@ -33,7 +34,7 @@ from cpic_planner.validation import modelling_record
 from cpic_planner.version import __version__
 from simulator import config, observing, products
 from simulator.camera import Frame
-from simulator.config import FrozenModel, Instrument, Scene, SequenceConfig, SimulationConfig, content_hash
+from simulator.config import Instrument, Scene, SequenceConfig, SimulationConfig, content_hash
 from simulator.knobs import FIDELITIES
 from simulator.ledger import Choice, observation_choice
 
@@ -160,18 +161,20 @@ class PlannedSequence:
         visit = {} if self.part is None else {"visit": self.part.visit + 1, "window": self.part.window + 1}
         return {"role": role, "file": self.place(self.name.file)} | visit
 
-    def settings(self, digest: Callable[[config.FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
-        """Return what decides its frames, as plain values; scene and instrument by their hash."""
+    def settings(self, hashes: Mapping[int, str] = MappingProxyType({})) -> dict[str, Any]:
+        """Return what decides its frames, as plain values; scene and instrument by their hash, known or taken now."""
         entry = self.entry
         useful = set(config.meaningful_keys(entry.kind)) - {"scene", "instrument", *config.PROGRAMME_KEYS}
         plain = entry.model_dump(mode="json", include=useful)
         own = ("obsid", "band", "camera", "exposure_s", "em_gain", "realisation", "start_utc")
-        scene = None if entry.scene is None else digest(entry.scene)
-        hashes = {"scene": scene, "instrument": digest(entry.instrument)}
-        switches = {"switches": entry.switches_for(self.camera)}
-        visit = {} if self.part is None else {"part": dataclasses.asdict(self.part), "folder": self.folder}
-        visit |= {} if self.timing is None else {"timing": dataclasses.asdict(self.timing)}
-        return plain | {name: getattr(self, name) for name in own} | switches | hashes | visit
+        looked_at = {"scene": entry.scene, "instrument": entry.instrument}
+        plain |= {
+            name: None if part is None else hashes.get(id(part)) or part.content_hash
+            for name, part in looked_at.items()
+        }
+        plain |= {name: getattr(self, name) for name in own} | {"switches": entry.switches_for(self.camera)}
+        plain |= {} if self.part is None else {"part": dataclasses.asdict(self.part), "folder": self.folder}
+        return plain | ({} if self.timing is None else {"timing": dataclasses.asdict(self.timing)})
 
     def build(self) -> "observing.FrameSequence":
         """Set up the sequence; frames are drawn when they are asked for."""
@@ -645,16 +648,16 @@ def simulation_job(
     notes : sequence of str
         Remarks on the reading of tables of stars.
     """
-    digests = _Digests()
-    settings = [item.settings(digests) for item in planned]
+    hashes, files = _hashes(planned)
+    settings = [item.settings(hashes) for item in planned]
 
-    def work(runner: Runner) -> SimulationResult:
+    def work(runner: Runner[Any]) -> SimulationResult:
         folder = runner.folder
         for item in planned:
             products.refuse_taken(folder.path / item.folder, item.name, overwrite=True)
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
-        bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
+        bodies = runner.finish(make_sequence, tasks, tells=True)
         rows = [_row(item, own, bodies[item.obsid], truth) for item, own in zip(planned, settings, strict=True)]
         return SimulationResult(
             version=__version__,
@@ -675,7 +678,7 @@ def simulation_job(
     return Job(
         kind="simulation",
         results=RESULT_VERSION,
-        decides=lambda: {"truth": truth, "sequences": settings, "files": digests.files},
+        decides=lambda: {"truth": truth, "sequences": settings, "files": files},
         work=work,
         write=write,
         products=[*(name for item in planned for name in _files(item, truth=truth)), *_manifests(planned)],
@@ -690,7 +693,7 @@ def simulate(
     truth: bool = True,
     notes: Sequence[str] = (),
     **how: Unpack[RunSettings],
-) -> Finished[SimulationResult]:
+) -> Runner[SimulationResult]:
     """Make the Level-0 products of a simulation.
 
     Parameters
@@ -719,35 +722,16 @@ def simulate(
     return run(job, out, **how)
 
 
-@dataclass(frozen=True)
-class _Products:
-    """Sequences in the folder of a run: on record when all of their files are on disk."""
-
-    folder: RunFolder
-
-    def part(self, key: str) -> dict[str, Any] | None:
-        stored = self.folder.part(key)
-        return stored if stored is not None and _whole(self.folder.path, stored) else None
-
-    def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
-        for name in reversed(body["files"]):  # the Level-0 file last: where it is, the others are
-            self.folder.adopt(self.folder.temporary / key / name, name, **body["files"][name])
-        return self.folder.save_part(key, body)
-
-
-@dataclass
-class _Digests:
-    """Hashes of scenes and instruments, each taken once, and of the files that they name."""
-
-    files: dict[str, str] = field(default_factory=dict)
-    _known: dict[int, str] = field(default_factory=dict)
-
-    def __call__(self, part: FrozenModel) -> str:
-        if id(part) not in self._known:
+def _hashes(planned: Sequence[PlannedSequence]) -> tuple[dict[int, str], dict[str, str]]:
+    """Return the hashes of scenes and instruments by their identity, and those of the files that they name."""
+    hashes: dict[int, str] = {}
+    files: dict[str, str] = {}
+    for part in (part for item in planned for part in (item.entry.scene, item.entry.instrument) if part is not None):
+        if id(part) not in hashes:
             tree = part.model_dump(mode="json")
-            self.files |= {name: digest_of(name) for name in _named_files(tree) if name not in self.files}
-            self._known[id(part)] = content_hash(tree)
-        return self._known[id(part)]
+            files |= {name: digest_of(name) for name in _named_files(tree) if name not in files}
+            hashes[id(part)] = content_hash(tree)
+    return hashes, files
 
 
 def _named_files(tree: Any) -> Iterator[str]:
@@ -856,15 +840,6 @@ def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
         file=(Path(item.part.folder) / item.name.file).as_posix(),
         streams=streams,
     )
-
-
-def _whole(root: Path, body: dict[str, Any]) -> bool:
-    """Return whether the files of a sequence are as they were left."""
-    for name, known in body["files"].items():
-        path = root / name
-        if not path.is_file() or path.stat().st_size != known["size_bytes"] or digest_of(path) != known["sha256"]:
-            return False
-    return True
 
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:

@@ -15,33 +15,33 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from scipy.stats import beta
 
-ROOT = Path(__file__).resolve().parents[1]
+from tools.reports import REPORT, ROOT, folders
+
 TEMPLATE, README = ROOT / "README.template.md", ROOT / "README.md"
-REPORTS = ROOT / "reports"
+BASELINE = ROOT / "tests/benchmarks/baseline.json"
 
 Figures = Mapping[str, str]
 
 
 def report(name: str) -> str:
     """Return the text of a committed report."""
-    return (REPORTS / name / "report.md").read_text(encoding="utf-8")
+    return (folders()[name] / REPORT).read_text(encoding="utf-8")
 
 
-def data(path: str) -> Any:
+def data(name: str, file: str) -> Any:
     """Return a committed JSON file of a report."""
-    return json.loads((REPORTS / path).read_text(encoding="utf-8"))
+    return json.loads((folders()[name] / file).read_text(encoding="utf-8"))
 
 
-def rows(path: str) -> list[dict[str, str]]:
+def rows(name: str, file: str) -> list[dict[str, str]]:
     """Return the rows of a committed CSV file of a report."""
-    with (REPORTS / path).open(encoding="utf-8", newline="") as stream:
+    with (folders()[name] / file).open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
 
 
@@ -112,10 +112,10 @@ def plan() -> Figures:
 
 def whatif() -> Figures:
     """Return figures of the report of what-ifs: strategies, seasons, assumed contrasts."""
-    strategies = {item["name"]: item for item in data("whatif/whatif.json")["strategies"]}
+    strategies = {item["name"]: item for item in data("whatif", "whatif.json")["strategies"]}
     best = max(strategies.values(), key=lambda item: item["new_planets"]["mean"])
     single = strategies["single_visit"]
-    results = data("whatif/results.json")
+    results = data("whatif", "results.json")
     seasons, optics = results["seasons"], results["optics"]
 
     def ends(key: str) -> str:
@@ -146,7 +146,7 @@ def visits() -> Figures:
 
 def albedo() -> Figures:
     """Return the largest errors of the parametric albedo; "at most" rounds up."""
-    errors = rows("spectra/errors.csv")
+    errors = rows("spectra", "errors.csv")
     worst = {kind: max(float(row[f"{kind}_median_2au"]) for row in errors) for kind in ("fitted", "held_out")}
     return {kind: f"{math.ceil(1000 * value) / 1000:.3f}" for kind, value in worst.items()}
 
@@ -166,7 +166,7 @@ def dial() -> Figures:
     """Return the table of the tiers over all scenes, and how random scenes fared under a tolerance."""
     text = report("speed_accuracy").split("## Tiers over ")[1]
     tiers = re.findall(r"^\| (?:closed form|`\w+`) \|.*\|$", text, re.MULTILINE)[:4]
-    scenes, sums = rows("effect_ledger/scenes.csv"), rows("effect_ledger/sums.csv")
+    scenes, sums = rows("effect_ledger", "scenes.csv"), rows("effect_ledger", "sums.csv")
     missed = sum(row["kept"] != "True" for row in scenes)
     return {
         "tiers": "\n".join(tiers),
@@ -179,28 +179,19 @@ def dial() -> Figures:
 
 
 def camera() -> Figures:
-    """Return times of whole frames in ms, and times of others over ours."""
-    seconds = {row["job"]: float(row["cpu_s"]) for row in rows("camera_speed/times.csv")}
-    jobs = {
+    """Return times of whole frames in ms, from the baseline of the benchmarks."""
+    jobs = json.loads(BASELINE.read_text(encoding="utf-8"))["jobs"]
+    seconds = {name: job["seconds"] for name, job in jobs.items()}
+    frames = {
         "dark": "dark, 30 s, gain 300",
-        "star": "star of V = 5, F662, 30 s, gain 300",
-        "paper": "paper's example, F520, 17 s, gain 20",
-        "blooms": "paper's example, F520, 300 s, gain 20 (blooms)",
+        "star": "V = 5, 30 s, gain 300",
+        "paper": "paper's example, 17 s, gain 20",
+        "blooms": "paper's example, 300 s, gain 20",
     }
-    flats = [1000 * value for job, value in seconds.items() if job.startswith("flat of")]
-    peers = rows("camera_speed/peers.csv")
-    ours = {row["scene"]: float(row["cpu_s"]) for row in peers if row["simulator"] == "ours"}
-
-    def over_ours(mode: str) -> list[float]:
-        return [float(row["cpu_s"]) / ours[row["scene"]] for row in peers if row["mode"] == mode]
-
-    fast, double, exact = (over_ours(mode) for mode in ("fast, no register CIC", "double", "exact"))
+    flats = [1000 * value for job, value in seconds.items() if job.startswith("flat:")]
     return {
-        **{name: f"{1000 * seconds[job]:.0f}" for name, job in jobs.items()},
+        **{name: f"{1000 * seconds[f'frame: {job}']:.0f}" for name, job in frames.items()},
         "flats": f"{min(flats):.0f} to {max(flats):.0f}",
-        "emccd_detect": f"{min(fast):.1f} to {max(fast):.1f}",
-        "getframes": f"{min(double):.1f} to {max(double):.1f}",
-        "exact": f"{exact[0]:.0f}",
     }
 
 

@@ -1,8 +1,9 @@
 """Make the committed reports anew and say which are older than the code: ``python -m tools.reports``.
 
-Without arguments all reports are made, two at a time, but for those that need packages of others (`LEFT_OUT`); ``make
-reports`` does this. ``python -m tools.reports reach spectra`` makes some, ``--older`` those that are older than the
-code. What stands behind ``--`` goes to the scripts.
+Without arguments all reports are made, two at a time; ``make reports`` does this. ``python -m tools.reports reach
+spectra`` makes some, ``--older`` those that are older than the code. What stands behind ``--`` goes to the scripts.
+Reports lie in five folders: how true the answers are, how fast, the figures of the paper that the project follows,
+the numbers of other people, and examples of what the commands give.
 
 Each report has a file ``made.json`` with the digest of every file of the project that the script and its processes
 read: modules, presets, tables, but not what they wrote. The digest of a module leaves out comments, docstrings and its
@@ -29,14 +30,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORTS = ROOT / "reports"
-LEFT_OUT = ("camera_speed",)
-"""Reports that want packages of others."""
 MADE, REPORT = "made.json", "report.md"
 LANES = 2
 _FOLDERS = ("cpic_core", "catalogs", "simulator", "cpic_planner", "tools", "tests", "reports")
 _OWN = ("tools/reports.py", "tools/report_parts.py", "tools/recorder/")  # they decide no figure
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-_QUOTED = re.compile(r"\breports/(\w+)(?:\.md|/([\w-]+\.\w+))")
+_QUOTED = re.compile(r"\breports/((?:\w+/)*)(\w+)\.(\w+)")
 _LINKED = re.compile(r"\]\((?!https?:|#)([^)#\s]+)\)")
 _MADE_PAGES = {"_made", "_build", "notebooks", "reports"}
 
@@ -101,14 +100,19 @@ def _digest_since(path: Path, began: float) -> str:
     return digest(path) if path.stat().st_mtime <= began else "changed while the report was made"
 
 
+def folders() -> dict[str, Path]:
+    """Return the folder of each committed report by its name."""
+    return {path.parent.name: path.parent for path in sorted(REPORTS.rglob(REPORT))}
+
+
 def names() -> list[str]:
     """Return the committed reports."""
-    return sorted(path.parent.name for path in REPORTS.glob(f"*/{REPORT}"))
+    return sorted(folders())
 
 
 def command(name: str) -> list[str]:
     """Return the arguments of Python that make a report: its script, or the tool of its name."""
-    script = REPORTS / name / "make.py"
+    script = folders()[name] / "make.py"
     return [str(script)] if script.exists() else ["-m", f"tools.{name}"]
 
 
@@ -121,9 +125,14 @@ def read(name: str) -> Made:
         If nothing readable says it.
     """
     try:
-        return Made(**json.loads((REPORTS / name / MADE).read_text(encoding="utf-8")))
+        return Made(**json.loads((folders()[name] / MADE).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
-        raise ValueError(f"reports/{name}/{MADE}: {error}; python -m tools.reports {name} makes it") from None
+        raise ValueError(f"{_path(name)}/{MADE}: {error}; python -m tools.reports {name} makes it") from None
+
+
+def _path(name: str) -> str:
+    """Return the path of a report's folder in the project."""
+    return folders()[name].relative_to(ROOT).as_posix()
 
 
 def files_read(record: Iterable[str]) -> list[str]:
@@ -175,13 +184,13 @@ def make(name: str, more: Sequence[str] = ()) -> tuple[float, str]:
         seconds = round(usage.ru_utime + usage.ru_stime, 3)
         lines = record.read_text().splitlines()
         complaint = f"exit status {process.returncode}" if process.returncode else ""
-        if f"w reports/{name}/{REPORT}" not in lines:
+        if f"w {_path(name)}/{REPORT}" not in lines:
             complaint = complaint or f"wrote no {REPORT}"
         elif not any(word.startswith("--only") for word in more):
             files = {path: _digest_since(ROOT / path, began) for path in files_read(lines)}
-            made = Made(seconds, digest(REPORTS / name / REPORT), files)
+            made = Made(seconds, digest(folders()[name] / REPORT), files)
             text = json.dumps(asdict(made), indent=0, sort_keys=True)
-            (REPORTS / name / MADE).write_text(f"{text}\n", encoding="utf-8")
+            (folders()[name] / MADE).write_text(f"{text}\n", encoding="utf-8")
         return seconds, f"{complaint}\n{told.read_text(errors='replace')[-2000:]}" if complaint else ""
 
 
@@ -234,7 +243,7 @@ def changed(name: str) -> list[str]:
         If nothing readable says how it was made.
     """
     made = read(name)
-    files = {f"reports/{name}/{REPORT}": made.report} | made.files
+    files = {f"{_path(name)}/{REPORT}": made.report} | made.files
     return [path for path, was in files.items() if not (ROOT / path).is_file() or _digest(ROOT / path) != was]
 
 
@@ -245,13 +254,14 @@ def missing_quotes() -> list[str]:
     pages += [page for page in every if not _MADE_PAGES & set(page.relative_to(ROOT).parts[:-1])]
     found = []
     for page in pages:
-        for name, file in _QUOTED.findall(page.read_text(encoding="utf-8")):
-            if not (REPORTS / name / (file or REPORT)).exists():
-                found.append(f"{page.relative_to(ROOT)} quotes reports/{name}/{file or REPORT}, which is missing")
-    for name in names():
-        for file in _LINKED.findall((REPORTS / name / REPORT).read_text(encoding="utf-8")):
-            if not (REPORTS / name / file).exists():
-                found.append(f"reports/{name}/{REPORT} quotes {file}, which is missing")
+        for folder, stem, kind in _QUOTED.findall(page.read_text(encoding="utf-8")):
+            of_site = not folder and kind == "md"  # the site has all reports in one folder
+            if stem not in names() if of_site else not (REPORTS / folder / f"{stem}.{kind}").exists():
+                found.append(f"{page.relative_to(ROOT)} quotes reports/{folder}{stem}.{kind}, which is missing")
+    for name, place in folders().items():
+        for file in _LINKED.findall((place / REPORT).read_text(encoding="utf-8")):
+            if not (place / file).exists():
+                found.append(f"{_path(name)}/{REPORT} quotes {file}, which is missing")
     return found
 
 
@@ -266,7 +276,7 @@ def check() -> int:
             faults.append(str(error))
     for name, files in older.items():
         more = f" and {len(files) - 3} more" if len(files) > 3 else ""
-        print(f"reports/{name} is older than {', '.join(files[:3])}{more}")
+        print(f"{_path(name)} is older than {', '.join(files[:3])}{more}")
     if older:
         print(f"{len(older)} of {len(names())} reports are older than the code; make reports ONLY=--older makes them")
     print(*faults, sep="\n", end="\n" * bool(faults), file=sys.stderr)
@@ -276,7 +286,7 @@ def check() -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Make reports, or say which are older than the code."""
     parser = argparse.ArgumentParser(prog="python -m tools.reports", description="Make the committed reports anew.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of a report (all but comparisons of speed)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a report (all)")
     parser.add_argument("--older", action="store_true", help="only reports that are older than the code")
     parser.add_argument("--check", action="store_true", help="name the reports that are older than the code")
     given = list(sys.argv[1:] if argv is None else argv)
@@ -286,9 +296,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return check()
     if unknown := sorted(set(options.names) - set(names())):
         parser.error(f"no report is called {', '.join(unknown)}; there are {', '.join(names())}")
-    chosen = options.names or [name for name in names() if name not in LEFT_OUT]
+    chosen = options.names or names()
     if options.older:
-        chosen = [name for name in chosen if not (REPORTS / name / MADE).exists() or changed(name)]
+        chosen = [name for name in chosen if not (folders()[name] / MADE).exists() or changed(name)]
     began = time.monotonic()
     failed = make_all(chosen, more)
     print(f"{len(chosen)} reports in {(time.monotonic() - began) / 60:.1f} min")

@@ -2,8 +2,6 @@ from cpic_planner.api.functions import model_of as model_of
 from cpic_planner.api.one_star import (
     Answered as Answered,
     answered as answered,
-    as_asked as as_asked,
-    checked as checked,
     closed_forms as closed_forms,
 )
 from cpic_planner.api.runs import (

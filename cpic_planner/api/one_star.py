@@ -5,15 +5,17 @@ Known planets asked for by name: their place and light at a date, and what the e
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from catalogs import Catalogue, open_catalogue, resolve_star
-from cpic_core import FloatArray, InputError
+from cpic_core import Advance, FloatArray, InputError, untold
 from cpic_planner import etc, report
 from cpic_planner.api.functions import catalogue_of, model_of, stars_named, takes
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
@@ -345,13 +347,20 @@ def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> Float
     return cost if np.isfinite(cost).any() else cases.missed_in(endless)
 
 
+Working: TypeAlias = Callable[[str, int], AbstractContextManager[Advance]]
+"""Shows work by its title and the number of its pieces, while it is done: yields who is told about finished ones."""
+
+
+def _unseen(title: str, total: int) -> AbstractContextManager[Advance]:
+    return contextlib.nullcontext(untold)
+
+
 def checked(
     question: EtcQuestion,
     model: etc.EtcModel,
     stars: Sequence[Targets],
     answers: Sequence[EtcAnswer],
-    *,
-    advance: Callable[[str, int], None] = lambda text, steps: None,
+    working: Working = _unseen,
 ) -> list[EtcAnswer]:
     """Return the answers with their stated errors, checked in images where the question asks for it.
 
@@ -362,10 +371,10 @@ def checked(
     stars : sequence of Targets
         One star each, as many answers for each as for the others.
     answers : sequence of EtcAnswer
-    advance : callable
-        As of `cpic_planner.confirm.etc_check.checked_answers`.
+    working : callable
+        Shows how far the images are, see `Working`.
     """
-    from cpic_planner.confirm import checked_answers
+    from cpic_planner.confirm import checked_answers, needs_images
 
     each = len(answers) // len(stars)
     around = [star for star in stars for _ in range(each)]
@@ -375,7 +384,8 @@ def checked(
         bodies = [planets[index % len(planets)] for index in range(len(answers))]
     settings = {"seed": question.seed, "realisations": question.realisations}
     given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
-    return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
+    with working("images, per cent", 100 * sum(needs_images(answer, question.dial) for answer in answers)) as advance:
+        return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
 
 
 def _closed_forms_of(
@@ -549,10 +559,6 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     return pd.DataFrame({"name": stars.name} | columns | said)
 
 
-Check = Callable[[EtcQuestion, EtcModel, Sequence[Targets], Sequence[EtcAnswer]], Sequence[EtcAnswer]]
-"""Checks answers in images, as `cpic_planner.api.checked`."""
-
-
 @dataclass(frozen=True, eq=False)
 class Answered:
     """A question about one star with its answer.
@@ -597,19 +603,15 @@ class Answered:
         return report.etc_figure(result, curves)
 
 
-def answered(
-    question: EtcQuestion, *, check: Check = checked, tell: Callable[..., None] = lambda *texts: None
-) -> Answered:
+def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     """Answer a question about one star or known planet.
 
     Parameters
     ----------
     question : EtcQuestion
         Its first target counts.
-    check : callable
-        Called where the question asks for images.
-    tell : callable
-        Told the notes of the star table before the work.
+    working : callable
+        Shows how far images are, where the question asks for them.
 
     Raises
     ------
@@ -621,10 +623,9 @@ def answered(
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
     asked_for = question.hashed() | ({} if known is None else {"known_planet": known.content()})
-    found: Sequence[EtcAnswer]
     question, star, model, found = _closed_forms_of(question, star, known)
     if question.dial.fidelity != "quick":
-        found = check(question, model, [star], found)
+        found = checked(question, model, [star], found, working)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     hypothetical = None if question.contrast_limit or question.contrast is not None or known else planet
     notes = [*table.notes, *(() if known is None else known.choice.table.notes)]

@@ -140,6 +140,7 @@ def columns(
 
 def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
     """Show what the columns of a file are taken for."""
+    from cpic_planner.cli.output import Output
     from cpic_planner.results import ColumnsResult
 
     command.check_rejects(rejects, [file])
@@ -148,7 +149,7 @@ def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
         command.write_rejects(rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    command.Output("json" if as_json else "table").show(result, report.columns_blocks(result))
+    Output(as_json=as_json).show(result, report.columns_blocks(result))
 
 
 def _possible(as_json: bool) -> None:

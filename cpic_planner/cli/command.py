@@ -10,12 +10,11 @@ import contextlib
 import functools
 import inspect
 import pkgutil
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum, StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
 
 import typer
@@ -24,26 +23,17 @@ from typer.core import TyperCommand
 
 from cpic_core import InputError, at_home, check_writable, dump_json, faults_by_line, one_line, visible, write_named
 from cpic_planner import report
-from cpic_planner.cli.progress import (
-    QuietOption,
-    VerboseOption,
-    is_quiet,
-    is_verbose,
-    progress,
-    rest,
-    set_loudness,
-    write_line,
-)
+from cpic_planner.cli.progress import QuietOption, VerboseOption, is_quiet, progress, rest, set_loudness, write_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from matplotlib.figure import Figure
     from rich.console import Console
 
     from catalogs import LeftOut
-    from cpic_planner.jobs import Finished, Job
-    from cpic_planner.queries import SimulatorOverrides
+    from cpic_planner.cli.output import Output
+    from cpic_planner.jobs import Job, Runner
+    from cpic_planner.queries import Option, SimulatorOverrides
 
 
 R = TypeVar("R", bound=BaseModel)
@@ -65,108 +55,6 @@ def print_json(result: BaseModel | Mapping[str, Any]) -> None:
     """Print the result as JSON on stdout and nothing else there."""
     rest()
     sys.stdout.write(dump_json(result.model_dump(mode="json") if isinstance(result, BaseModel) else dict(result)))
-
-
-NOTHING_FOUND = 3
-"""Exit status of --strict where there is no answer, or no detection."""
-
-
-@dataclass(frozen=True)
-class Output:
-    """The form in which a command writes its answer.
-
-    Attributes
-    ----------
-    form : str
-        One of `Form`.
-    brief : bool
-        The main table alone.
-    columns : tuple of str
-        Names of its columns; those of the terminal where none is given.
-    caption, label : str
-        Of the table in LaTeX.
-    strict : bool
-        Whether the exit status tells that there is no answer.
-    """
-
-    form: str = "table"
-    brief: bool = False
-    columns: tuple[str, ...] = ()
-    caption: str = ""
-    label: str = ""
-    strict: bool = False
-
-    @property
-    def as_json(self) -> bool:
-        """Tell whether the answer is JSON."""
-        return self.form == "json"
-
-    @property
-    def plain(self) -> bool:
-        """Tell whether more than a table is printed, for people."""
-        return self.form == "table" and not self.brief and not self.columns
-
-    def show(self, result: BaseModel, blocks: Iterable[report.Block], found: bool = True) -> None:
-        """Print a result as JSON, or in ``blocks``, or the first table of these in another form.
-
-        Parameters
-        ----------
-        result : BaseModel
-        blocks : iterable of Block
-            Made as they are printed.
-        found : bool
-            Whether there is an answer, and of a planet a detection; without, ``strict`` leaves with `NOTHING_FOUND`.
-
-        Raises
-        ------
-        InputError
-            If a form is asked for that the answer has no table for.
-        """
-        if self.as_json:
-            print_json(result)
-        elif self.columns == ("help",):
-            sys.stdout.write(report.offered_text(self._table(blocks, "csv")))
-        elif self.form != "table":
-            sys.stdout.write(self.text(self.form, result, blocks))
-        elif self.plain:
-            report.print_blocks(blocks, console(), full=is_verbose())
-        elif self.columns:
-            table = report.chosen(self._table(blocks, self.form), self.columns)
-            report.print_table(table, console(), chosen=True)
-        else:
-            report.print_blocks(_up_to_table(blocks), console())
-        if self.strict and not found:
-            raise typer.Exit(NOTHING_FOUND)
-
-    def text(self, form: str, result: BaseModel, blocks: Iterable[report.Block]) -> str:
-        """Return the first table of an answer in a form, with the columns that are asked for.
-
-        Raises
-        ------
-        InputError
-            If there is no table.
-        """
-        table, columns = self._table(blocks, form), self.columns
-        return report.form_text(form, result, table, columns=columns, caption=self.caption, label=self.label)
-
-    def _table(self, blocks: Iterable[report.Block], form: str) -> report.Table:
-        table = report.first_table(blocks)
-        if table is None:
-            option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.columns))
-            raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
-        return table
-
-
-def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
-    """Yield blocks up to the first table."""
-    for block in blocks:
-        yield block
-        if isinstance(block, report.Table):
-            return
-
-
-class Answer(Output):
-    """The output of a command that asks for something that may not be there: it has an option ``--strict``."""
 
 
 def cost_line(what: str, cost: Mapping[str, float], workers: int) -> str:
@@ -227,13 +115,13 @@ def result_of(
         cost = estimate(job, workers=question.workers)
         if dry_run:
             text = line(cost)
-            print_json(cost) if output.as_json else say(text)
+            print_json(cost) if output.written == "json" else say(text)
             return None
         steps = int(cost[str(steps)])
     return with_progress(title, steps, functools.partial(run, job, out, **question.how), piece).result
 
 
-def with_progress(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
+def with_progress(title: str, total: int, start: Callable[..., Runner[R]], piece: str = "piece") -> Runner[R]:
     """Run a job with progress on stderr, and say how much of it was there already.
 
     Parameters
@@ -247,7 +135,7 @@ def with_progress(title: str, total: int, start: Callable[..., Finished[R]], pie
     piece : str
         What its tasks are called.
     """
-    with progress(title, total=total, enabled=total > 0) as advance:
+    with progress(title, total) as advance:
         done = start(advance=advance, command=sys.argv[1:])
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished {piece}{'s' * (done.resumed_parts != 1)} of an earlier run")
@@ -269,85 +157,9 @@ def console() -> Console:
     return Console(width=plain, highlight=False, markup=False, emoji=False)
 
 
-class Form(StrEnum):
-    """Forms in which a command writes its main table."""
-
-    TABLE = "table"
-    CSV = "csv"
-    ECSV = "ecsv"
-    JSON = "json"
-    LATEX = "latex"
-    MARKDOWN = "markdown"
-
-
 STRICT = "Leave with status 3 where there is no answer, or no planet is detected."
+"""What ``--strict`` does where an answer may not be there."""
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
-PlotOption: TypeAlias = Annotated[
-    Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
-]
-DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
-
-
-_OUTPUT: dict[str, Any] = {
-    "form": Annotated[
-        Form, typer.Option("--format", help="How the main table is written: for people, or for other programs.")
-    ],
-    "columns": Annotated[
-        str | None,
-        typer.Option(
-            "--columns",
-            metavar="NAME,...",
-            help="Columns of the main table, in this order and alone, by their names in files; help lists them.",
-        ),
-    ],
-    "caption": Annotated[
-        str | None,
-        typer.Option("--caption", help="Caption of the table in LaTeX [default: what it is, data, version]."),
-    ],
-    "label": Annotated[
-        str | None,
-        typer.Option("--label", help="Label of the table in LaTeX [default: tab: and the kind of answer]."),
-    ],
-    "brief": Annotated[bool, typer.Option("--brief", help="The main table alone, without what explains it.")],
-    "as_json": JsonOption,
-}
-"""Options of an `Output`."""
-
-
-def output_of(
-    *,
-    form: Form | None,
-    columns: str | None,
-    caption: str | None,
-    label: str | None,
-    brief: bool | None,
-    as_json: bool | None,
-    strict: bool | None = False,
-    to_latex: bool = False,
-) -> Output:
-    """Return the output that the options of a command ask for; ``to_latex`` tells that a file of it is LaTeX.
-
-    Raises
-    ------
-    InputError
-        For options that contradict each other.
-    """
-    name = str(form or "table")
-    if as_json and name not in ("table", "json"):
-        raise InputError("--json", "given with --format", allowed="one of the two")
-    if brief and (as_json or name != "table"):
-        asked, hint = "--json" if as_json else f"--format {name}", "which has the main table alone in any case"
-        raise InputError("--brief", f"given with {asked}", allowed="one of the two", hint=f"{asked}, {hint}")
-    name = "json" if as_json else name
-    if columns is not None and name == "json":
-        raise InputError("--columns", columns, allowed="with tables: JSON has every field")
-    for option, text in (("--caption", caption), ("--label", label)):
-        if text is not None and name != "latex" and not to_latex:
-            raise InputError(option, text, allowed="with --format latex, or --out FILE.tex where there is one")
-    if label is not None and not re.fullmatch(r"[\w:.+-]+", label, re.ASCII):
-        raise InputError("--label", label, allowed="letters, digits and : . + - _")
-    chosen = () if columns is None else tuple(item.strip() for item in columns.split(","))
-    return Output(name, bool(brief), chosen, caption or "", label or "", bool(strict))
 
 
 def tell_overrides(overrides: SimulatorOverrides) -> None:
@@ -356,12 +168,12 @@ def tell_overrides(overrides: SimulatorOverrides) -> None:
         note("the optics of the simulator are altered: they are computed anew, once, up to a minute a band")
 
 
-def refuse_together(options: dict[str, object], why: str) -> None:
+def refuse_together(options: Mapping[str, object], why: str) -> None:
     """Refuse two options that contradict each other; ``None`` and ``False`` are not given.
 
     Parameters
     ----------
-    options : dict
+    options : mapping
         Values by option.
     why : str
         What is wrong with them together.
@@ -383,20 +195,6 @@ def check_plot(plot: Path | None) -> None:
         check_writable(plot, key="--plot")
 
 
-def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
-    """Write a figure and say so.
-
-    Parameters
-    ----------
-    plot : Path
-    figure : Figure
-    remark : str
-        What is said of it beside its name.
-    """
-    report.write_figure(figure, plot)
-    note(f"wrote {place_of(plot)}{remark}")
-
-
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
     """Refuse the file of an answer before any work: by a name that does not end in what is written, or its place."""
     if path is None:
@@ -408,16 +206,6 @@ def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:
             allowed=f"a name that ends in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}",
         )
     check_writable(path, key=option)
-
-
-FORM_OF_ENDING = {".csv": "csv", ".ecsv": "ecsv", ".json": "json", ".tex": "latex", ".md": "markdown"}
-"""Forms in which a table of the terminal is written to a file, by the ending of its name."""
-
-
-def tell_rows(output: Output, rows: int, every: int) -> None:
-    """Print on stderr of how many rows a table for other programs has the first ones."""
-    if output.form not in ("table", "json") and rows < every:
-        note(f"the first {rows} of {every} rows: --limit {every} gives all")
 
 
 def write_out(path: Path, text: Callable[[], str | bytes], rows: int, every: int, option: str = "--out") -> None:
@@ -545,7 +333,7 @@ def write_rejects(path: Path, left_out: Sequence[tuple[str, LeftOut]]) -> None:
 
 RENAMED = {"--photon-counting": ("--mode", "photon_counting"), "--draws": ("--planets",)}
 """Former options, and what each is now."""
-_FILE, _REJECTS, _STRICT = "question_file", "rejects", "strict"
+_FILE, _REJECTS, _STRICT, _OUTPUT = "question_file", "rejects", "strict", "output__"
 _FILE_HELP = (
     "YAML file (kind: question) with answers by their keywords, see cpic schema; options on the command line stand "
     "above it."
@@ -601,8 +389,26 @@ def group(help_text: str, **commands: Callable[..., None]) -> Commands:
     app = Commands(help=help_text, invoke_without_command=True)
     app.callback(invoke_without_command=True)(_help_alone)
     for name, run in commands.items():
-        app.command(name)(command(run))
+        add(app, name, run)
     return app
+
+
+def add(app: Commands, name: str, run: Callable[..., None], question: str = "", *more: str) -> None:
+    """Add a command by its name; its help is its docstring and ``more``, its options come late from its models.
+
+    Parameters
+    ----------
+    app : Commands
+    name : str
+    run : callable
+        As of `command`.
+    question : str
+        Where its question is, as ``package.module:Model``; empty where it has none.
+    *more : str
+        Paragraphs of its help behind the docstring.
+    """
+    help_text = "\n\n".join((inspect.getdoc(run) or "", *more))
+    app.command(name, help=help_text, cls=late(run, question))(lambda: None)
 
 
 def _help_alone(context: typer.Context) -> None:
@@ -610,20 +416,20 @@ def _help_alone(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
-    """Return the kind of command that takes its options from the question of a function, once it is called.
+def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
+    """Return the kind of command that takes its options from the models of a function, once it is called.
 
     Parameters
     ----------
     run : callable
-        Its first parameter is the question; others have the annotations of `typer`.
+        As of `command`.
     name : str
-        Where its question is, as ``package.module:Model``.
+        Where its question is, as ``package.module:Model``; empty where it has none.
     """
 
     class Late(Once):
         def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-            built = command_of(run, pkgutil.resolve_name(name))
+            built = command_of(run, pkgutil.resolve_name(name) if name else None)
             self.params, self.callback = built.params, built.callback
             asked = args if extra.get("resilient_parsing") else _present(args, self.params)
             return super().make_context(info_name, asked, parent, **extra)
@@ -674,100 +480,106 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
     Parameters
     ----------
     run : callable
-        Its parameter ``question``, if it has one, is asked field by field, and ``output`` is an `Output`. Others have
-        the annotations of `typer`. Every command takes -v and -q, as ``cpic`` does before its name.
+        Its parameters ``question`` and ``output``, if it has them, are asked field by field: a question, and the form
+        of its answer, one of `cpic_planner.cli.output`. Others have the annotations of `typer`. Every command takes -v
+        and -q, as ``cpic`` does before its name.
     model : type of Question, optional
         Whose fields ``question`` has.
     """
-    from cpic_planner import queries
-
-    where = {"queries": queries}
-    own = dict(inspect.signature(run, locals=where, eval_str=True).parameters)
-    question, output = own.pop("question", None), own.pop("output", None)
-    forms = {} if output is None else dict(_OUTPUT)
+    form = inspect.signature(run).parameters.get("output")
+    shown: Any = None if form is None else pkgutil.resolve_name(f"cpic_planner.cli.output:{form.annotation}")
+    where = {} if form is None else {form.annotation: shown}
+    own = dict(inspect.signature(run, locals=where, eval_str=True).parameters) if model is None else {}
+    own.pop("output", None)
     # Who asks strictly takes neither a part of a table nor the lack of an answer.
     tables = model is not None and _STRICT in model.model_fields
-    may_lack = output is not None and issubclass(output.annotation, Answer)
-    if may_lack and not tables:
-        forms[_STRICT] = Annotated[bool, typer.Option("--strict", help=STRICT)]
-    asked = None if question is None else _Asked(model, also_lack=may_lack and tables)
+    lacking = shown is not None and _STRICT in shown.model_fields
+    parameters = [] if model is None else _parameters_of(model, "", STRICT if lacking else "")
+    if model is not None:
+        parameters.append(_parameter(_FILE, Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]))
+        parameters += [_parameter(_REJECTS, RejectsOption)] * tables
+    parameters += [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in own.values()]
+    if shown is not None:
+        parameters += [item for item in _parameters_of(shown, _OUTPUT) if not tables or item.name != _OUTPUT + _STRICT]
+    parameters += [_parameter("verbose", VerboseOption, 0), _parameter("quiet", QuietOption, False)]
 
     def called(**given: Any) -> None:
-        verbose, quiet = given.pop("verbose"), given.pop("quiet")
-        if verbose or quiet:
-            set_loudness(verbose, quiet)
-        arguments = {name: given.pop(name) for name in own}
+        from cpic_planner.queries import called_as
+        from simulator.config import validate
 
-        def start(question: Any = None) -> None:
-            if output is not None:
-                how = {name: given.pop(name) for name in forms}
-                how |= {_STRICT: question.strict} if may_lack and tables else {}
-                arguments["output"] = output_of(**how, to_latex=str(arguments.get("out") or "").endswith(".tex"))
-            run(**arguments) if question is None else run(question, **arguments)
+        if given["verbose"] or given["quiet"]:
+            set_loudness(given["verbose"], given["quiet"])
+        arguments = {name: given[name] for name in own}
+        asking: Any = contextlib.nullcontext() if model is None else _asked(model, given)
+        with asking as question:
+            if model is not None:
+                arguments["question"] = question
+            if shown is not None:
+                with called_as(_options(shown)[1]):
+                    strict = {_STRICT: question.strict} if lacking and tables else {}
+                    arguments["output"] = validate(shown, _answered(shown, _OUTPUT, given)[0] | strict)
+            run(**arguments)
 
-        start() if asked is None else asked.ask(given, start)
-
-    only = inspect.Parameter.KEYWORD_ONLY
-    parameters = [] if asked is None else asked.parameters()
-    parameters += [item.replace(kind=only) for item in own.values()]
-    parameters += [inspect.Parameter(name, only, default=None, annotation=kind) for name, kind in forms.items()]
-    parameters.append(inspect.Parameter("verbose", only, default=0, annotation=VerboseOption))
-    parameters.append(inspect.Parameter("quiet", only, default=False, annotation=QuietOption))
     called.__name__, called.__doc__ = run.__name__, run.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return called
 
 
-class _Asked:
-    """The options of a question, and the question that they ask.
+@functools.cache
+def _options(model: Any) -> tuple[tuple[Option, ...], dict[str, str]]:
+    """Return the options of a model, and the option of each of its fields."""
+    from cpic_planner.queries import option_names, options_of
 
-    Parameters
-    ----------
-    model : type of Question
-    also_lack : bool
-        Whether its ``strict`` is about the lack of an answer too.
-    """
+    return tuple(options_of(model)), option_names(model)
 
-    def __init__(self, model: Any, *, also_lack: bool) -> None:
-        from cpic_planner.queries import option_names, options_of
 
-        self.model, self.also_lack, self.tables = model, also_lack, _STRICT in model.model_fields
-        self.options, self.names = tuple(options_of(model)), option_names(model)
+def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
-    def parameters(self) -> list[inspect.Parameter]:
-        """Return the parameters of a command, those that every question has last."""
-        from cpic_planner.queries import spelled
 
-        parameter = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)
-        parameters = []
-        for option in self.options:
-            text = spelled(option.text, self.names)
-            text += f" {STRICT}" if self.also_lack and option.path == (_STRICT,) else ""
-            default = inspect.Parameter.empty if option.required and option.asked.argument else None
-            parameters.append(parameter(option.name, annotation=_annotation(option, text), default=default))
-        file = Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]
-        parameters.append(parameter(_FILE, annotation=file, default=None))
-        return parameters + [parameter(_REJECTS, annotation=RejectsOption, default=None)] * self.tables
+def _parameters_of(model: Any, before: str, of_strict: str = "") -> list[inspect.Parameter]:
+    """Return the parameters of a command for the fields of a model, their names behind ``before``."""
+    from cpic_planner.queries import spelled
 
-    def ask(self, given: dict[str, Any], start: Callable[[Any], None]) -> None:
-        """Call a function with the question of some options, which are taken out of what is given."""
-        from cpic_planner.queries import called_as, tree_of
+    (options, names), parameters = _options(model), []
+    for option in options:
+        text = f"{spelled(option.text, names)} {of_strict if option.path == (_STRICT,) else ''}".rstrip()
+        default = inspect.Parameter.empty if option.required and option.asked.argument else None
+        parameters.append(_parameter(before + option.name, _annotation(option, text), default))
+    return parameters
 
-        file, rejects = given.pop(_FILE), given.pop(_REJECTS, None)
-        values = {option.name: _value(given.pop(option.name)) for option in self.options}
-        # A value that is made of parts is called by the first of them that is given.
-        parts = [item for item in reversed(self.options) if item.parts is not None and values[item.name] is not None]
-        with called_as(self.names | {".".join(option.path[:-1]): option.flag for option in parts}):
-            with called_as({"file": "--question"}):
-                answered = {} if file is None else self.model.load(file)
-            tree = tree_of(self.options, values, answered, self.names)
-            # What an option says is no fault of the file.
-            said = {option.path[0] for option in self.options if values[option.name] not in (None, (), [])}
-            with faults_by_line(None if said & set(answered) else file, whole=False):
-                question = self.model.of(tree)
-                with tables_of(question, rejects) if self.tables else contextlib.nullcontext():
-                    start(question)
+
+def _answered(
+    model: Any, before: str, given: Mapping[str, Any], file: Mapping[str, Any] = MappingProxyType({})
+) -> tuple[dict[str, Any], dict[str, str], set[str]]:
+    """Return what options and a file say of a model, the option of each value, and which fields options are about."""
+    from cpic_planner.queries import called_as, tree_of
+
+    options, names = _options(model)
+    values = {option.name: _value(given.get(before + option.name)) for option in options}
+    said = [option for option in options if values[option.name] not in (None, (), [])]
+    # A value that is made of parts is called by the first of them that is given.
+    parts = {".".join(item.path[:-1]): item.flag for item in reversed(said) if item.parts is not None}
+    names = names | parts
+    with called_as(names):
+        return tree_of(options, values, file, names), names, {option.path[0] for option in said}
+
+
+@contextlib.contextmanager
+def _asked(model: Any, given: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield the question that options ask; refusals in the body name options, or the line of a file."""
+    from cpic_planner.queries import called_as
+
+    file, rejects = given[_FILE], given.get(_REJECTS)
+    with called_as({"file": "--question"}):
+        answers = {} if file is None else model.load(file)
+    tree, names, said = _answered(model, "", given, answers)
+    # What an option says is no fault of the file.
+    with called_as(names), faults_by_line(None if said & set(answers) else file, whole=False):
+        question = model.of(tree)
+        with tables_of(question, rejects) if _STRICT in model.model_fields else contextlib.nullcontext():
+            yield question
 
 
 def _annotation(option: Any, text: str) -> Any:

@@ -1,13 +1,12 @@
 """``cpic``: the command-line entry point and how it fails."""
 
 import contextlib
-import inspect
 import logging
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +15,7 @@ import typer
 
 from cpic_core import InputError, fingerprint, numeric_context, private_folder, shortened, visible
 from cpic_planner.cli import catalog_command, run_commands, star_commands, upkeep_command as upkeep
-from cpic_planner.cli.command import HELP_OPTIONS, Commands, command, error_line, group, late
+from cpic_planner.cli.command import HELP_OPTIONS, Commands, add, error_line, group
 from cpic_planner.cli.progress import QuietOption, VerboseOption, set_loudness, watch
 from cpic_planner.schemas import QUESTIONS
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
@@ -86,11 +85,10 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-class _Printable(logging.Formatter):
-    """Messages that quote names without steering the terminal by them."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        return visible(super().format(record), "\n")
+def _printable(record: logging.LogRecord) -> bool:
+    """Let a message that quotes names not steer the terminal by them."""
+    record.msg, record.args = visible(record.getMessage(), "\n"), None
+    return True
 
 
 @app.callback(invoke_without_command=True)
@@ -108,32 +106,22 @@ def root(
         typer.echo(context.get_help())
         return
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_Printable("%(levelname)s: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler])
+    handler.addFilter(_printable)
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], format="%(levelname)s: %(message)s")
     set_loudness(verbose, quiet)
     if not quiet and context.invoked_subcommand != "serve":  # which has no end to wait for
         context.with_resource(watch(context.invoked_subcommand))
 
 
-def _add(run: Callable[..., None], *more: str) -> None:
-    """Add a command; its help is its docstring and ``more``, its options come late from the model of its question."""
-    help_text = "\n\n".join((inspect.getdoc(run) or "", *more))
-    app.command(run.__name__, help=help_text, cls=late(run, QUESTIONS[run.__name__]))(lambda: None)
-
-
-_add(run_commands.plan, _DIAL_HELP, _OVERRIDES_HELP)
-_add(star_commands.rank)
-_add(star_commands.etc)
-_add(star_commands.curve)
-_add(star_commands.roc)
-_add(star_commands.known)
-_add(run_commands.confirm, _DIAL_HELP, _OVERRIDES_HELP)
-_add(run_commands.simulate)
-_add(star_commands.visibility)
-_add(run_commands.whatif)
-_add(run_commands.tradeoff)
-app.command("serve")(command(upkeep.serve))
-app.command("check")(command(upkeep.check))
+for _run in (
+    *(run_commands.plan, star_commands.rank, star_commands.etc, star_commands.curve, star_commands.roc),
+    *(star_commands.known, run_commands.confirm, run_commands.simulate, star_commands.visibility),
+    *(run_commands.whatif, run_commands.tradeoff),
+):
+    _more = (_DIAL_HELP, _OVERRIDES_HELP) if _run in (run_commands.plan, run_commands.confirm) else ()
+    add(app, _run.__name__, _run, QUESTIONS[_run.__name__], *_more)
+add(app, "serve", upkeep.serve)
+add(app, "check", upkeep.check)
 instrument = group(upkeep.INSTRUMENT_HELP, show=upkeep.show, keys=upkeep.keys, diff=upkeep.diff, table=upkeep.table)
 app.add_typer(instrument, name="instrument")
 catalog = group(
@@ -141,7 +129,7 @@ catalog = group(
 )
 app.add_typer(catalog, name="catalog")
 app.add_typer(group(upkeep.CACHE_HELP, info=upkeep.info, clear=upkeep.clear), name="cache")
-app.command("schema")(command(upkeep.schema))
+add(app, "schema", upkeep.schema)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -231,10 +219,6 @@ def _drop_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 _WORDS = {
     "--limit": "top first head rows n number count lines max",
     "--top": "limit first head n number count targets rows max",
@@ -293,3 +277,7 @@ def suggestion(name: str, command: Any, arguments: Sequence[str]) -> str:
     near = get_close_matches(word, [flag[2:] for flag in known], n=2, cutoff=0.7)
     options = list(dict.fromkeys([*found, *begun, *(f"--{flag}" for flag in near if not found)]))[:3]
     return f"did you mean {' or '.join(options)}?" if options else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -71,6 +71,15 @@ class Work:
         """Count from now on as work that has not been mentioned."""
         self.began, self.shown_at, self.text = now, None, ""
 
+    def is_due(self, now: float) -> bool:
+        """Return whether a line about it is due."""
+        if self.shown_at is None:
+            return True
+        since, further = now - self.shown_at, self.text != self.shown_text
+        if self.total:
+            further = self.done - self.shown_done >= TENTH * self.total
+        return since >= LINE_EVERY_S and (further or since >= DENSE_S or now - self.began <= DENSE_S)
+
     def line(self, now: float) -> str:
         """Return how far it has come, in a line."""
         elapsed = now - self.began
@@ -89,72 +98,6 @@ def _duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 120 else f"{seconds / 3600:.1f} h"
 
 
-class Lines:
-    """Plain lines, for a pipe, a file or a log.
-
-    Parameters
-    ----------
-    write : callable
-        Takes a line without its end.
-    """
-
-    def __init__(self, write: Callable[[str], None]) -> None:
-        self._write = write
-
-    def tick(self, work: Work, now: float) -> None:
-        """Write a line where one is due."""
-        if now - work.began < SHOW_AFTER_S:
-            return
-        if work.shown_at is not None:
-            since = now - work.shown_at
-            further = work.text != work.shown_text
-            if work.total:
-                further = work.done - work.shown_done >= TENTH * work.total
-            if since < LINE_EVERY_S or (now - work.began > DENSE_S and since < DENSE_S and not further):
-                return
-        work.shown_at, work.shown_done, work.shown_text = now, work.done, work.text
-        self._write(f"cpic: {work.line(now)}")
-
-    def hide(self) -> None:
-        """Do nothing: lines of a log are not cleared."""
-
-    def end(self, work: Work, now: float) -> None:
-        """Close with one line what was begun with one."""
-        if work.shown_at is not None:
-            self._write(f"cpic: {work.title}: done in {_duration(now - work.began)}")
-
-
-class Bar:
-    """A bar on a terminal, cleared when the work is done."""
-
-    def __init__(self) -> None:
-        self._bar: RichProgress | None = None
-
-    def tick(self, work: Work, now: float) -> None:
-        """Draw or refresh the bar."""
-        if now - work.began < SHOW_AFTER_S:
-            return
-        if self._bar is None:
-            self._bar = _rich_bar(counted=work.total is not None)
-            self._bar.start()
-            self._bar.add_task(work.title, total=work.total)
-        task = self._bar.tasks[0]
-        task.start_time = self._bar.get_time() - (now - work.began)
-        described = f"{work.title}: {work.text}" if work.text else work.title
-        self._bar.update(task.id, completed=work.done, description=visible(described))
-        work.shown_at = now
-
-    def hide(self) -> None:
-        """Take the bar away."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
-
-    def end(self, work: Work, now: float) -> None:
-        """Take the bar away: the results follow."""
-        self.hide()
-
-
 def _rich_bar(*, counted: bool) -> RichProgress:
     from rich import progress as rich
     from rich.console import Console
@@ -169,29 +112,56 @@ def _rich_bar(*, counted: bool) -> RichProgress:
 
 
 class Reporter(logging.Handler):
-    """Keeps what is being worked on, and has it shown; also takes the announcements of the simulator.
+    """Keeps what is being worked on, and shows it; also takes the announcements of the simulator.
 
     Parameters
     ----------
-    display : Bar or Lines
-        Shows how far work is.
     title : str
         What is worked on where nothing else is said.
+    write : callable, optional
+        Takes a line without its end, for a pipe, a file or a log; without, a bar on a terminal shows how far work is,
+        and is cleared when that is done.
     clock : callable
         Time in s.
     """
 
-    def __init__(self, display: Bar | Lines, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, title: str, write: Callable[[str], None] | None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__(logging.INFO)
-        self._display, self._clock = display, clock
+        self._write, self._clock = write, clock
         self._stack = [Work(title, clock())]
         self._mutex = threading.RLock()
+        self._bar: RichProgress | None = None
 
     def tick(self) -> None:
         """Show what is due now."""
         with self._mutex:
-            if not is_quiet():
-                self._display.tick(self._stack[-1], self._clock())
+            work, now = self._stack[-1], self._clock()
+            if is_quiet() or now - work.began < SHOW_AFTER_S:
+                return
+            if self._write is None:
+                self._draw(work, now)
+            elif work.is_due(now):
+                work.shown_at, work.shown_done, work.shown_text = now, work.done, work.text
+                self._write(f"cpic: {work.line(now)}")
+
+    def _draw(self, work: Work, now: float) -> None:
+        """Draw or refresh the bar."""
+        if self._bar is None:
+            self._bar = _rich_bar(counted=work.total is not None)
+            self._bar.start()
+            self._bar.add_task(work.title, total=work.total)
+        task = self._bar.tasks[0]
+        task.start_time = self._bar.get_time() - (now - work.began)
+        described = f"{work.title}: {work.text}" if work.text else work.title
+        self._bar.update(task.id, completed=work.done, description=visible(described))
+
+    def _hide(self) -> None:
+        """Take the bar away; lines of a log are not cleared."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take an announcement as what is done from now on."""
@@ -201,14 +171,14 @@ class Reporter(logging.Handler):
     def rest(self) -> None:
         """Clear the screen: what follows is the output of the command."""
         with self._mutex:
-            self._display.hide()
+            self._hide()
             self._stack[-1].restart(self._clock())
 
     @contextlib.contextmanager
     def working(self, title: str, total: int) -> Iterator[Advance]:
         """Show the work in ``total`` pieces; yield `Advance`."""
         with self._mutex:
-            self._display.hide()
+            self._hide()
             work = Work(title, self._clock(), total)
             self._stack.append(work)
 
@@ -216,15 +186,15 @@ class Reporter(logging.Handler):
             with self._mutex:
                 work.done += steps
                 work.text = text
-                self._display.tick(work, self._clock())
+                self.tick()
 
         try:
             yield advance
-            with self._mutex:
-                self._display.end(work, self._clock())
+            if work.shown_at is not None and self._write is not None:
+                self._write(f"cpic: {work.title}: done in {_duration(self._clock() - work.began)}")
         finally:
             with self._mutex:
-                self._display.hide()
+                self._hide()
                 self._stack.remove(work)
                 self._stack[-1].restart(self._clock())
 
@@ -241,7 +211,7 @@ def watch(title: str) -> Iterator[Reporter]:
     title : str
         What is worked on where nothing else is said.
     """
-    reporter = Reporter(Bar() if sys.stderr.isatty() else Lines(write_line), title)
+    reporter = Reporter(title, None if sys.stderr.isatty() else write_line)
     stop, announcements = threading.Event(), logging.getLogger(LOGGER)
 
     def run() -> None:
@@ -276,9 +246,9 @@ def write_line(text: str) -> None:
 
 
 @contextlib.contextmanager
-def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
-    """Show the work in ``total`` pieces on stderr unless quiet; yield ``advance(text, steps)``."""
-    if not enabled or is_quiet():
+def progress(title: str, total: int) -> Iterator[Advance]:
+    """Show the work in ``total`` pieces, if any, on stderr unless quiet; yield ``advance(text, steps)``."""
+    if total < 1 or is_quiet():
         yield untold
         return
     with contextlib.ExitStack() as stack:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from cpic_planner import report
 from cpic_planner.cli import command
@@ -17,10 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from cpic_planner import queries
+    from cpic_planner.cli.output import ImagesOutput, RunOutput, SimulateOutput, TradeoffOutput
     from cpic_planner.tradeoff import FixedScene, Point
 
 
-def plan(question: queries.PlanQuestion, output: command.Answer, dry_run: command.DryRunOption = False) -> None:
+def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
     """Rank the catalogue, confirm the best targets with simulated images, write the report.
 
     Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
@@ -77,8 +76,9 @@ def plan(question: queries.PlanQuestion, output: command.Answer, dry_run: comman
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
         return command.cost_line(what, cost, question.workers)
 
-    steps = 0 if dry_run else _n_bands(question)
-    result = command.result_of(question, job, output, "confirming", line, steps=steps, out=out, dry_run=dry_run)
+    steps = 0 if output.dry_run else _n_bands(question)
+    how: dict[str, Any] = {"steps": steps, "out": out, "dry_run": output.dry_run}
+    result = command.result_of(question, job, output, "confirming", line, **how)
     if result is not None:
         confirmed = any(band.detected for target in result.targets for band in target.bands)
         output.show(result, report.plan_blocks(result, full=is_verbose()), confirmed)
@@ -97,7 +97,7 @@ def _n_bands(question: queries.PlanQuestion) -> int:
     return sum(star in first for star, _ in pairs)
 
 
-def confirm(question: queries.ConfirmQuestion, output: command.Answer, dry_run: command.DryRunOption = False) -> None:
+def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
     """Observe one scene in simulated images and measure it blind, beside what the exposure-time calculator expects.
 
     SCENE is a preset or a YAML file, with any number of planets (none: the blind search alone) and other stars.
@@ -143,7 +143,7 @@ def confirm(question: queries.ConfirmQuestion, output: command.Answer, dry_run: 
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
         return command.cost_line(what, cost, question.workers)
 
-    how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": dry_run}
+    how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": output.dry_run}
     result = command.result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
     if result is None:
         return
@@ -154,12 +154,7 @@ def confirm(question: queries.ConfirmQuestion, output: command.Answer, dry_run: 
         command.note("--out DIR writes a report with the images")
 
 
-def simulate(
-    question: queries.SimulateQuestion,
-    output: command.Output,
-    dry_run: command.DryRunOption = False,
-    list_presets: Annotated[bool, typer.Option("--list-presets", help="Show the presets, then stop.")] = False,
-) -> None:
+def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None:
     """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
 
     WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of
@@ -198,13 +193,13 @@ def simulate(
 
       cpic simulate --list-presets
     """
-    if list_presets:
-        _print_presets(output.as_json)
+    if output.list_presets:
+        _print_presets(output.written == "json")
         return
     from cpic_planner import simulation
 
     made, notes = simulation.simulation_from(question.what, **question.given)
-    if dry_run:
+    if output.dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
         output.show(planned, report.planned_blocks(planned))
         return
@@ -229,11 +224,7 @@ def _print_presets(as_json: bool) -> None:
             command.say(f"  {name:{width}}  {text}")
 
 
-def whatif(
-    question: queries.WhatIfQuestion,
-    output: command.Output,
-    dry_run: command.DryRunOption = False,
-) -> None:
+def whatif(question: queries.WhatIfQuestion, output: RunOutput) -> None:
     """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
     STRATEGIES is a preset (survey_default) or a YAML file. Every strategy gets a calendar from the visibility of
@@ -323,7 +314,8 @@ def whatif(
         )
 
     job, out = survey.whatif_job(config, n_images=question.images), question.out or Path("cpic-whatif")
-    result = command.result_of(question, job, output, "what if", line, steps="n_steps", out=out, dry_run=dry_run)
+    how: dict[str, Any] = {"steps": "n_steps", "out": out, "dry_run": output.dry_run}
+    result = command.result_of(question, job, output, "what if", line, **how)
     if result is not None:
         output.show(result, report.whatif_blocks(result, full=is_verbose()))
         if output.plain:
@@ -331,11 +323,7 @@ def whatif(
         command.tell_report(output, out)
 
 
-def tradeoff(
-    question: queries.TradeoffQuestion,
-    output: command.Output,
-    listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
-) -> None:
+def tradeoff(question: queries.TradeoffQuestion, output: TradeoffOutput) -> None:
     """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
 
     Fixed scenes of a single visit are observed in every way there is: closed forms, sums of frames, frames, and the
@@ -360,8 +348,8 @@ def tradeoff(
     from cpic_planner.tradeoff import FILES, RESULT, chosen, n_rows, read_result, tradeoff_job
 
     work = chosen(question.scenes, question.only, quick_look=question.quick_look)
-    if listed:
-        _print_list(work, output.as_json)
+    if output.listed:
+        _print_list(work, output.written == "json")
         return
     earlier = read_result(question.out) if question.only or question.scenes else None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)

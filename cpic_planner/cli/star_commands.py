@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cpic_core import InputError, dump_json
 from cpic_planner import ranking, report
@@ -14,32 +12,17 @@ from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose, progress
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from catalogs import Catalogue
     from cpic_planner import queries
-    from cpic_planner.etc import EtcModel
+    from cpic_planner.cli.output import EtcOutput, KnownOutput, RankOutput, SearchOutput, VisibilityOutput
     from cpic_planner.jobs import Job
     from cpic_planner.ranking import KnownChoice
-    from cpic_planner.results import EtcAnswer, RankResult, SearchedResult
-    from cpic_planner.targets import Targets
+    from cpic_planner.results import RankResult, SearchedResult
 
 
-def etc(
-    question: queries.EtcQuestion,
-    output: command.Answer,
-    budget: Annotated[
-        bool, typer.Option("--budget", help="Print the noise budget of every answer [default: of the best].")
-    ] = False,
-    explain: Annotated[
-        bool,
-        typer.Option(
-            "--explain",
-            help="Say more: probabilities, visits and orbits, and the EM gain that each saturation limit allows.",
-        ),
-    ] = False,
-    plot: command.PlotOption = None,
-) -> None:
+def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
     """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 
     --snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level
@@ -113,42 +96,15 @@ def etc(
     """
     from cpic_planner.api import answered
 
-    for name, value, held in (
-        ("--budget", budget, "JSON holds every budget"),
-        ("--explain", explain, "JSON holds all"),
-    ):
-        command.refuse_together({name: value, "--json": output.as_json}, held)
-        command.refuse_together(
-            {name: value, "--brief": output.brief, "--format": output.form != "table"}, "it has one table"
-        )
-    command.check_plot(plot)
-    answer = answered(question, check=_checked, tell=command.note)
-    if plot is not None:
-        command.write_plot(plot, answer.figure())
-    output.show(answer.result, answer.blocks(every_budget=budget, explain=explain), answer.found)
-
-
-def _checked(
-    question: queries.EtcQuestion, model: EtcModel, stars: Sequence[Targets], answers: Sequence[EtcAnswer]
-) -> Sequence[EtcAnswer]:
-    """Return the answers, checked in images, with a bar of progress."""
-    from cpic_planner.api import checked
-    from cpic_planner.confirm import needs_images
-
-    total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
-    with progress("images, per cent", total=total, enabled=total > 0) as advance:
-        return checked(question, model, stars, answers, advance=advance)
+    answer = answered(question, working=progress)
+    output.draw(answer.figure)
+    output.show(answer.result, answer.blocks(every_budget=output.budget, explain=output.explain), answer.found)
 
 
 R = TypeVar("R", bound="SearchedResult")
 
 
-def curve(
-    question: queries.CurveQuestion,
-    output: command.Answer,
-    plot: command.PlotOption = None,
-    dry_run: command.DryRunOption = False,
-) -> None:
+def curve(question: queries.CurveQuestion, output: SearchOutput) -> None:
     """Draw contrast curves of a star: how faint a planet one programme shows, against separation, in every band.
 
     Each band has one programme of visits, the one that sees faintest, and all numbers of the band are about its
@@ -186,22 +142,16 @@ def curve(
     """
     from cpic_planner.api import curve_job_of
 
-    done = _searched(question, curve_job_of(question), "contrast curve", plot, dry_run, output)
+    done = _searched(question, curve_job_of(question), "contrast curve", output)
     if done is None:
         return
-    if plot is not None:
-        command.write_plot(plot, report.curve_figure(done))
+    output.draw(partial(report.curve_figure, done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
     output.show(done, report.search_blocks(done, full=is_verbose()), found)
     command.tell_report(output, question.out)
 
 
-def roc(
-    question: queries.RocQuestion,
-    output: command.Answer,
-    plot: command.PlotOption = None,
-    dry_run: command.DryRunOption = False,
-) -> None:
+def roc(question: queries.RocQuestion, output: SearchOutput) -> None:
     """Show how likely a planet is detected, against the false alarms of a search.
 
     The level of a detection moves. A blind search of the dark hole expects as many false alarms as it has resolution
@@ -228,25 +178,15 @@ def roc(
     """
     from cpic_planner.api import roc_job_of
 
-    done = _searched(question, roc_job_of(question), "detection statistics", plot, dry_run, output)
+    done = _searched(question, roc_job_of(question), "detection statistics", output)
     if done is None:
         return
-    if plot is not None:
-        command.write_plot(plot, report.roc_figure(done))
+    output.draw(partial(report.roc_figure, done))
     output.show(done, report.search_blocks(done, full=is_verbose()), bool(done.levels))
     command.tell_report(output, question.out)
 
 
-def _searched(
-    question: queries.SearchedQuestion,
-    job: Job[R],
-    title: str,
-    plot: Path | None,
-    dry_run: bool,
-    output: command.Answer,
-) -> R | None:
-    command.check_plot(plot)
-
+def _searched(question: queries.SearchedQuestion, job: Job[R], title: str, output: SearchOutput) -> R | None:
     def line(cost: Mapping[str, float]) -> str:
         return (
             f"{cost['n_realisations']:.0f} images, {cost['n_searches']:.0f} searches, about "
@@ -254,53 +194,10 @@ def _searched(
         )
 
     how: dict[str, Any] = {"steps": "n_realisations" if question.images else 0, "piece": "set of images"}
-    return command.result_of(question, job, output, title, line, out=question.out, dry_run=dry_run, **how)
+    return command.result_of(question, job, output, title, line, out=question.out, dry_run=output.dry_run, **how)
 
 
-def rank(
-    question: queries.RankQuestion,
-    output: command.Answer,
-    limit: Annotated[
-        int | None,
-        typer.Option(
-            "--limit",
-            min=1,
-            help="Stars of every table, of --out too, and of the figure [default: 20, and all in --out]. JSON has all.",
-        ),
-    ] = None,
-    explain: Annotated[
-        str | None, typer.Option("--explain", help="Say why this star stands where it stands, instead of the table.")
-    ] = None,
-    sensitivity: Annotated[
-        bool,
-        typer.Option(
-            "--sensitivity",
-            help="Say how the order depends on assumptions, instead of the table; of one star with --explain.",
-        ),
-    ] = False,
-    compare: Annotated[
-        str | None,
-        typer.Option(
-            "--compare",
-            metavar="OTHER",
-            help="Say what moves from OTHER to this ranking and why, instead of the table: the file of an earlier "
-            "ranking (of --out, or .json of --json), or an instrument (preset or YAML file) asked the same.",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            help="Also write the rows to FILE.csv or .ecsv (every column, or those of --columns), .tex or .md (as on "
-            "the screen), or everything to FILE.json.",
-        ),
-    ] = None,
-) -> None:
+def rank(question: queries.RankQuestion, output: RankOutput) -> None:
     """Rank the whole catalogue (analytic, a few seconds; --sensitivity and --compare rank more than once).
 
     The ranking is by completeness per hour: the fraction of a population of planets that one observation of the star
@@ -373,20 +270,19 @@ def rank(
     from cpic_planner.queries import called, called_as
     from cpic_planner.targets import find_target
 
+    explain, sensitivity, compare = output.explain, output.sensitivity, output.compare
+    shown = 20 if output.limit is None else output.limit
     answers: dict[str, object] = {"--explain": explain, "--sensitivity": sensitivity, "--compare": compare}
     for name in ("--explain", "--sensitivity"):
         command.refuse_together({name: answers[name], "--compare": compare}, "two answers")
     for name, value in answers.items():
-        command.refuse_together({name: value, "--out": out}, "it holds no ranking")
-        command.refuse_together({name: value, "--plot": plot}, "it has no figure")
+        command.refuse_together({name: value, "--out": output.out}, "it holds no ranking")
+        command.refuse_together({name: value, "--plot": output.plot}, "it has no figure")
         known = None if name == "--compare" else question.known_planets
         command.refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
     if explain is not None and question.filters:
         hint = "its rank is that among all stars of the sample"
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
-    command.check_file(out, tuple(command.FORM_OF_ENDING), "--out")
-    shown = 20 if limit is None else limit
-    command.check_plot(plot)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
         output.show(moved, report.move_blocks(moved, limit=shown))
@@ -410,47 +306,35 @@ def rank(
         firm = ready.noted(sensitivity_of(ready.model, ready.stars.answered, **ready.asked))
         output.show(firm, report.sensitivity_blocks(firm))
         return
-    result = ready.ranked(output.columns)
-    if out is not None:
-        _write(out, result, output, limit)
-    if plot is not None:
-        drawn, most = min(shown, len(result.targets)), report.MOST_STARS
-        few = f" with the first {most} stars only: names of {drawn} could not be read" * (drawn > most)
-        draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
-        command.write_plot(plot, draw(result, shown), few)
-    command.tell_rows(output, shown, len(result.targets))
+    result = ready.ranked(output.names)
+    if output.out is not None:
+        _write(output.out, result, output)
+    drawn = min(shown, len(result.targets))
+    few = f" with the first {report.MOST_STARS} stars only: names of {drawn} could not be read"
+    draw = report.rank_figure if result.ensemble is None else report.ensemble_figure
+    output.draw(partial(draw, result, shown), few * (drawn > report.MOST_STARS))
+    output.tell_rows(shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
     output.show(result, report.rank_blocks(result, limit=shown, full=is_verbose()), detected)
 
 
-def _write(out: Path, result: RankResult, output: command.Answer, limit: int | None) -> None:
+def _write(out: Path, result: RankResult, output: RankOutput) -> None:
     """Write the ranking, or its first stars, in the form that the ending of the name asks for."""
-    form, every = command.FORM_OF_ENDING[out.suffix], len(result.targets)
-    rows = every if limit is None or form == "json" else min(limit, every)
+    from cpic_planner.cli.output import FORM_OF_ENDING
+
+    form, every = FORM_OF_ENDING[out.suffix], len(result.targets)
+    rows = every if output.limit is None or form == "json" else min(output.limit, every)
     own = {"csv": report.ranking_csv, "ecsv": report.ranking_ecsv}.get(form)
     if form == "json":
         text = partial(dump_json, result.model_dump(mode="json"))
-    elif own is not None and not output.columns:
+    elif own is not None and not output.names:
         text = partial(own, result, rows)
     else:
         text = partial(output.text, form, result, report.rank_blocks(result, limit=rows))
     command.write_out(out, text, rows, every)
 
 
-def known(
-    question: queries.KnownQuestion,
-    output: command.Output,
-    limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
-    ] = None,
-    scene: Annotated[
-        Path | None,
-        typer.Option(
-            "--scene", help="Write one draw of the star's planets into FILE.yaml, for cpic simulate or confirm."
-        ),
-    ] = None,
-) -> None:
+def known(question: queries.KnownQuestion, output: KnownOutput) -> None:
     """Say where the known planets are at a date, how bright, and when the dark hole covers them.
 
     Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no
@@ -496,12 +380,10 @@ def known(
     from cpic_planner.ranking.known_answer import known_answer
     from cpic_planner.targets import find_target, rank_sample
 
-    star = question.star
+    star, plot, scene = question.star, output.plot, output.scene
     for name, value in (("--plot", plot), ("--scene", scene)):
         if star is None and value is not None:
             raise InputError(name, str(value), allowed="only with a STAR")
-    command.check_file(scene, (".yaml", ".yml"), "--scene")
-    command.check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
     choice = KnownChoice.at(
@@ -533,12 +415,11 @@ def known(
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     told: dict[str, Any] = {"years": span, "bands": question.bands, "catalogue": table.provenance}
     result = known_answer(model, targets, choice, planet=planet, notes=table.notes, **told)
-    if plot is not None:
-        command.write_plot(plot, report.known_figure(result))
+    output.draw(partial(report.known_figure, result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
-    command.tell_rows(output, limit, len(result.planets))
-    output.show(result, report.known_blocks(result, limit=limit, full=is_verbose()))
+    output.tell_rows(output.limit, len(result.planets))
+    output.show(result, report.known_blocks(result, limit=output.limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -553,17 +434,7 @@ def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -
     command.note(f"wrote {command.place_of(path)}")
 
 
-def visibility(
-    question: queries.VisibilityQuestion,
-    output: command.Answer,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Also write every step of every star to FILE.csv.")
-    ] = None,
-) -> None:
+def visibility(question: queries.VisibilityQuestion, output: VisibilityOutput) -> None:
     """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
 
     Counts the angles from Sun and Moon, the dark and the sunlit limb of the Earth, the solar panels (which also
@@ -588,13 +459,10 @@ def visibility(
     """
     from cpic_planner.api import visibility_of
 
-    command.check_file(out, (".csv",), "--out")
-    command.check_plot(plot)
     result = visibility_of(question, command.note)
-    if out is not None:
+    if output.out is not None:
         rows = len(result.targets) * len(result.mjd)
-        command.write_out(out, lambda: report.visibility_csv(result), rows, rows)
-    if plot is not None:
-        command.write_plot(plot, report.visibility_figure(result))
+        command.write_out(output.out, lambda: report.visibility_csv(result), rows, rows)
+    output.draw(partial(report.visibility_figure, result))
     seen = any(target.observable_days for target in result.targets)
     output.show(result, report.visibility_blocks(result, full=is_verbose()), seen)

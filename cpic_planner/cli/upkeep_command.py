@@ -8,13 +8,16 @@ import sys
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.command import JsonOption, Output, note, place_of, print_json, say
+from cpic_planner.cli.command import JsonOption, note, place_of, print_json, say
+
+if TYPE_CHECKING:
+    from cpic_planner.cli.output import Output
 
 INSTRUMENT_HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
 CACHE_HELP = """Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables
@@ -174,6 +177,7 @@ def check(
 
       cpic check my_tree --json | python -m json.tool
     """
+    from cpic_planner.cli.output import Output
     from cpic_planner.jobs import check_tree
     from cpic_planner.results import CheckResult, FindingRecord
     from simulator.products import ProductName
@@ -196,7 +200,7 @@ def check(
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    Output("json" if as_json else "table").show(result, report.check_blocks(result))
+    Output(as_json=as_json).show(result, report.check_blocks(result))
     if errors or (strict and findings):
         raise typer.Exit(1)
 

@@ -277,7 +277,7 @@ class Searched:
         return np.asarray(alarms <= self.elements.mean() * special().ndtr(-sigma))
 
 
-def searched(runner: Runner, tasks: Sequence[validation.SearchTask]) -> Searched:
+def searched(runner: Runner[Any], tasks: Sequence[validation.SearchTask]) -> Searched:
     """Draw the images of a programme and search them."""
     work = [Task(task.key, (task.to_dict(),), steps=task.count) for task in tasks]
     return Searched.of(runner.finish(validation.search_task, work).values(), len(tasks[0].planets))
@@ -314,7 +314,7 @@ def _job(
     chosen = functools.cache(lambda: [programme(band) for band in model.bands])
     every = functools.cache(lambda: [tasks(seen) if seen and question.images else [] for _, seen in chosen()])
 
-    def work(runner: Runner) -> Any:
+    def work(runner: Runner[Any]) -> Any:
         bands, found = [], []
         for (answer, seen), own in zip(chosen(), every(), strict=True):
             images = searched(runner, own) if own else None

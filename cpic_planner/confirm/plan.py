@@ -28,7 +28,7 @@ from cpic_planner.confirm.scene import (
     why_not_imaged,
 )
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import DEFAULT_YEARS, MAX_VISITS, PlanQuestion, observed_utc
 from cpic_planner.ranking import KnownChoice, asked_stars, rank_targets, rank_under, timed_model, with_own
@@ -197,7 +197,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         asked: dict[str, Any] = {"time_s": config.time_s, "planet": config.planet, "score": config.score}
         return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
 
-    def work(runner: Runner) -> results.PlanResult:
+    def work(runner: Runner[Any]) -> results.PlanResult:
         bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, bodies, firmness())
 
@@ -225,7 +225,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
 
 def make_plan(
     config: PlanQuestion, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
-) -> Finished[results.PlanResult]:
+) -> Runner[results.PlanResult]:
     """Rank, confirm and report.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from cpic_core import Reason, Status
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
 from cpic_planner.results import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
@@ -273,7 +273,7 @@ def star_images_job(
         row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
         return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
 
-    def work(runner: Runner) -> results.StarImagesResult:
+    def work(runner: Runner[Any]) -> results.StarImagesResult:
         row, tasks, refused = prepared()
         target = confirmed_target(model, row, refused, runner.finish(validation.confirm_task, image_tasks(tasks)))
         return results.StarImagesResult(
@@ -363,7 +363,7 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
 
     prepared = functools.cache(lambda: _work(config))
 
-    def work(runner: Runner) -> ConfirmResult:
+    def work(runner: Runner[Any]) -> ConfirmResult:
         bodies = runner.finish(validation.confirm_task, image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, list(bodies.values()))
 
@@ -387,7 +387,7 @@ def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
 
 def confirm_scene(
     config: ConfirmQuestion, out: str | Path | None = None, **how: Unpack[RunSettings]
-) -> Finished[ConfirmResult]:
+) -> Runner[ConfirmResult]:
     """Confirm a scene.
 
     Parameters

@@ -41,7 +41,7 @@ known numbers, of the squared drift of a visit and of what all visits share, whi
 MAP_VISITS = 256
 """Visits behind the maps of speckles that a search assumes."""
 LAW_ERROR = 0.03
-"""Relative standard error of the significance at which half of the planets are found (`reports/detection_law`)."""
+"""Relative standard error of the significance at which half of the planets are found (report `detection_law`)."""
 _REACH = 3.0
 """Places that a speckle of the light correlates with, over those of the filter: 3/2 of a Gaussian, at mirror places."""
 _CROSSED = 0.6

@@ -62,17 +62,17 @@ PLANET_FLUX_ERROR = 0.005
 """Planet's light in its aperture. The table of core throughputs is within 0.3 % of aperture sums of images at 25
 separations of each visible band, with the knobs of ``standard`` and of ``reference`` (tests of this module)."""
 WHITE_SNR_ERROR = 0.015
-"""SNR where no speckles are in the noise: the 101 cases of reports/etc_accuracy (monte_carlo.csv) lie within 1.45 % of
-20 000 trials each, the 0.5 % of the trials included."""
+"""SNR where no speckles are in the noise: the 101 cases of the report etc_accuracy lie within 1.45 % of 20 000
+trials each, the 0.5 % of the trials included."""
 SPECKLE_ARCSEC = {"F520": (0.4, 0.9), "F662": (0.5, 0.9), "F720": (0.5, 0.9), "F850": (0.5, 0.9)}
 """Separations between which the residual speckles of a band were held against images, in reports/etc_accuracy."""
 PLACE_ERROR, CORNER_ERROR = 0.08, 0.17
 """Residual speckles of the closed forms around one planet, up to the first of `CORNERS_ARCSEC` and from the second on.
 
 Up to 0.7 arcsec their mean over a ring is that of images within 2 % in every band; around one planet, the 20 cases of
-reports/blind_validator, of which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % at a share of
-58 %). Where squares cut the ring to their corners, the mean of the ring takes off more than that of the hole, which the
-closed forms reckon with: they are up to 14 % too large."""
+the report blind_validator, of which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % at a
+share of 58 %). Where squares cut the ring to their corners, the mean of the ring takes off more than that of the hole,
+which the closed forms reckon with: they are up to 14 % too large."""
 CORNERS_ARCSEC = (0.7, 0.9)
 
 WINGS_ERROR = 0.5

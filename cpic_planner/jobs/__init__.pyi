@@ -6,12 +6,10 @@ from cpic_planner.jobs.folder import (
 )
 from cpic_planner.jobs.job import (
     Cost as Cost,
-    Finished as Finished,
     Job as Job,
     Runner as Runner,
     RunSettings as RunSettings,
     Task as Task,
-    Unkept as Unkept,
     check_address as check_address,
     estimate as estimate,
     pace as pace,

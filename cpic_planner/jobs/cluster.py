@@ -179,6 +179,7 @@ def local_cluster(workers: int) -> "Iterator[tuple[str, LocalWorkers]]":
     """Yield the address of a scheduler and its workers, single-threaded processes that end with this one."""
     where: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
     with (
+        quiet_dask(),
         LocalCluster(n_workers=0, processes=True, silence_logs=logging.CRITICAL, **where) as cluster,
         tempfile.TemporaryDirectory(prefix="cpic-workers-", ignore_cleanup_errors=True) as scratch,
     ):
@@ -241,13 +242,8 @@ class LocalWorkers:
             process.wait()
 
 
-@dataclass(frozen=True)
-class Work:
-    """The work to run: ``function(*common, *arguments[i])`` for every ``i``."""
-
-    function: Callable[..., Any]
-    common: tuple[Any, ...]
-    arguments: Sequence[tuple[Any, ...]]
+Work = tuple[Callable[..., Any], tuple[Any, ...], Sequence[tuple[Any, ...]]]
+"""The work to run: a function, leading arguments that all tasks share, and those of each task."""
 
 
 class TaskQueue:
@@ -317,7 +313,7 @@ def run_on(
     address: str, work: Work, patience_s: float, own: LocalWorkers | None, met: Callable[[str], None]
 ) -> Iterator[tuple[int, Any]]:
     """Run all tasks on the cluster of the scheduler at ``address``; see `cpic_planner.jobs.job.run_tasks`."""
-    queue = TaskQueue(len(work.arguments))
+    queue = TaskQueue(len(work[2]))
     losses = 0
     link = _Link(address, work, _first_client(address), own, met)
     try:
@@ -445,15 +441,14 @@ class _Link:
     def send(self, index: int) -> None:
         """Send one task out."""
         # Pickled here: Dask neither searches the arguments for names of tasks nor needs our modules to schedule them.
-        load = dumps((self.work.function, self.work.arguments[index]))
+        function, common, arguments = self.work
+        load = dumps((function, arguments[index]))
         with self._lossy():
-            if self.work.common and self._common is None:
+            if common and self._common is None:
                 # A task of its own: workers take its result from one another, and what dies with one is made again.
-                self._common = self.client.submit(
-                    unpacked, self._asked, dumps(self.work.common), key=self._key("common")
-                )
-            common = () if self._common is None else self._common
-            self.flying[index] = self.client.submit(call, self._asked, load, common, key=self._key("task"))
+                self._common = self.client.submit(unpacked, self._asked, dumps(common), key=self._key("common"))
+            shared = () if self._common is None else self._common
+            self.flying[index] = self.client.submit(call, self._asked, load, shared, key=self._key("task"))
 
     def _key(self, kind: str) -> tuple[str, int]:
         self._sent += 1

@@ -211,15 +211,21 @@ class RunFolder:
             raise refused(path, _WITHOUT_IT, f"{hint}: {_MOVE_IT}")
 
     def part(self, key: str) -> dict[str, Any] | None:
-        """Return the finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
+        """Return the finished piece of work ``key``, or ``None`` (also when it, or a file of it, is damaged)."""
         path = self.path / self._part_name(key, ".json")
         if not os.path.lexists(path):
             return None
         try:
-            return dict(parse_json(self.read_blob(path)[1]))
+            body = dict(parse_json(self.read_blob(path)[1]))
         except DamagedPartError as error:
             _LOG.warning("%s: doing it again", error)
             return None
+        return body if all(self._is_whole(name, **about) for name, about in body.get("files", {}).items()) else None
+
+    def _is_whole(self, name: str, size_bytes: int, sha256: str) -> bool:
+        """Return whether a file of a piece is as it was left."""
+        path = self.path / name
+        return path.is_file() and path.stat().st_size == size_bytes and digest_of(path) == sha256
 
     def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
         """Store a finished piece of work whole; returns it as it will be read back.
@@ -229,8 +235,11 @@ class RunFolder:
         key : str
             Name of the finished piece.
         body : mapping
-            Plain data of a finished piece.
+            Plain data of a finished piece. Its ``files``, if it has any, are size and hash by name of those below
+            ``temporary/KEY``: they get their names first, the last one before the others.
         """
+        for name in reversed(body.get("files", {})):
+            self.adopt(self.temporary / key / name, name, **body["files"][name])
         text = dump_json(body)
         self._save(key, ".json", utf8(text))
         return dict(parse_json(text))

@@ -4,7 +4,7 @@ A kind of job is one function that returns a `Job`: what decides its result, the
 that it makes of their bodies. `run` does everything else, the same for every kind::
 
     def squares(n: int) -> Job[Total]:
-        def work(runner: Runner) -> Total:
+        def work(runner: Runner[Any]) -> Total:
             found = runner.finish(square, [Task(f"square {i}", (i,)) for i in range(n)])
             return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
 
@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypedDict, TypeVar
+from typing import Any, Generic, TypedDict, TypeVar
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel
@@ -54,39 +54,6 @@ T = TypeVar("T")
 _PROTOCOLS = ("tcp", "tls", "ws", "wss")
 
 
-@dataclass(eq=False)
-class LocalPool:
-    """Workers of this machine that several calls of `run_tasks` share: a context, at whose end they end.
-
-    They start when the first call needs them.
-
-    Attributes
-    ----------
-    workers : int
-        Local processes.
-    """
-
-    workers: int
-    _open: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
-    _cluster: tuple[str, Any] | None = None
-
-    def __enter__(self) -> "LocalPool":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._cluster = None
-        self._open.close()
-
-    def cluster(self) -> tuple[str, Any]:
-        """Return the address of their scheduler, and the workers."""
-        if self._cluster is None:
-            from cpic_planner.jobs.cluster import local_cluster, quiet_dask
-
-            self._open.enter_context(quiet_dask())
-            self._cluster = self._open.enter_context(local_cluster(self.workers))
-        return self._cluster
-
-
 def run_tasks(
     function: Callable[..., T],
     arguments: Sequence[tuple[Any, ...]],
@@ -95,7 +62,7 @@ def run_tasks(
     workers: int = 1,
     scheduler: str | None = None,
     patience_s: float = 60.0,
-    pool: LocalPool | None = None,
+    crew: Callable[[], tuple[str, Any]] | None = None,
     met: Callable[[str], None] = lambda fingerprint: None,
 ) -> Iterator[tuple[int, T]]:
     """Run ``function(*common, *arguments[i])`` for every ``i``.
@@ -115,8 +82,9 @@ def run_tasks(
         Address of a Dask scheduler (``tcp://host:port``) to use instead.
     patience_s : float
         How long a scheduler that has gone may take to come back, in s.
-    pool : LocalPool, optional
-        Workers of this machine to use, where they are needed; without, they are started for this call.
+    crew : callable, optional
+        Returns the address of a scheduler and the workers of this machine to use, where they are needed; without, they
+        are started for this call.
     met : callable
         Told the fingerprint of a worker that has another processor than this process, before what it did is yielded.
 
@@ -152,19 +120,16 @@ def run_tasks(
             yield index, result
         return
     check_address(scheduler)
-    from cpic_planner.jobs.cluster import Work, quiet_dask, run_on
+    from cpic_planner.jobs.cluster import local_cluster, quiet_dask, run_on
 
-    work = Work(function, common, arguments)
-    if scheduler is not None:
-        with quiet_dask():
-            yield from run_on(scheduler, work, patience_s, None, met)
-    elif pool is not None:
-        address, crew = pool.cluster()
-        yield from run_on(address, work, patience_s, crew, met)
-    else:
-        with LocalPool(workers) as own:
-            address, crew = own.cluster()
-            yield from run_on(address, work, patience_s, crew, met)
+    work: Any = (function, common, arguments)
+    with contextlib.ExitStack() as own:
+        if scheduler is not None:
+            own.enter_context(quiet_dask())
+            address, workers_here = scheduler, None
+        else:
+            address, workers_here = own.enter_context(local_cluster(workers)) if crew is None else crew()
+        yield from run_on(address, work, patience_s, workers_here, met)
 
 
 def in_this_process(n_tasks: int, workers: int, scheduler: str | None) -> bool:
@@ -189,32 +154,6 @@ def check_address(scheduler: str | None) -> str | None:
 
 
 RECORD = "run.json"
-
-
-def run_record(folder: RunFolder, run: object, **given: Any) -> RunRecord:
-    """Return the record of a run that ends now.
-
-    Parameters
-    ----------
-    folder : RunFolder
-    run : object
-        Has the workers and counts that a `RunRecord` names.
-    **given
-        Its other fields.
-    """
-    others = [other for other in folder.fingerprints if other != folder.fingerprint]
-    return RunRecord.of(
-        run,
-        fingerprint=folder.fingerprint,
-        finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
-        host=host(),
-        versions=versions(),
-        software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
-        other_fingerprints=others,
-        promise=promise_of(folder.fingerprint, *others),
-        list_sha256=digest_of(folder.path / LIST_NAME),
-        **given,
-    )
 
 
 def host() -> dict[str, Any]:
@@ -302,28 +241,6 @@ class Task:
     steps: int = 1
 
 
-class PartStore(Protocol):
-    """Keeps finished bodies; `cpic_planner.jobs.folder.RunFolder` is one, for bodies that are JSON objects."""
-
-    def part(self, key: str) -> Any | None:
-        """Return what an earlier run finished under ``key``; None if it is not there, or not whole."""
-
-    def save_part(self, key: str, body: Any) -> Any:
-        """Keep a finished body whole, and return it as `part` would."""
-
-
-class Unkept:
-    """Keeps nothing: for a run without a folder, and for bodies that are quicker made again than kept."""
-
-    def part(self, key: str) -> None:
-        """Find nothing."""
-        return
-
-    def save_part(self, key: str, body: Any) -> Any:
-        """Return the body."""
-        return body
-
-
 @dataclass(frozen=True)
 class Cost:
     """Expected cost of a job.
@@ -391,7 +308,7 @@ class Job(Generic[R]):
     kind: str
     results: int
     decides: Callable[[], Mapping[str, Any]]
-    work: "Callable[[Runner], R]"
+    work: "Callable[[Runner[R]], R]"
     write: Callable[[RunFolder, R, Mapping[str, Any]], None] = lambda folder, result, bodies: None
     products: Sequence[str] = ()
     cost: Callable[[], Cost] | None = None
@@ -409,25 +326,6 @@ class Job(Generic[R]):
         return self.result_file or f"{self.kind}.json"
 
 
-@dataclass(frozen=True)
-class Finished(Generic[R]):
-    """A finished job.
-
-    Attributes
-    ----------
-    result : model
-    bodies : dict
-        What its tasks returned, by key.
-    resumed_parts, computed_parts : int
-        Tasks that an earlier run had finished, and those that this one did.
-    """
-
-    result: R
-    bodies: Mapping[str, Any]
-    resumed_parts: int
-    computed_parts: int
-
-
 class RunSettings(TypedDict, total=False):
     """Keywords of `run` that decide how a job runs, never what it gives."""
 
@@ -439,8 +337,8 @@ class RunSettings(TypedDict, total=False):
 
 
 @dataclass(eq=False)
-class Runner:
-    """Does tasks: those that an earlier run finished are taken from its folder, the others are done and kept.
+class Runner(Generic[R]):
+    """A job that runs: tasks that an earlier run finished are taken from its folder, the others are done and kept.
 
     Attributes
     ----------
@@ -452,12 +350,12 @@ class Runner:
         Told about every finished task.
     output : RunFolder or None
         Open folder of the run.
-    pool : LocalPool or None
-        Workers of this machine that all tasks of the run share.
     bodies : dict
         Bodies of all finished tasks, by key.
     resumed_parts, computed_parts : int
         How many of them were there, and how many were done.
+    result : model
+        What the job gave; there is none before its end.
     """
 
     digest: str = ""
@@ -465,10 +363,12 @@ class Runner:
     scheduler: str | None = None
     advance: Advance = untold
     output: RunFolder | None = None
-    pool: LocalPool | None = None
     bodies: dict[str, Any] = field(default_factory=dict)
     resumed_parts: int = 0
     computed_parts: int = 0
+    result: R = field(init=False)
+    _open: contextlib.ExitStack | None = None
+    _crew: tuple[str, Any] | None = None
 
     @property
     def folder(self) -> RunFolder:
@@ -489,7 +389,8 @@ class Runner:
         tasks: Iterable[Task],
         *,
         common: tuple[Any, ...] = (),
-        store: PartStore | None = None,
+        store: Any = None,
+        kept: bool = True,
         tells: bool = False,
         again: bool = False,
     ) -> dict[str, Any]:
@@ -503,9 +404,11 @@ class Runner:
             Those of equal keys are done once.
         common : tuple
             Leading arguments that all tasks share.
-        store : PartStore, optional
-            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted;
-            those of `Unkept` are no parts of the run, and are not counted.
+        store : object, optional
+            Keeps bodies in place of the folder of the run: ``part(key)`` returns one that is there whole, or None, and
+            ``save_part(key, body)`` keeps one, and returns it as ``part`` would. Each is kept before it is told.
+        kept : bool
+            Whether bodies are parts of the run; others are quicker made again than kept, and are not counted.
         tells : bool
             Whether ``function`` takes ``progress``, and tells it every step itself where it runs in this process.
         again : bool
@@ -516,31 +419,40 @@ class Runner:
         dict
             Bodies by key, in the order of the tasks.
         """
-        keeper: PartStore = store or self.output or Unkept()
+        keeper: Any = (store or self.output) if kept else None
         every = {task.key: task for task in tasks}
-        kept: dict[str, Any] = {}
-        for task in () if again else every.values():
+        bodies: dict[str, Any] = {}
+        for task in every.values() if keeper is not None and not again else ():
             if (body := keeper.part(task.key)) is not None:
-                kept[task.key] = body
+                bodies[task.key] = body
                 self.advance(f"{task.text or task.key} (kept)", task.steps)
-        self.resumed_parts += len(kept)
-        waiting = [task for key, task in every.items() if key not in kept]
+        self.resumed_parts += len(bodies)
+        waiting = [task for key, task in every.items() if key not in bodies]
+        self.computed_parts += len(waiting) if kept else 0
         tells = tells and in_this_process(len(waiting), self.workers, self.scheduler)
         function = functools.partial(function, progress=self.advance) if tells else function
         arguments = [task.arguments for task in waiting]
-        where: dict[str, Any] = {"workers": self.workers, "scheduler": self.scheduler, "pool": self.pool}
+        where: dict[str, Any] = {"workers": self.workers, "scheduler": self.scheduler}
+        if self._open is not None:
+            where["crew"] = functools.partial(self._shared_crew, self._open)
         if self.output is not None:
             where["met"] = self.output.met
-        done = run_tasks(function, arguments, common=common, **where)
-        for position, body in done:
+        for position, body in run_tasks(function, arguments, common=common, **where):
             task = waiting[position]
-            kept[task.key] = keeper.save_part(task.key, body)
-            self.computed_parts += not isinstance(store, Unkept)
+            bodies[task.key] = body if keeper is None else keeper.save_part(task.key, body)
             if not tells:
                 self.advance(task.text or task.key, task.steps)
-        ordered = {key: kept[key] for key in every}
+        ordered = {key: bodies[key] for key in every}
         self.bodies |= ordered
         return ordered
+
+    def _shared_crew(self, open_until_the_end: contextlib.ExitStack) -> tuple[str, Any]:
+        """Return the workers of this machine that all tasks of the run share; they start when the first needs them."""
+        if self._crew is None:
+            from cpic_planner.jobs.cluster import local_cluster
+
+            self._crew = open_until_the_end.enter_context(local_cluster(self.workers))
+        return self._crew
 
 
 def run(
@@ -552,7 +464,7 @@ def run(
     force: bool = False,
     advance: Advance = untold,
     command: list[str] | None = None,
-) -> Finished[R]:
+) -> Runner[R]:
     """Run a job.
 
     Parameters
@@ -573,7 +485,8 @@ def run(
 
     Returns
     -------
-    Finished
+    Runner
+        With its ``result``.
 
     Raises
     ------
@@ -584,28 +497,37 @@ def run(
     products = (job.result_name, RECORD, *job.products)
     if out is not None:
         check_run_folder(out, products=products, force=force)  # before the hash, for which some kinds work long
-    runner = Runner(job.digest, workers, scheduler, advance)
+    runner = Runner[R](job.digest, workers, scheduler, advance)
     with contextlib.ExitStack() as stack:
         if out is not None:
             opened = open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force)
             runner.output = stack.enter_context(opened)
-        result = _worked(job, runner)
-        if (folder := runner.output) is not None:
-            folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
-            job.write(folder, result, runner.bodies)
-            times = {"started_utc": started.isoformat(timespec="seconds"), "wall_s": round(time.monotonic() - clock, 3)}
-            record = run_record(folder, runner, command=command or [], config_hash=job.digest, **times)
-            folder.write(RECORD, dump_json(record.model_dump(mode="json")))
-    return Finished(result, runner.bodies, runner.resumed_parts, runner.computed_parts)
-
-
-def _worked(job: Job[R], runner: Runner) -> R:
-    """Return the result of a job whose tasks share the workers of this machine, with what made it."""
-    with LocalPool(runner.workers) as runner.pool:
-        result = job.work(runner)
-    if "fingerprint" not in type(result).model_fields:
-        return result
-    return result.model_copy(update={"fingerprint": str(fingerprint())})
+        with contextlib.ExitStack() as runner._open:
+            result = job.work(runner)
+        made_by = {"fingerprint": str(fingerprint())} if "fingerprint" in type(result).model_fields else {}
+        runner.result = result.model_copy(update=made_by)
+        if (folder := runner.output) is None:
+            return runner
+        folder.write(job.result_name, dump_json(runner.result.model_dump(mode="json")))
+        job.write(folder, runner.result, runner.bodies)
+        others = [other for other in folder.fingerprints if other != folder.fingerprint]
+        record = RunRecord.of(
+            runner,
+            command=command or [],
+            config_hash=job.digest,
+            started_utc=started.isoformat(timespec="seconds"),
+            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            wall_s=round(time.monotonic() - clock, 3),
+            host=host(),
+            versions=versions(),
+            fingerprint=folder.fingerprint,
+            software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
+            other_fingerprints=others,
+            promise=promise_of(folder.fingerprint, *others),
+            list_sha256=digest_of(folder.path / LIST_NAME),
+        )
+        folder.write(RECORD, dump_json(record.model_dump(mode="json")))
+    return runner
 
 
 def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:

@@ -75,10 +75,10 @@ def print_blocks(blocks: Iterable[doc.Block], console: Console, *, full: bool = 
             print_blocks(block.blocks, console, full=full)
 
 
-def print_lines(console: Console, *texts: str, wraps: bool = True) -> None:
+def print_lines(console: Console, *texts: str, bold: bool = False, wraps: bool = True) -> None:
     """Print lines of text, which wrap as words do on a terminal unless they are to be copied whole."""
     for text in texts:
-        _print_text(text, console, wraps=wraps)
+        _print_text(text, console, "bold" if bold else "", wraps=wraps)
 
 
 def _print_text(text: str, console: Console, style: str = "", *, wraps: bool = True) -> None:

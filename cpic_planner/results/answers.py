@@ -5,7 +5,7 @@ What stands behind answers of the exposure-time calculator: stated errors, and c
 
 from typing import Any, ClassVar, Literal, Self
 
-from pydantic import Field, PrivateAttr
+from pydantic import PrivateAttr
 
 from cpic_core import Reason, Status
 from cpic_planner.registry import REDUCTIONS
@@ -38,7 +38,7 @@ class Quantiles(Result):
 class EffectRecord(Result):
     """One row of the effect ledger."""
 
-    key: str = Field(default="", description="code of the effect")
+    key: str = column("code of the effect", default="")
     effect: str
     decision: Literal["kept", "skipped"]
     reason: str
@@ -50,34 +50,33 @@ class EffectRecord(Result):
 class ModellingRecord(Result):
     """The way in which the images of one band were made."""
 
-    fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
-    tolerance: dict[Quantity, float] = Field(description="largest relative error of each quantity that is asked for")
-    predicted_error: dict[Quantity, float | None] = Field(
-        description="relative error that knobs and skipped effects are predicted to cost, beside the reference; null: "
-        "no bound"
+    fidelity: Literal["quick", "standard", "reference", "custom"] = column("custom: by a tolerance")
+    tolerance: dict[Quantity, float] = column("largest relative error of each quantity that is asked for")
+    predicted_error: dict[Quantity, float | None] = column(
+        "relative error that knobs and skipped effects are predicted to cost, beside the reference; null: no bound"
     )
-    draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
-    region: Literal["hole", "full"] = Field(description="pixels that are simulated: around the hole, or whole frames")
-    epochs: int = Field(description="epochs of a visit at which the walk of the wavefront is sampled")
+    draw: Literal["sums", "frames"] = column("sums of frames over the dark hole, or every frame")
+    region: Literal["hole", "full"] = column("pixels that are simulated: around the hole, or whole frames")
+    epochs: int = column("epochs of a visit at which the walk of the wavefront is sampled")
     knobs: Knobs
-    effects: list[EffectRecord] = Field(description="the effect ledger, in the order of the simulation")
+    effects: list[EffectRecord] = column("the effect ledger, in the order of the simulation")
 
 
 class ImageCheck(Row):
     """One answer, observed in simulated images with its own frames; its SNR beside that of the closed form."""
 
-    draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
+    draw: Literal["sums", "frames"] = column("sums of frames over the dark hole, or every frame")
     realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
     light_ratio: float = column("planet's light in images without noise over closed form", short="light", format=".4f")
     flux_ratio: float = column("mean measured over true flux of the planet", short="flux / true", format=".3f ± .3f")
-    flux_ratio_error: float = Field(description="1 sigma")
+    flux_ratio_error: float = column("1 sigma")
     predicted_snr: float = column(
         "closed form, of what the images hold: sums have no hits of particles", short="SNR", format=".3g"
     )
     snr: float = column(
         "mean measured flux over the quadratic mean of its measured errors", short="of images", format=".3g ± .2g"
     )
-    snr_error: float = Field(description="1 sigma")
+    snr_error: float = column("1 sigma")
     etc_ratio: float | None = optional(
         "predicted over recovered SNR: above 1 is optimistic; null where the planet is missed",
         label="predicted over recovered SNR",
@@ -85,11 +84,9 @@ class ImageCheck(Row):
         format=".2f ± .2f",
     )
     etc_ratio_error: float | None = optional("1 sigma, of the images alone; at least what is expected of so many draws")
-    predicted_significance: float = Field(description="closed form, of noise without the planet's own")
+    predicted_significance: float = column("closed form, of noise without the planet's own")
     significance: float
-    agrees: bool = Field(
-        description="whether the SNR of images is within two of its errors and the stated one of the closed form"
-    )
+    agrees: bool = column("whether the SNR of images is within two of its errors and the stated one of the closed form")
     n_found: int = column("realisations in which a blind search finds the planet", short="found")
     modelled: ModellingRecord
 
@@ -97,19 +94,19 @@ class ImageCheck(Row):
 class AnswerFidelity(Result):
     """The stated errors of one answer."""
 
-    answer: int = Field(description="place in `answers`, from 0")
-    fidelity: Literal["quick", "standard", "reference"] = Field(
-        description="quick: closed forms; standard: checked in sums of frames; reference: checked frame by frame"
+    answer: int = column("place in `answers`, from 0")
+    fidelity: Literal["quick", "standard", "reference"] = column(
+        "quick: closed forms; standard: checked in sums of frames; reference: checked frame by frame"
     )
-    status: StatusText = Field(description="ok, or why images do not check it, or the tolerance is not met")
+    status: StatusText = column("ok, or why images do not check it, or the tolerance is not met")
     reason: str
     message: str
-    predicted_error: dict[Quantity, float | None] | None = Field(
-        description="relative error of what answers: of the closed forms, or of the images where they check them, "
-        "their chance included; null where none is known"
+    predicted_error: dict[Quantity, float | None] | None = column(
+        "relative error of what answers: of the closed forms, or of the images where they check them, their chance "
+        "included; null where none is known"
     )
-    closed_form_error: dict[Quantity, float] | None = Field(
-        description="largest relative error of the closed forms beside images; null where that is not measured"
+    closed_form_error: dict[Quantity, float] | None = column(
+        "largest relative error of the closed forms beside images; null where that is not measured"
     )
     images: ImageCheck | None
 
@@ -117,9 +114,9 @@ class AnswerFidelity(Result):
 class EtcFidelity(Result):
     """The stated errors of the answers; answers without frames are passed over."""
 
-    fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
-    tolerance: float | None = Field(description="largest relative error that was asked for; null for a named tier")
-    seed: int | None = Field(description="of the images; null for closed forms alone")
+    fidelity: Literal["quick", "standard", "reference", "custom"] = column("custom: by a tolerance")
+    tolerance: float | None = column("largest relative error that was asked for; null for a named tier")
+    seed: int | None = column("of the images; null for closed forms alone")
     answers: list[AnswerFidelity]
 
 
@@ -133,27 +130,27 @@ class OpenQuantiles(Result):
     low: float | None
     median: float | None
     high: float | None
-    answered_share: float = Field(description="share of the draws that have a value")
+    answered_share: float = column("share of the draws that have a value")
 
 
 class KnownPlanetLook(Result):
     """A known planet that was asked for by its name, in one band, at the date."""
 
     planet: str
-    status: str = Field(description="confirmed, controversial, candidate or refuted")
-    reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
+    status: str = column("confirmed, controversial, candidate or refuted")
+    reference: str = column("where the orbit was published; of several the one of the largest weight")
     planets_table: str
-    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planets.FLAGS")
-    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
+    flags: list[str] = column("what the table lacks or marks, see catalogs.known_planets.FLAGS")
+    columns_not_used: list[str] = column("headings of a user's table of planets", default=[])
     date_utc: str
-    separation_arcsec: Quantiles = Field(description="projected; the answer is for the median")
-    contrast: Quantiles = Field(description="true planet-to-star ratio of detected rates; the answer is for the median")
-    value: OpenQuantiles = Field(description="of the answer, place and contrast drawn together")
-    distance_au: Quantiles = Field(description="true distance from the star")
+    separation_arcsec: Quantiles = column("projected; the answer is for the median")
+    contrast: Quantiles = column("true planet-to-star ratio of detected rates; the answer is for the median")
+    value: OpenQuantiles = column("of the answer, place and contrast drawn together")
+    distance_au: Quantiles = column("true distance from the star")
     phase_deg: Quantiles
     radius_rjup: Quantiles
     albedo: str
-    hole_share: float = Field(description="share of the draws between inner and outer corner of the dark hole")
+    hole_share: float = column("share of the draws between inner and outer corner of the dark hole")
     n_draws: int
     seed: int
 
@@ -319,14 +316,14 @@ class CompletenessMap(Result):
     band: str
     separation_arcsec: list[float]
     contrast: list[float]
-    azimuth_share: list[float] = Field(
-        description="by separation: share of the circle on which the whole aperture lies in the dark hole"
+    azimuth_share: list[float] = column(
+        "by separation: share of the circle on which the whole aperture lies in the dark hole"
     )
-    chance: list[list[float]] = Field(
-        description=f"by separation, then contrast: {_CHANCE}; mean of the azimuths inside the dark hole. "
+    chance: list[list[float]] = column(
+        f"by separation, then contrast: {_CHANCE}; mean of the azimuths inside the dark hole. "
         "Times azimuth_share it is the probability for a planet whose position angle is not known"
     )
-    chance_known_place: list[list[float]] = Field(description="the same for a search at the place of the planet")
+    chance_known_place: list[list[float]] = column("the same for a search at the place of the planet")
 
 
 class RecoveredRow(Row):
@@ -354,13 +351,13 @@ class SearchedResult(StarHeader, OfTarget, RunResult):
     version: str
     date_utc: str
     instrument: str
-    time_s: float = Field(description="wall time that each band may take")
-    sigma: float = Field(description="level of a detection whose false-alarm probability the thresholds keep")
-    search: DetectionMode = Field(description="search for which the programmes are the best ones")
+    time_s: float = column("wall time that each band may take")
+    sigma: float = column("level of a detection whose false-alarm probability the thresholds keep")
+    search: DetectionMode = column("search for which the programmes are the best ones")
     reference_library: str
     n_modes: int
-    images: int = Field(description="programmes that were asked for as images in each band")
-    seed: int = Field(description="of the images")
+    images: int = column("programmes that were asked for as images in each band")
+    seed: int = column("of the images")
 
 
 class CurveResult(SearchedResult):
@@ -368,7 +365,7 @@ class CurveResult(SearchedResult):
 
     main_rows: ClassVar[str] = "points"
     kind: Literal["curve"] = "curve"
-    injections: int = Field(description="planets that were asked for at each separation and contrast")
+    injections: int = column("planets that were asked for at each separation and contrast")
     bands: list[SearchedProgramme]
     points: list[CurveRow]
     maps: list[CompletenessMap]
@@ -416,6 +413,6 @@ class RocResult(SearchedResult):
 
     main_rows: ClassVar[str] = "levels"
     kind: Literal["roc"] = "roc"
-    reference_planet: ReferencePlanetRecord | None = Field(description="the planet; null for a given contrast")
+    reference_planet: ReferencePlanetRecord | None = column("the planet; null for a given contrast")
     bands: list[RocProgramme]
     levels: list[RocRow]

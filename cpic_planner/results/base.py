@@ -214,17 +214,6 @@ class RunResult(Document):
     fingerprint: str = ""
 
 
-class OfTables(Document):
-    """Base of results of questions that tables of a user's own can be part of."""
-
-    config_hash: str
-    notes: list[str] = Field(
-        default_factory=list,
-        description="remarks on the reading of tables of your own: columns that are not used, rows that are left out; "
-        "empty for shipped tables and in older results",
-    )
-
-
 UNITS = {
     "per_hour": "1/h",
     "deg_s": "deg/s",
@@ -458,6 +447,17 @@ def optional(meaning: str = "", **look: Any) -> Any:
     return column(meaning, default=None, **look)
 
 
+class OfTables(Document):
+    """Base of results of questions that tables of a user's own can be part of."""
+
+    config_hash: str
+    notes: list[str] = column(
+        "remarks on the reading of tables of your own: columns that are not used, rows that are left out; empty for "
+        "shipped tables and in older results",
+        default=[],
+    )
+
+
 class StarRow(Row):
     """Base of rows on one star."""
 
@@ -517,32 +517,28 @@ class LimitColumns(Row):
 class ReferencePlanetRecord(Result):
     """The planet that ranked numbers refer to."""
 
-    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
-    phase_deg: float = Field(description="star-planet-observer phase angle")
-    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
-    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
+    radius_rjup: float = column("radius in Jupiter equatorial radii (71 492 km)")
+    phase_deg: float = column("star-planet-observer phase angle")
+    albedo: str = column("what reflects the light: a measured planet, or a model and its parameters")
+    position: str = column("where in the dark hole", default="on the diagonal of a quadrant")
 
 
 class SampleResult(Document):
     """Base of results on stars of a catalogue, whose numbers refer to one reference planet."""
 
-    time_s: float = Field(description="wall time per target and band, s")
+    time_s: float = column("wall time per target and band, s")
     reference_planet: ReferencePlanetRecord
     catalogue: str
-    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
+    date_utc: str = column("date of the places of stars and companions; empty in older results", default="")
 
 
 class RankedSample(SampleResult):
     """Base of results on the stars of a ranking."""
 
-    sample: str = Field(description="which rows of the catalogue are returned")
-    n_in_catalogue: int | None = Field(
-        default=None, description="stars of the sample before the filters; null in older results"
-    )
-    counts: dict[str, int] = Field(description="stars by status or reason")
-    counts_limited_by: dict[str, int] = Field(
-        default_factory=dict, description="stars by limited_by; empty in older results"
-    )
+    sample: str = column("which rows of the catalogue are returned")
+    n_in_catalogue: int | None = optional("stars of the sample before the filters; null in older results")
+    counts: dict[str, int] = column("stars by status or reason")
+    counts_limited_by: dict[str, int] = column("stars by limited_by; empty in older results", default={})
 
 
 class StarHeader(Document):
@@ -552,8 +548,8 @@ class StarHeader(Document):
     v_mag: float
     distance_pc: float
     catalogue: str
-    date_utc: str = Field(default="", description="date of the places of stars and companions; empty in older results")
-    note: str = Field(description="on the name that was given; empty for none")
+    date_utc: str = column("date of the places of stars and companions; empty in older results", default="")
+    note: str = column("on the name that was given; empty for none")
 
 
 class OfTarget(OfTables):

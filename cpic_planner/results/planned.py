@@ -5,8 +5,6 @@ Result of confirming one scene.
 
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field
-
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
     FramesColumns,
@@ -37,7 +35,7 @@ class AuditRecord(Row):
     A part of its frames is run one by one; what the effects do to them is carried to all of them.
     """
 
-    n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
+    n_frames: int = column("science frames; reference frames are as many times the strategy's ratio")
     frames_run: int = column("science and reference frames that were run one by one", label="frames run", format="d")
     frames_in_all: int = column("science and reference frames of the programme", label="of frames", format="d")
     predicted_snr: float | None = optional(
@@ -72,7 +70,7 @@ class BandConfirmation(FramesColumns):
         "frames_per_visit n_frames em_gain integration_s time_s telescope_h unused_s"
     )
     band: str
-    planet: str = Field(default="reference planet", description="name of the planet")
+    planet: str = column("name of the planet", default="reference planet")
     status: StatusText
     reason: str
     message: str
@@ -81,8 +79,8 @@ class BandConfirmation(FramesColumns):
     visits: int | None = optional(format="d")
     frames_per_visit: int | None = None
     telescope_h: float | None = optional(
-        "telescope time as surveys count it: slews, settling and occultations of all visits, at the mean visibility "
-        "of the star's days in the period of a plan; null where there is none, and where it does not fit them",
+        "telescope time as surveys count it: slews, settling and occultations of all visits, at the mean visibility of "
+        "the star's days in the period of a plan; null where there is none, and where it does not fit them",
         label="telescope time",
         format=".1f",
     )
@@ -162,7 +160,7 @@ class BandConfirmation(FramesColumns):
     found_separation_error_arcsec: float | None = None
     found_pa_deg: float | None = None
     found_pa_error_deg: float | None = None
-    verdict: str = Field(default="", description="in words")
+    verdict: str = column("in words", default="")
     audit: AuditRecord | None = None
     modelled: ModellingRecord | None = optional("null where no image was asked for")
     image: str | None = optional("key of the stored panels")
@@ -176,14 +174,14 @@ class ConfirmedTarget(Result):
     ranked: RankedTarget
     planet_distance_au: float
     roll_deg: float | None = optional(
-        "roll that a schedule asks for, by which companions stand in the images; position angles of the bands are "
-        "then counted from the detector's +y axis; null: none, north is up"
+        "roll that a schedule asks for, by which companions stand in the images; position angles of the bands are then "
+        "counted from the detector's +y axis; null: none, north is up"
     )
-    chosen_band: str | None = Field(
-        description="of the bands in which the blind search finds the planet, that of highest predicted margin; "
-        "without any, of those that show it at its known place; null if none does"
+    chosen_band: str | None = column(
+        "of the bands in which the blind search finds the planet, that of highest predicted margin; without any, of "
+        "those that show it at its known place; null if none does"
     )
-    verdict: str = Field(default="", description="of all bands, in words")
+    verdict: str = column("of all bands, in words", default="")
     etc_ratio: float | None = optional("predicted over recovered SNR, mean of the bands")
     etc_ratio_error: float | None = None
     detection_telescope_h: float | None = optional(
@@ -200,27 +198,25 @@ class ImagedResult(RunResult):
     version: str
     config_hash: str
     seed: int
-    fidelity: str = Field(description="quick, standard, reference; custom where a tolerance was given")
-    tolerance: dict[Quantity, float] = Field(
-        default_factory=dict, description="largest relative error that may be traded for speed"
-    )
+    fidelity: str = column("quick, standard, reference; custom where a tolerance was given")
+    tolerance: dict[Quantity, float] = column("largest relative error that may be traded for speed", default={})
     instrument: str
     sigma: float
     reference_library: str
     rdi_modes: int
-    realisations: int = Field(default=1, description="draws of drift and noise of every target and band")
-    simulator_overrides: dict[str, Any] = Field(
-        default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
+    realisations: int = column("draws of drift and noise of every target and band", default=1)
+    simulator_overrides: dict[str, Any] = column(
+        "what is altered in the images alone; predictions keep the nominal instrument", default={}
     )
-    calibration: dict[str, float | int | None] = Field(
-        description="etc_ratio, etc_ratio_error: mean of predicted over recovered SNR over the n_bands that tell; null "
-        "where none does; etc_ratio_least: exceeded where planets are missed; n_faint: bands too faint to tell"
+    calibration: dict[str, float | int | None] = column(
+        "etc_ratio, etc_ratio_error: mean of predicted over recovered SNR over the n_bands that tell; null where none "
+        "does; etc_ratio_least: exceeded where planets are missed; n_faint: bands too faint to tell"
     )
-    calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic or pessimistic, and by how much"
+    calibration_text: str = column(
+        "the same in words: whether the ETC is optimistic or pessimistic, and by how much", default=""
     )
-    not_modelled: list[str] = Field(
-        description="effects that neither the prediction nor the images contain, but for an audited realisation"
+    not_modelled: list[str] = column(
+        "effects that neither the prediction nor the images contain, but for an audited realisation"
     )
 
 
@@ -246,12 +242,10 @@ class PeriodRecord(Result):
 
     start_utc: str
     n_days: int
-    pointing: str = Field(description="limits of pointing: preset or name in the file")
-    seen: list[SeenRow] = Field(
-        default_factory=list, description="the targets that are seen, in their order; empty in older results"
-    )
-    left_out: list[LeftOutRow] = Field(description="they would have been among the confirmed targets")
-    not_checked: list[str] = Field(description="targets without coordinates")
+    pointing: str = column("limits of pointing: preset or name in the file")
+    seen: list[SeenRow] = column("the targets that are seen, in their order; empty in older results", default=[])
+    left_out: list[LeftOutRow] = column("they would have been among the confirmed targets")
+    not_checked: list[str] = column("targets without coordinates")
 
 
 class NotImagedRow(Row):
@@ -266,21 +260,21 @@ class NotImagedRow(Row):
 class ScheduleImages(Result):
     """The visits of a schedule that were confirmed with images."""
 
-    source: str = Field(description="number of visits, strategy, name and checksum of the file")
-    n_visits: int = Field(description="lines without an outcome: visits still to be made")
-    n_imaged: int = Field(description="of them, those that the images stand for")
-    n_stars: int = Field(description="stars of the lines that can be imaged; those beyond the first --top are left")
-    not_imaged: list[NotImagedRow] = Field(description="empty: every visit of these stars is in the images")
+    source: str = column("number of visits, strategy, name and checksum of the file")
+    n_visits: int = column("lines without an outcome: visits still to be made")
+    n_imaged: int = column("of them, those that the images stand for")
+    n_stars: int = column("stars of the lines that can be imaged; those beyond the first --top are left")
+    not_imaged: list[NotImagedRow] = column("empty: every visit of these stars is in the images")
 
 
 class PlanResult(RankedSample, OfTables, ImagedResult):
     """The plan: reproducible from configuration and seed."""
 
     kind: Literal["plan"] = "plan"
-    companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
+    companions: Literal["on", "off"] = column("whether the light of known companions counts", default="on")
     reference_star_v_mag: float | None = optional("V magnitude of the reference star; null where the library has none")
     reference_star_teff_k: float | None = optional("temperature of the reference star, K")
-    n_ranked: int = Field(description="stars of the ranking that pass the filters")
+    n_ranked: int = column("stars of the ranking that pass the filters")
     period: PeriodRecord | None = optional("null for a schedule, which has dates of its own, and in older results")
     schedule: ScheduleImages | None = optional("null where the ranking chooses the targets, and in older results")
     targets: list[ConfirmedTarget]
@@ -289,14 +283,14 @@ class PlanResult(RankedSample, OfTables, ImagedResult):
 class CandidateRecord(Row):
     """One place that a blind search names."""
 
-    x_arcsec: float = Field(description="offset on the detector, right")
-    y_arcsec: float = Field(description="offset on the detector, up")
+    x_arcsec: float = column("offset on the detector, right")
+    y_arcsec: float = column("offset on the detector, up")
     separation_arcsec: float
     pa_deg: float = column("position angle on the sky", short="PA °", format=".1f")
     snr: float = column("of the matched filter")
     threshold: float = column("SNR that the search asks for", short="threshold")
     detected: bool
-    planet: str = Field(description="planet of the scene that stands there; empty for none")
+    planet: str = column("planet of the scene that stands there; empty for none")
 
 
 class SearchRecord(Row):
@@ -311,9 +305,9 @@ class SearchRecord(Row):
     unused_s: float | None = None
     chosen_for: str = _CHOSEN_FOR
     realisations: int
-    false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
-    resolution_elements: float = Field(description="searched area over (lambda/D)^2")
-    sigma: float = Field(description="false-alarm probability per element is that of so many sigma in a normal law")
+    false_detections: int = column("detections that are no planet of the scene, all realisations")
+    resolution_elements: float = column("searched area over (lambda/D)^2")
+    sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
 
 
@@ -336,20 +330,20 @@ class AlbedoRecord(Row):
     planet: str
     bands: list[str]
     status: Literal["constrained", "not_constrained", "degenerate"]
-    log10_mh: float = Field(description="median of the posterior, clouds integrated over")
-    log10_fsed: float = Field(description="median of the posterior, metallicity integrated over")
+    log10_mh: float = column("median of the posterior, clouds integrated over")
+    log10_fsed: float = column("median of the posterior, metallicity integrated over")
     best_fit: list[float] | None = optional(
         "log10_mh and log10_fsed of the least chi2 of both together: one of them may lie outside its interval"
     )
-    mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
+    mean: list[float] = column("of the posterior: log10_mh, log10_fsed")
     covariance: list[list[float]]
     correlation: float
-    log10_mh_interval: list[float] = Field(description="central 68 % around the median")
-    log10_fsed_interval: list[float] = Field(description="central 68 % around the median")
+    log10_mh_interval: list[float] = column("central 68 % around the median")
+    log10_fsed_interval: list[float] = column("central 68 % around the median")
     chi2: float
     degrees_of_freedom: int
     p_value: float | None
-    open_edges: list[str] = Field(description="ends of the allowed ranges that the 95 % region reaches")
+    open_edges: list[str] = column("ends of the allowed ranges that the 95 % region reaches")
     flags: list[str]
 
 
@@ -357,7 +351,7 @@ class StarImagesResult(SampleResult, ImagedResult):
     """Stars with their reference planets, observed and measured: reproducible from configuration and seed."""
 
     kind: Literal["star_images"] = "star_images"
-    date_utc: str = Field(description="date of the places of stars and companions")
+    date_utc: str = column("date of the places of stars and companions")
     targets: list[ConfirmedTarget]
 
 
@@ -366,7 +360,7 @@ class ConfirmResult(ImagedResult):
 
     kind: Literal["confirm"] = "confirm"
     scene: str
-    bands: list[BandConfirmation] = Field(description="one a band and planet")
+    bands: list[BandConfirmation] = column("one a band and planet")
     searches: list[SearchRecord]
     positions: list[PositionRecord]
     albedos: list[AlbedoRecord]

@@ -52,27 +52,27 @@ class EnsembleRecord(Result):
     """The ranking under an ensemble of instruments that fit what is known."""
 
     name: str
-    n_instruments: int = Field(description="instruments drawn, a Latin hypercube")
+    n_instruments: int = column("instruments drawn, a Latin hypercube")
     seed: int
-    n_stars: int = Field(
-        description="stars that all instruments rank; the others have neither a detection nor a thousandth of the "
-        "expected planets under any of those that rank all stars"
+    n_stars: int = column(
+        "stars that all instruments rank; the others have neither a detection nor a thousandth of the expected planets "
+        "under any of those that rank all stars"
     )
-    planets_nominal: float = Field(
-        description="expected planets of one observation of every star by the instrument asked; completeness summed "
-        "where the population has no rate of occurrence"
+    planets_nominal: float = column(
+        "expected planets of one observation of every star by the instrument asked; completeness summed where the "
+        "population has no rate of occurrence"
     )
-    planets_p05: float = Field(description="the same, exceeded by 95 % of the instruments")
+    planets_p05: float = column("the same, exceeded by 95 % of the instruments")
     planets_median: float
     planets_p95: float
-    n_reachable_nominal: int = Field(description="stars whose reference planet is detected, by the instrument asked")
-    n_reachable_p05: int = Field(description="the same, exceeded or equalled by 95 % of the instruments")
+    n_reachable_nominal: int = column("stars whose reference planet is detected, by the instrument asked")
+    n_reachable_p05: int = column("the same, exceeded or equalled by 95 % of the instruments")
     n_reachable_median: int
     n_reachable_p95: int
-    bars: list[EnsembleBar] = Field(description="what the numbers hang on, the largest effect on planets first")
-    decides: str = Field(description="key of the number that decides how many planets are expected")
-    decides_order: str = Field(description="key of the number that changes the order of the first ten most")
-    statement: str = Field(description="the same in words")
+    bars: list[EnsembleBar] = column("what the numbers hang on, the largest effect on planets first")
+    decides: str = column("key of the number that decides how many planets are expected")
+    decides_order: str = column("key of the number that changes the order of the first ten most")
+    statement: str = column("the same in words")
 
 
 class SensitivityRow(Row):
@@ -119,14 +119,14 @@ class SensitivityResult(OfTables, RunResult):
 
     schema_version: Literal[2] = 2  # type: ignore[assignment]
     kind: Literal["sensitivity"] = "sensitivity"
-    top: int = Field(description="stars of the nominal ranking that are compared")
-    first: int = Field(description="first stars that kept_first is about: those that a plan proposes, else ten")
+    top: int = column("stars of the nominal ranking that are compared")
+    first: int = column("first stars that kept_first is about: those that a plan proposes, else ten")
     score_name: ScoreName
-    n_ranked: int = Field(description="stars of the ranking")
-    n_ok: int = Field(description="stars whose reference planet is detected, nominally")
+    n_ranked: int = column("stars of the ranking")
+    n_ok: int = column("stars whose reference planet is detected, nominally")
     rows: list[SensitivityRow]
-    stars: list[SensitivityStar] = Field(description="the nominal top")
-    statement: str = Field(description="the same in words")
+    stars: list[SensitivityStar] = column("the nominal top")
+    statement: str = column("the same in words")
 
 
 KNOWN_PLANETS = "known planets"
@@ -138,17 +138,16 @@ class PopulationRecord(Result):
 
     name: str
     description: str
-    n_planets: int = Field(description="planets drawn, the same at every star")
+    n_planets: int = column("planets drawn, the same at every star")
     seed: int
-    planets_per_star: float | None = Field(description="occurrence, if the population states it")
-    planets_per_star_range: tuple[float, float] | None = Field(
-        default=None, description="what surveys find that disagree: expected planets are uncertain in this ratio"
+    planets_per_star: float | None = column("occurrence, if the population states it")
+    planets_per_star_range: tuple[float, float] | None = optional(
+        "what surveys find that disagree: expected planets are uncertain in this ratio"
     )
-    exclusions: list[str] = Field(
-        default_factory=list,
-        description="knowledge of the stars that excludes planets: rv, stability, known_giants; empty in older results",
+    exclusions: list[str] = column(
+        "knowledge of the stars that excludes planets: rv, stability, known_giants; empty in older results", default=[]
     )
-    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of known planets")
+    columns_not_used: list[str] = column("headings of a user's table of known planets", default=[])
 
 
 class PlaceColumns(Row):
@@ -287,10 +286,10 @@ class RankedTarget(Standing, RankedColumns):
         format="%",
     )
     flags: list[str] = column("caveats, see the documentation of flags")
-    own: dict[str, bool | int | float | str | None] = Field(
-        default_factory=dict,
-        description="columns of your own star table that are not used, by their headings, as they are there; empty for "
-        "shipped tables and in older results",
+    own: dict[str, bool | int | float | str | None] = column(
+        "columns of your own star table that are not used, by their headings, as they are there; empty for shipped "
+        "tables and in older results",
+        default={},
     )
 
 
@@ -298,28 +297,24 @@ class RankResult(RankedSample, OfTables, RunResult):
     """The analytic ranking of the whole sample."""
 
     kind: Literal["rank"] = "rank"
-    instrument: str = Field(default="", description="name of the instrument; empty in older results")
-    sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
-    reference_library: str = Field(
-        description="reference library of the subtraction, the mean of whose frames is taken off, without further modes"
+    instrument: str = column("name of the instrument; empty in older results", default="")
+    sigma: float = column("detection level whose false-alarm probability the thresholds keep")
+    reference_library: str = column(
+        "reference library of the subtraction, the mean of whose frames is taken off, without further modes"
     )
     annulus_lambda_d: float | None = optional(
         "half width of the annulus whose apertures tell background and noise, lambda/D; null in older results"
     )
-    search: DetectionMode = Field(
+    search: DetectionMode = column(
+        "how the planets that completeness counts are looked for, which says which completeness the score, its error "
+        "and the expected planets are of; known_place in older results",
         default="known_place",
-        description="how the planets that completeness counts are looked for, which says which completeness the score, "
-        "its error and the expected planets are of; known_place in older results",
     )
-    visits: int | None = Field(
-        default=None, description="visits of every observation; null: the best number for each star and band"
-    )
-    drift_nm: float | None = Field(
-        default=None, description="rms of the wavefront offset of a visit; null in older results"
-    )
+    visits: int | None = optional("visits of every observation; null: the best number for each star and band")
+    drift_nm: float | None = optional("rms of the wavefront offset of a visit; null in older results")
     population: PopulationRecord
-    score_name: ScoreName = Field(description="what the ranking is by")
-    ensemble: EnsembleRecord | None = Field(default=None, description="the same under many instruments, where asked")
+    score_name: ScoreName = column("what the ranking is by")
+    ensemble: EnsembleRecord | None = optional("the same under many instruments, where asked")
     targets: list[RankedTarget]
 
     @property
@@ -384,12 +379,12 @@ class SettingChange(Row):
 class ComparedRanking(Result):
     """One of two rankings that are compared."""
 
-    name: str = Field(description="the file or the instrument")
-    config_hash: str = Field(description="that of the ranking; of a file without one the sha256 of the file")
-    score_name: str | None = Field(description="what it is by; null in a file that does not say it")
+    name: str = column("the file or the instrument")
+    config_hash: str = column("that of the ranking; of a file without one the sha256 of the file")
+    score_name: str | None = column("what it is by; null in a file that does not say it")
     n_stars: int
-    n_scored: int = Field(description="stars with a score above zero")
-    n_detected: int = Field(description="stars whose reference planet is detected")
+    n_scored: int = column("stars with a score above zero")
+    n_detected: int = column("stars whose reference planet is detected")
 
 
 class RankComparison(OfTables):
@@ -399,22 +394,22 @@ class RankComparison(OfTables):
     kind: Literal["comparison"] = "comparison"
     before: ComparedRanking
     after: ComparedRanking
-    settings: list[SettingChange] | None = Field(
-        description="settings that differ; null where one of the rankings does not say how it was made"
+    settings: list[SettingChange] | None = column(
+        "settings that differ; null where one of the rankings does not say how it was made"
     )
-    only_before: list[str] = Field(description="stars that only the first ranking holds")
-    only_after: list[str] = Field(description="stars that only the second ranking holds")
-    n_moved: int = Field(description="stars with a score above zero in either ranking that stand at another rank")
-    detected_more: list[str] = Field(description="stars whose reference planet is detected after, not before")
-    detected_less: list[str] = Field(description="stars whose reference planet is detected before, not after")
+    only_before: list[str] = column("stars that only the first ranking holds")
+    only_after: list[str] = column("stars that only the second ranking holds")
+    n_moved: int = column("stars with a score above zero in either ranking that stand at another rank")
+    detected_more: list[str] = column("stars whose reference planet is detected after, not before")
+    detected_less: list[str] = column("stars whose reference planet is detected before, not after")
     agreement: list[RankAgreement]
-    largest_mover: str = Field(
-        description="star that moves by most ranks, of those among the first 50 of either ranking with a score above "
-        "zero in either, or of all where there is none; the best ranked of equals; empty where none moves"
+    largest_mover: str = column(
+        "star that moves by most ranks, of those among the first 50 of either ranking with a score above zero in "
+        "either, or of all where there is none; the best ranked of equals; empty where none moves"
     )
-    largest_mover_places: int = Field(description="places that it gains; below 0: loses")
-    statement: str = Field(description="the comparison in words")
-    targets: list[RankMove] = Field(description="stars that both rankings hold, in the order of the second")
+    largest_mover_places: int = column("places that it gains; below 0: loses")
+    statement: str = column("the comparison in words")
+    targets: list[RankMove] = column("stars that both rankings hold, in the order of the second")
 
 
 class BandStanding(LimitColumns, Standing):
@@ -438,20 +433,20 @@ class Explanation(OfTables):
     n_ranked: int
     score_name: ScoreName
     star: RankedTarget
-    better: RankedTarget | None = Field(description="star one rank higher")
-    worse: RankedTarget | None = Field(description="star one rank lower")
+    better: RankedTarget | None = column("star one rank higher")
+    worse: RankedTarget | None = column("star one rank lower")
     bands: list[BandStanding]
-    ranks: dict[str, int] = Field(description="rank of the star under other assumptions")
-    sentences: list[str] = Field(description="the explanation in words")
+    ranks: dict[str, int] = column("rank of the star under other assumptions")
+    sentences: list[str] = column("the explanation in words")
 
 
 class KnownBand(Result):
     """A planet in one band."""
 
     band: str
-    contrast: Quantiles = Field(description="true planet-to-star ratio of detected rates")
-    hole_share: float = Field(
-        description="share of the draws whose separation lies between inner and outer corner of the dark hole"
+    contrast: Quantiles = column("true planet-to-star ratio of detected rates")
+    hole_share: float = column(
+        "share of the draws whose separation lies between inner and outer corner of the dark hole"
     )
 
 
@@ -459,26 +454,26 @@ class KnownWindow(Result):
     """Days on which a planet more likely than not stands between the corners of the dark hole."""
 
     band: str
-    start_utc: str = Field(description="first day")
-    end_utc: str = Field(description="last day")
-    best_utc: str = Field(description="day on which it is most likely")
-    best_share: float = Field(description="share of the draws on that day")
+    start_utc: str = column("first day")
+    end_utc: str = column("last day")
+    best_utc: str = column("day on which it is most likely")
+    best_share: float = column("share of the draws on that day")
 
 
 class KnownTrack(Result):
     """Separation against time."""
 
     mjd: list[float]
-    separation_low_arcsec: list[float] = Field(description="16 % of the draws lie below")
+    separation_low_arcsec: list[float] = column("16 % of the draws lie below")
     separation_median_arcsec: list[float]
-    separation_high_arcsec: list[float] = Field(description="84 % of the draws lie below")
+    separation_high_arcsec: list[float] = column("84 % of the draws lie below")
 
 
 class KnownOrbit(Result):
     """One published orbit of a planet; null where the publication has no value."""
 
-    reference: str = Field(description="where it was published")
-    share: float = Field(description="share of the draws that have it")
+    reference: str = column("where it was published")
+    share: float = column("share of the draws that have it")
     period_days: float | None
     semi_major_axis_au: float | None
     eccentricity: float | None
@@ -493,21 +488,21 @@ class KnownPlanetRow(Row):
     v_mag: float
     distance_pc: float
     discovery_method: str
-    status: Literal["confirmed", "controversial", "candidate", "refuted"] = Field(
-        description="how sure the planet is; refuted planets are listed and never counted"
+    status: Literal["confirmed", "controversial", "candidate", "refuted"] = column(
+        "how sure the planet is; refuted planets are listed and never counted"
     )
-    counted: bool = Field(
-        description="whether rankings, plans and what-ifs count it: candidates only when asked for, refuted ones never"
+    counted: bool = column(
+        "whether rankings, plans and what-ifs count it: candidates only when asked for, refuted ones never"
     )
-    reference: str = Field(description="where the orbit was published; of several the one of the largest weight")
-    orbits: list[KnownOrbit] = Field(description="the published orbits that are drawn: several where they disagree")
-    superseded_by: str = Field(
-        description="publication of a later orbit that contradicts the one in use, and in what; empty: none"
+    reference: str = column("where the orbit was published; of several the one of the largest weight")
+    orbits: list[KnownOrbit] = column("the published orbits that are drawn: several where they disagree")
+    superseded_by: str = column(
+        "publication of a later orbit that contradicts the one in use, and in what; empty: none"
     )
-    status_reference: str = Field(description="where the status was published; empty: where the orbit was")
-    updated: str = Field(description="date of the row in the table's updates; empty: as in the table of 2019")
-    note: str = Field(description="remark of the table on the planet")
-    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planets.FLAGS")
+    status_reference: str = column("where the status was published; empty: where the orbit was")
+    updated: str = column("date of the row in the table's updates; empty: as in the table of 2019")
+    note: str = column("remark of the table on the planet")
+    flags: list[str] = column("what the table lacks or marks, see catalogs.known_planets.FLAGS")
     period_days: Quantiles = column(short="P d", format=".4g")
     semi_major_axis_au: Quantiles = column(short="a au", format=".3g")
     eccentricity: Quantiles = column(short="e", format=".2f")
@@ -515,13 +510,13 @@ class KnownPlanetRow(Row):
         "true mass; null where neither it nor m sin i is known", short="M_J", format=".2g"
     )
     radius_rjup: Quantiles = column(short="R_J", format=".2g")
-    separation_arcsec: Quantiles = Field(description="projected separation")
-    distance_au: Quantiles = Field(description="true distance from the star")
+    separation_arcsec: Quantiles = column("projected separation")
+    distance_au: Quantiles = column("true distance from the star")
     phase_deg: Quantiles = column("phase angle, 0 full to 180 new", label="phase", format=".0f")
-    pa_deg: Quantiles | None = Field(description="position angle east of north; null without a known node")
+    pa_deg: Quantiles | None = column("position angle east of north; null without a known node")
     bands: list[KnownBand]
-    windows: list[KnownWindow] = Field(description="empty where no track was asked for, or the planet is not counted")
-    track: KnownTrack | None = Field(description="null where none was asked for, or the planet is not counted")
+    windows: list[KnownWindow] = column("empty where no track was asked for, or the planet is not counted")
+    track: KnownTrack | None = column("null where none was asked for, or the planet is not counted")
 
 
 class KnownHole(Result):
@@ -538,14 +533,14 @@ class KnownResult(OfTables, RunResult):
     main_rows: ClassVar[str] = "planets"
     kind: Literal["known"] = "known"
     catalogue: str
-    planets_table: str = Field(description="as catalogue, of the table of planets")
-    columns_not_used: list[str] = Field(default=[], description="headings of a user's table of planets")
+    planets_table: str = column("as catalogue, of the table of planets")
+    columns_not_used: list[str] = column("headings of a user's table of planets", default=[])
     date_utc: str
     mjd: float
-    years: float | None = Field(description="length of the tracks from the date on; null without tracks")
+    years: float | None = column("length of the tracks from the date on; null without tracks")
     n_draws: int
     seed: int
-    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
+    albedo: str = column("what reflects the light: a measured planet, or a model and its parameters")
     holes: list[KnownHole]
     planets: list[KnownPlanetRow]
 
@@ -587,19 +582,19 @@ class SeasonRecord(Result):
 
     start_utc: str
     end_utc: str
-    days: float = Field(description="days in it on which the star can be seen")
+    days: float = column("days in it on which the star can be seen")
 
 
 class VisibleDays(Result):
     """One entry a step, as lists of one length."""
 
-    visible_s: list[float] = Field(description="time per orbit that can be used, s; 0 where blocked")
-    window_s: list[float] = Field(description="longest piece of an orbit between Earth limbs, s; 0 where blocked")
-    roll_half_range_deg: list[float] = Field(description="roll allowed either way, deg; 0 where the panels allow none")
-    sun_deg: list[float] = Field(description="angle from the Sun, deg")
-    moon_deg: list[float] = Field(description="angle from the Moon, from the centre of the Earth, deg")
-    blocked_by: list[Literal["", "sun", "moon", "panel", "limb"]] = Field(
-        description="what prevents it, of several the first of sun, panel, moon, limb; empty: nothing"
+    visible_s: list[float] = column("time per orbit that can be used, s; 0 where blocked")
+    window_s: list[float] = column("longest piece of an orbit between Earth limbs, s; 0 where blocked")
+    roll_half_range_deg: list[float] = column("roll allowed either way, deg; 0 where the panels allow none")
+    sun_deg: list[float] = column("angle from the Sun, deg")
+    moon_deg: list[float] = column("angle from the Moon, from the centre of the Earth, deg")
+    blocked_by: list[Literal["", "sun", "moon", "panel", "limb"]] = column(
+        "what prevents it, of several the first of sun, panel, moon, limb; empty: nothing"
     )
 
 
@@ -612,7 +607,7 @@ class VisibleTarget(StarRow):
     ecliptic_latitude_deg: float = column(short="ecl. lat", format=".1f")
     seasons: list[SeasonRecord]
     observable_days: float = column("days on which the star can be seen", short="days", format="g")
-    blocked_days: dict[str, float] = Field(description="days by what blocks them: sun, moon, panel, limb")
+    blocked_days: dict[str, float] = column("days by what blocks them: sun, moon, panel, limb")
     visible_s: float | None = column(
         "time per orbit that can be used, median, s; null: never seen", short="min/orbit", format="min"
     )
@@ -634,12 +629,12 @@ class VisibilityResult(OfTables):
     catalogue: str
     start_utc: str
     n_days: int
-    step_days: float = Field(description="one orbit in the middle of each step stands for it")
-    period_s: float = Field(description="period of the orbit, s")
+    step_days: float = column("one orbit in the middle of each step stands for it")
+    period_s: float = column("period of the orbit, s")
     altitude_km: float
     inclination_deg: float
     pointing: PointingRecord
-    mjd: list[float] = Field(description="middle of each step, Modified Julian Date of UTC")
+    mjd: list[float] = column("middle of each step, Modified Julian Date of UTC")
     targets: list[VisibleTarget]
 
 
@@ -648,16 +643,16 @@ class StarResult(StarHeader):
 
     kind: Literal["star"] = "star"
     name: str
-    sp_type: str = Field(description="spectral type; empty where it is not known")
+    sp_type: str = column("spectral type; empty where it is not known")
     teff_k: float
     luminosity_lsun: float
-    companion_separation_arcsec: float | None = Field(description="of the nearest companion that counts; null: none")
-    explanation: Explanation | None = Field(
-        description="why it stands where it stands in the ranking of all stars, without its ranks under other "
-        "assumptions; null where it is not ranked"
+    companion_separation_arcsec: float | None = column("of the nearest companion that counts; null: none")
+    explanation: Explanation | None = column(
+        "why it stands where it stands in the ranking of all stars, without its ranks under other assumptions; null "
+        "where it is not ranked"
     )
-    known: KnownResult | None = Field(description="known planets and their windows; null where none is listed")
-    seasons: VisibilityResult = Field(description="when it is seen, from the date on, as are the windows")
+    known: KnownResult | None = column("known planets and their windows; null where none is listed")
+    seasons: VisibilityResult = column("when it is seen, from the date on, as are the windows")
 
 
 class TwoInstrumentsResult(Document):
@@ -665,4 +660,4 @@ class TwoInstrumentsResult(Document):
 
     kind: Literal["two_instruments"] = "two_instruments"
     differences: InstrumentResult
-    answers: list[EtcResult] = Field(description="of the first instrument and of the other; empty without a question")
+    answers: list[EtcResult] = column("of the first instrument and of the other; empty without a question")

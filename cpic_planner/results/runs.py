@@ -6,8 +6,6 @@ Result of measuring speed against accuracy.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from pydantic import Field
-
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
     Document,
@@ -30,8 +28,8 @@ class SequenceRow(Row):
     """Base of rows of sequences of frames."""
 
     obsid: str = column("number of the observation, eleven digits", label="OBSID")
-    band: str = Field(description="empty for BIAS and DARK")
-    exposure_s: float = Field(description="exposure of a frame, s")
+    band: str = column("empty for BIAS and DARK")
+    exposure_s: float = column("exposure of a frame, s")
     n_frames: int
     em_gain: float = column(short="gain", format="g")
     start_utc: str = column("begin of the first exposure", short="begins (UTC)")
@@ -40,11 +38,11 @@ class SequenceRow(Row):
 class PlannedSequenceRow(SequenceRow):
     """One sequence of a simulation: what it is, and its file."""
 
-    kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
+    kind: str = column("SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
     target: str = column("name of the scene, or the kind where there is none")
-    role: str = Field(description="science, reference or calibration; empty where there is no scene")
+    role: str = column("science, reference or calibration; empty where there is no scene")
     camera: Literal["VIS", "NIR"]
-    file: str = Field(description="Level-0 file below the folder of the run")
+    file: str = column("Level-0 file below the folder of the run")
     visit: int | None = optional("number of the visit of its role, from 1; null outside of a programme")
     window: int | None = optional("number of the window of the orbit in the visit, from 1; null outside of a programme")
     modelled: ModellingRecord | None = optional(
@@ -55,51 +53,51 @@ class PlannedSequenceRow(SequenceRow):
 class VisitRow(SequenceRow):
     """One sequence of a programme: the frames of a visit in one window of the orbit."""
 
-    visit: int = Field(description="number of the visit among those of its role, from 1")
-    n_visits: int = Field(description="visits of its role")
+    visit: int = column("number of the visit among those of its role, from 1")
+    n_visits: int = column("visits of its role")
     role: Literal["science", "reference"]
-    window: int = Field(description="number of the window of the orbit in the visit, from 1")
-    folder: str = Field(description="tree of products of the visit, beside the list of visits")
-    file: str = Field(description="Level-0 file, below the folder of the list of visits")
-    begin_mjd: float = Field(description="begin of the first exposure, MJD (UTC)")
-    end_mjd: float = Field(description="end of the last exposure, MJD (UTC)")
-    first_frame: int = Field(description="number of its first frame in the visit, from 0")
+    window: int = column("number of the window of the orbit in the visit, from 1")
+    folder: str = column("tree of products of the visit, beside the list of visits")
+    file: str = column("Level-0 file, below the folder of the list of visits")
+    begin_mjd: float = column("begin of the first exposure, MJD (UTC)")
+    end_mjd: float = column("end of the last exposure, MJD (UTC)")
+    first_frame: int = column("number of its first frame in the visit, from 0")
     roll_deg: float = column("position angle of the +y axis", format="g")
     seed: int
-    streams: list[str | int] = Field(description="names of the random streams of the visit, below the seed")
+    streams: list[str | int] = column("names of the random streams of the visit, below the seed")
 
 
 class SimulatedProgramme(RunResult):
     """Visits of one star that are to be reduced together, as the file ``programme.json`` lists them."""
 
     kind: Literal["programme"] = "programme"
-    file: str = Field(description="this list below the folder of the run")
-    target: str = Field(description="name of the scene of the science visits")
-    reference: str | None = Field(description="name of the scene of the reference visits; null without any")
-    visits: int = Field(description="science visits")
+    file: str = column("this list below the folder of the run")
+    target: str = column("name of the scene of the science visits")
+    reference: str | None = column("name of the scene of the reference visits; null without any")
+    visits: int = column("science visits")
     reference_visits: int
-    reference_scheme: Literal["interleaved", "half", "swapped", "other_star"] = Field(
-        description="where in the orbit references are taken"
+    reference_scheme: Literal["interleaved", "half", "swapped", "other_star"] = column(
+        "where in the orbit references are taken"
     )
-    visit_gap_h: float = Field(description="least time between a visit with its references and the next")
-    orbit_s: float = Field(description="period of the orbit, whose windows the visits begin with")
-    span_days: float = Field(description="from the begin of the first exposure to the end of the last")
-    sequences: list[VisitRow] = Field(description="in the order of time")
+    visit_gap_h: float = column("least time between a visit with its references and the next")
+    orbit_s: float = column("period of the orbit, whose windows the visits begin with")
+    span_days: float = column("from the begin of the first exposure to the end of the last")
+    sequences: list[VisitRow] = column("in the order of time")
 
 
 class SimulatedSequence(PlannedSequenceRow):
     """One sequence of a simulation with what its frames hold."""
 
-    settings: dict[str, Any] = Field(description="what decides the frames; scene and instrument by their hash")
-    truth: str | None = Field(description="truth of the file; null if none was asked for")
-    params: str = Field(description="folder of configuration, keyword table and logs")
-    adu_min: int = Field(description="smallest pixel value of all frames")
-    adu_max: int = Field(description="largest pixel value of all frames")
+    settings: dict[str, Any] = column("what decides the frames; scene and instrument by their hash")
+    truth: str | None = column("truth of the file; null if none was asked for")
+    params: str = column("folder of configuration, keyword table and logs")
+    adu_min: int = column("smallest pixel value of all frames")
+    adu_max: int = column("largest pixel value of all frames")
     saturated_pixels: int = column("most pixels of one frame that a limit cut off", short="sat. px", format="d")
-    clipped_pixels: int = Field(description="most pixels of one frame that left the range of the converter")
+    clipped_pixels: int = column("most pixels of one frame that left the range of the converter")
     cosmic_rays: int = column("particles that crossed the detector, all frames together", short="cosmics", format="d")
     size_bytes: int = column("Level-0 file, truth and parameters together", label="size", format="bytes")
-    sha256: str = Field(description="of the Level-0 file")
+    sha256: str = column("of the Level-0 file")
 
 
 class SimulationEstimate(Document):
@@ -110,9 +108,9 @@ class SimulationEstimate(Document):
     n_sequences: int
     n_frames: int
     workers: int
-    cpu_s: float | None = Field(default=None, description="processor time on this machine; null in older results")
-    wall_s: float = Field(description="wall time on this machine, where it does nothing else")
-    memory_mb: float = Field(description="memory of a worker")
+    cpu_s: float | None = optional("processor time on this machine; null in older results")
+    wall_s: float = column("wall time on this machine, where it does nothing else")
+    memory_mb: float = column("memory of a worker")
     disk_mb: float
     sequences: list[PlannedSequenceRow]
 
@@ -127,7 +125,7 @@ class SimulationResult(OfTables, RunResult):
     n_frames: int
     size_bytes: int
     sequences: list[SimulatedSequence]
-    programmes: list[SimulatedProgramme] = Field(default_factory=list, description="visits of each programme")
+    programmes: list[SimulatedProgramme] = column("visits of each programme", default=[])
 
 
 class FindingRecord(Row):
@@ -135,10 +133,10 @@ class FindingRecord(Row):
 
     path: str
     hdu: int | None = column("number of the unit, 0 for the primary one; null for the file as a whole", label="HDU")
-    keyword: str = Field(description="empty if the finding is about none")
+    keyword: str = column("empty if the finding is about none")
     message: str = column(label="finding")
-    severity: Literal["error", "warning"] = Field(
-        description="error: against the specification; warning: unusual, or missing where that is left open"
+    severity: Literal["error", "warning"] = column(
+        "error: against the specification; warning: unusual, or missing where that is left open"
     )
 
 
@@ -146,8 +144,8 @@ class CheckResult(Document):
     """The findings of a check of Level-0 products."""
 
     kind: Literal["check"] = "check"
-    paths: list[str] = Field(description="what was checked")
-    n_files: int = Field(description="Level-0 files among it")
+    paths: list[str] = column("what was checked")
+    n_files: int = column("Level-0 files among it")
     n_errors: int
     n_warnings: int
     findings: list[FindingRecord]
@@ -156,9 +154,9 @@ class CheckResult(Document):
 class MachineRecord(Result):
     """The machine on which something was timed."""
 
-    key: str = Field(description="hash of the description: equal machines, equal keys")
+    key: str = column("hash of the description: equal machines, equal keys")
     processor: str
-    cores: int = Field(description="cores that the program may use")
+    cores: int = column("cores that the program may use")
     memory_gb: float
     system: str
     python: str
@@ -174,22 +172,22 @@ class SceneFrames(Result):
 
     name: str
     title: str
-    why: str = Field(description="why it is in the list")
+    why: str = column("why it is in the list")
     band: str
     exposure_s: float
-    n_frames: int = Field(description="of the science visit, and as many of the reference visit")
+    n_frames: int = column("of the science visit, and as many of the reference visit")
     em_gain: float
-    scene_model: Literal["exact", "paper"] = Field(default="exact", description="how the scene is asked to be made")
+    scene_model: Literal["exact", "paper"] = column("how the scene is asked to be made", default="exact")
 
 
 class TradeoffScene(SceneFrames):
     """A fixed scene and the frames that it is observed in, with its visits and their reduction."""
 
-    visits: int = Field(default=1, description="science visits that are reduced as one")
+    visits: int = column("science visits that are reduced as one", default=1)
     reference_visits: int = 1
-    n_modes: int = Field(default=0, description="modes of the references that are projected out")
-    library: str = Field(default="same_star_planet_free", description="where the references come from")
-    is_programme: bool = Field(default=False, description="whether visits are drawn many times and reduced as one")
+    n_modes: int = column("modes of the references that are projected out", default=0)
+    library: str = column("where the references come from", default="same_star_planet_free")
+    is_programme: bool = column("whether visits are drawn many times and reduced as one", default=False)
 
 
 class TradeoffRow(Row):
@@ -199,14 +197,14 @@ class TradeoffRow(Row):
     point: str
     group: Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
     title: str
-    status: StatusText = Field(description="invalid: the way does not apply to this scene, as reason and message say")
+    status: StatusText = column("invalid: the way does not apply to this scene, as reason and message say")
     reason: str = ""
     message: str = ""
     wall_s: float | None = optional("least wall clock of a warm call, for one case", short="wall s", format=".3g")
     cpu_s: float | None = optional("processor time of that call", short="CPU s", format=".3g")
     cold_s: float | None = optional("from the start of a new process to its first answer; null where none was started")
     peak_memory_mb: float | None = optional("peak resident set during the warm calls", short="MB", format=".0f")
-    repeats: int = Field(default=0, description="calls that were timed")
+    repeats: int = column("calls that were timed", default=0)
     flux_e: float | None = optional("expected electrons of the planet in its aperture, visit")
     variance_e2: float | None = optional("of that sum, science and reference visit together")
     snr: float | None = None
@@ -214,16 +212,16 @@ class TradeoffRow(Row):
     flux_uncertainty: float | None = None
     snr_error: float | None = optional("relative to the reference", short="SNR")
     snr_uncertainty: float | None = optional("one standard error of that")
-    predicted_error: dict[Quantity, float] = Field(default_factory=dict, description="what the effect ledger says")
-    settings: dict[str, Any] = Field(default_factory=dict, description="what is modelled")
-    samples: dict[str, list[float]] = Field(
-        default_factory=dict,
-        description="what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, "
-        "walk_e2_s2, one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2; of programmes "
-        "contrast and contrast_error (one a realisation)",
+    predicted_error: dict[Quantity, float] = column("what the effect ledger says", default={})
+    settings: dict[str, Any] = column("what is modelled", default={})
+    samples: dict[str, list[float]] = column(
+        "what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, walk_e2_s2, "
+        "one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2; of programmes contrast and "
+        "contrast_error (one a realisation)",
+        default={},
     )
     n_frames: int = 0
-    machine: str = Field(description="key of the machine")
+    machine: str = column("key of the machine")
     version: str
 
 
@@ -232,13 +230,13 @@ class TradeoffResult(RunResult):
 
     kind: Literal["tradeoff"] = "tradeoff"
     version: str
-    quick_look: bool = Field(description="few frames: for a look, not for a record")
-    machine: MachineRecord = Field(description="of the latest rows")
-    other_machines: list[MachineRecord] = Field(default_factory=list, description="of rows that were kept")
+    quick_look: bool = column("few frames: for a look, not for a record")
+    machine: MachineRecord = column("of the latest rows")
+    other_machines: list[MachineRecord] = column("of rows that were kept", default=[])
     scenes: list[TradeoffScene]
     rows: list[TradeoffRow]
-    speed_ups: dict[str, float] = Field(
-        default_factory=dict, description="wall clock of the reference over that of one closed-form call, by scene"
+    speed_ups: dict[str, float] = column(
+        "wall clock of the reference over that of one closed-form call, by scene", default={}
     )
 
 
@@ -260,18 +258,18 @@ class InstrumentResult(Document):
     """Values of an instrument, or those in which two differ."""
 
     kind: Literal["instrument"] = "instrument"
-    title: str = Field(description="names and hashes")
+    title: str = column("names and hashes")
     values: list[InstrumentValue]
 
 
 class FingerprintRecord(Result):
     """The code, data and libraries that made the numbers of a run."""
 
-    code: str = Field(description="SHA-256 of the installed Python code and of shipped data other than the next two")
-    presets: str = Field(description="that of the shipped presets")
-    catalogue: str = Field(description="that of the shipped tables of stars and planets")
-    libraries: dict[str, str] = Field(description="version, and hash of the compiled files, by distribution")
-    processor: list[str] = Field(description="machine, features, kernels of BLAS")
+    code: str = column("SHA-256 of the installed Python code and of shipped data other than the next two")
+    presets: str = column("that of the shipped presets")
+    catalogue: str = column("that of the shipped tables of stars and planets")
+    libraries: dict[str, str] = column("version, and hash of the compiled files, by distribution")
+    processor: list[str] = column("machine, features, kernels of BLAS")
 
 
 class RunRecord(RunResult):
@@ -290,11 +288,11 @@ class RunRecord(RunResult):
     host: dict[str, Any]
     versions: dict[str, str]
     software: FingerprintRecord | None = optional("null in older results")
-    other_fingerprints: list[str] = Field(
-        default_factory=list, description="of other processors that took part; nothing but the processor differs"
+    other_fingerprints: list[str] = column(
+        "of other processors that took part; nothing but the processor differs", default=[]
     )
-    promise: str = Field(default="", description="what holds for another run of the same fingerprints")
-    list_sha256: str = Field(default="", description="of the list of the run's files, up to the line of this one")
+    promise: str = column("what holds for another run of the same fingerprints", default="")
+    list_sha256: str = column("of the list of the run's files, up to the line of this one", default="")
 
 
 class _LeftOutRow(Row):
@@ -337,11 +335,11 @@ class TableTaken(Result):
     """The meaning of a file as a table of stars or of planets."""
 
     taken_as: Literal["stars", "planets"]
-    n_rows: int = Field(description="rows of the file")
-    n_usable: int = Field(description="rows that are used")
+    n_rows: int = column("rows of the file")
+    n_usable: int = column("rows that are used")
     columns: list[ColumnTaken]
-    left_out: list[ReasonLeftOut] = Field(description="rows and cells that are not used, by reason")
-    notes: list[str] = Field(description="remarks on the reading")
+    left_out: list[ReasonLeftOut] = column("rows and cells that are not used, by reason")
+    notes: list[str] = column("remarks on the reading")
 
     @classmethod
     def of_file(cls, taken: "TableReading") -> Self:
@@ -368,8 +366,8 @@ class ColumnsResult(Document):
 
     main_rows: ClassVar[str] = "tables"
     kind: Literal["columns"] = "columns"
-    file: str = Field(description="name of the file, without folders")
-    tables: list[TableTaken] = Field(description="one; two where it can be read both as stars and as planets")
+    file: str = column("name of the file, without folders")
+    tables: list[TableTaken] = column("one; two where it can be read both as stars and as planets")
 
     @classmethod
     def of_files(cls, found: "Sequence[TableReading]") -> Self:

@@ -13,7 +13,7 @@ from cpic_planner.results.base import OfTables, Result, Row, RunResult, StarRow,
 class CurvePoint(Result):
     """One point of a curve with its band."""
 
-    x: float = Field(description="telescope time used in hours, or number of universes")
+    x: float = column("telescope time used in hours, or number of universes")
     mean: float
     low: float
     high: float
@@ -23,24 +23,24 @@ class ChangeRecord(Result):
     """Mean of a paired difference over universes."""
 
     mean: float
-    error: float = Field(description="standard error of the mean, of the number of universes")
-    low: float = Field(description="lower end of the 90 % interval of the mean")
-    high: float = Field(description="upper end of it")
+    error: float = column("standard error of the mean, of the number of universes")
+    low: float = column("lower end of the 90 % interval of the mean")
+    high: float = column("upper end of it")
 
 
 class EstimateRecord(ChangeRecord):
     """Mean over universes."""
 
-    survey_low: float = Field(description="5 % of the surveys find fewer")
-    survey_high: float = Field(description="5 % of the surveys find more")
+    survey_low: float = column("5 % of the surveys find fewer")
+    survey_high: float = column("5 % of the surveys find more")
 
 
 class DoubtValue(Result):
     """A value that the number may turn out to have."""
 
-    text: str = Field(description="the value with its unit or its x: 0.1 nm")
-    meaning: str = Field(description="in words, where the text does not say it all")
-    weight: float = Field(description="how likely it is; all of them sum to 1")
+    text: str = column("the value with its unit or its x: 0.1 nm")
+    meaning: str = column("in words, where the text does not say it all")
+    weight: float = column("how likely it is; all of them sum to 1")
 
 
 class DoubtCell(Row):
@@ -52,17 +52,15 @@ class DoubtCell(Row):
     strategy: str
     planned_for: str = column("value that the strategy was planned for")
     played_under: str = column("value that the number then has")
-    planets: EstimateRecord = Field(description="planets found")
+    planets: EstimateRecord = column("planets found")
     visits: float = column("visits made, mean over universes")
     hours: float = column("telescope time used, mean over universes")
-    loss: ChangeRecord = Field(
-        description="what the best of all plans finds under that value, less what this one finds"
+    loss: ChangeRecord = column("what the best of all plans finds under that value, less what this one finds")
+    regret: ChangeRecord = column(
+        "what the same strategy's plan for that very value is worth, less what this plan is, as the scheduler counts: "
+        "value_new and value_known a planet, less min_gain a visit"
     )
-    regret: ChangeRecord = Field(
-        description="what the same strategy's plan for that very value is worth, less what this plan is, as the "
-        "scheduler counts: value_new and value_known a planet, less min_gain a visit"
-    )
-    regret_of_planets: ChangeRecord = Field(description="the same without the price of visits, value of planets alone")
+    regret_of_planets: ChangeRecord = column("the same without the price of visits, value of planets alone")
 
 
 class DoubtChoice(Row):
@@ -83,28 +81,28 @@ class DoubtChoice(Row):
 class DoubtDecision(Result):
     """The choice among some plans."""
 
-    strategy: str = Field(description="the strategy whose plans these are; empty: all plans of all strategies")
-    cautious: DoubtChoice = Field(description="the plan whose largest loss is the smallest")
-    expected: DoubtChoice = Field(description="the plan that finds most by the weights")
-    value_of_knowing: ChangeRecord = Field(
-        description="planets more if the number is known before the plan is chosen, by the weights"
+    strategy: str = column("the strategy whose plans these are; empty: all plans of all strategies")
+    cautious: DoubtChoice = column("the plan whose largest loss is the smallest")
+    expected: DoubtChoice = column("the plan that finds most by the weights")
+    value_of_knowing: ChangeRecord = column(
+        "planets more if the number is known before the plan is chosen, by the weights"
     )
 
 
 class DoubtRecord(Result):
     """The plan to take while a number is not known."""
 
-    key: str = Field(description="the number as it was asked for: drift")
-    quantity: Literal["planets", "new_planets"] = Field(description="what the choice is made by")
+    key: str = column("the number as it was asked for: drift")
+    quantity: Literal["planets", "new_planets"] = column("what the choice is made by")
     values: list[DoubtValue]
-    weights_from: str = Field(description="where the weights are from")
+    weights_from: str = column("where the weights are from")
     cells: list[DoubtCell]
-    choices: list[DoubtChoice] = Field(description="every plan; losses are those against the best of all plans")
+    choices: list[DoubtChoice] = column("every plan; losses are those against the best of all plans")
     decision: DoubtDecision
-    of_strategies: list[DoubtDecision] = Field(
-        description="if one strategy is settled: losses are those against the best of its own plans"
+    of_strategies: list[DoubtDecision] = column(
+        "if one strategy is settled: losses are those against the best of its own plans"
     )
-    statement: str = Field(description="the decision in words")
+    statement: str = column("the decision in words")
 
 
 class OccurrenceRange(Result):
@@ -114,38 +112,36 @@ class OccurrenceRange(Result):
     planned for another rate makes other visits: fewer of them are worth it where planets are rare.
     """
 
-    planets_per_star: float = Field(description="of the population as it was run")
+    planets_per_star: float = column("of the population as it was run")
     planets_per_star_low: float
     planets_per_star_high: float
-    low: float = Field(description="new planets found with the lowest rate in the same visits, mean over universes")
-    high: float = Field(description="with the highest rate")
+    low: float = column("new planets found with the lowest rate in the same visits, mean over universes")
+    high: float = column("with the highest rate")
 
 
 class TimeUse(Result):
     """The use of the telescope time, means over universes, in hours."""
 
-    exposing_h: float = Field(description="search: science and reference frames with readouts")
-    occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
-    settling_h: float = Field(description="search: slews and settling")
-    follow_up_h: float = Field(description="second visits of candidates that are planets included")
-    alarm_h: float = Field(description="visits that only false alarms asked for")
-    unused_h: float = Field(description="of the budget")
-    budget_h: float = Field(description="telescope time that the strategy may use")
-    budget_share: float = Field(description="the budget over the length of the survey")
+    exposing_h: float = column("search: science and reference frames with readouts")
+    occulted_h: float = column("search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
+    settling_h: float = column("search: slews and settling")
+    follow_up_h: float = column("second visits of candidates that are planets included")
+    alarm_h: float = column("visits that only false alarms asked for")
+    unused_h: float = column("of the budget")
+    budget_h: float = column("telescope time that the strategy may use")
+    budget_share: float = column("the budget over the length of the survey")
 
 
 class ScheduleRecord(Result):
     """The calendar that was planned, before chance had its say."""
 
     method: str
-    visits: int = Field(description="planned within the budget")
-    reserve_visits: int = Field(description="planned for time that stop rules free")
-    hours: float = Field(description="telescope time of the visits within the budget")
-    value: float = Field(
-        description="what they are worth on the planets of planning, orbits included where they have a value"
-    )
-    bound: float = Field(description="what no schedule can pass")
-    distance: float = Field(description="1 - value / bound")
+    visits: int = column("planned within the budget")
+    reserve_visits: int = column("planned for time that stop rules free")
+    hours: float = column("telescope time of the visits within the budget")
+    value: float = column("what they are worth on the planets of planning, orbits included where they have a value")
+    bound: float = column("what no schedule can pass")
+    distance: float = column("1 - value / bound")
 
 
 class SurveyTarget(StarRow):
@@ -156,14 +152,14 @@ class SurveyTarget(StarRow):
     distance_pc: float
     ra_deg: float
     dec_deg: float
-    known_planets: list[str] = Field(description="names in the table of known planets")
+    known_planets: list[str] = column("names in the table of known planets")
     bands: list[str] = column("of its planned visits")
     visit_time_s: float = column(
         "wall time of a visit, mean of those planned", label="wall time", short="wall", format="time"
     )
     visit_h: float = column("telescope time of a visit, mean of those planned", label="telescope", format=".1f")
     planned_visits: int
-    slots: list[int] = Field(description="of the planned visits, those of the reserve included")
+    slots: list[int] = column("of the planned visits, those of the reserve included")
     first_utc: str = column("middle of the days of the first planned visit", label="first visit", short="first")
     visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
     search_h: float = column(label="search", format=".1f")
@@ -205,8 +201,8 @@ class PlannedVisitRow(Row):
     ra_deg: Annotated[float, Field(ge=-360, le=360)] = column("right ascension at the date of the survey's positions")
     dec_deg: Annotated[float, Field(ge=-90, le=90)] = column("declination at that date")
     reason: Literal["search", "known_planet", "follow_up"] = column(
-        "what the visit is for: search (planets that nobody knows), known_planet (which is the likelier detection), "
-        "or follow_up (the log has a detection at this star)"
+        "what the visit is for: search (planets that nobody knows), known_planet (which is the likelier detection), or "
+        "follow_up (the log has a detection at this star)"
     )
     reserve: bool = column("whether it is made only where stop rules have freed the time for it")
     window_start_utc: str = column("begin of the first day in its slot on which the star may be pointed at")
@@ -259,21 +255,21 @@ class VisitsResult(RunResult):
 
     kind: Literal["visits"] = "visits"
     version: str
-    config_hash: str = Field(description="hash of everything that decides the comparison")
+    config_hash: str = column("hash of everything that decides the comparison")
     catalogue: str
-    date_utc: str = Field(description="date of the positions of the stars")
+    date_utc: str = column("date of the positions of the stars")
     visits: list[PlannedVisitRow]
 
 
 class ImageSample(Result):
     """Detections of a strategy that were simulated as images and measured blind."""
 
-    detections: int = Field(description="sampled")
-    images: int = Field(description="simulated sequences")
-    expected: float = Field(description="of them detected by the law of the strategy")
-    found: int = Field(description="detected in the images, by the same rule")
-    correction: float | None = Field(description="found over expected")
-    low: float | None = Field(description="lower end of its 90 % interval")
+    detections: int = column("sampled")
+    images: int = column("simulated sequences")
+    expected: float = column("of them detected by the law of the strategy")
+    found: int = column("detected in the images, by the same rule")
+    correction: float | None = column("found over expected")
+    low: float | None = column("lower end of its 90 % interval")
     high: float | None
     note: str = ""
 
@@ -281,12 +277,12 @@ class ImageSample(Result):
 class VariedSetting(Result):
     """A value that ``--vary`` gave a strategy."""
 
-    name: str = Field(description="as it was asked for: drift, budget_h ...")
-    key: str = Field(description="dotted key of the strategy")
-    text: str = Field(description="the value with its unit or its x: 0.1 nm, x2 (0.1 nm)")
-    value: Any = Field(description="number in the unit, or a word; of a factor what it makes of the present value")
-    unit: str = Field(description="empty: the quantity has none, or it is a factor")
-    meaning: str = Field(description="in words, where the text does not say it all")
+    name: str = column("as it was asked for: drift, budget_h ...")
+    key: str = column("dotted key of the strategy")
+    text: str = column("the value with its unit or its x: 0.1 nm, x2 (0.1 nm)")
+    value: Any = column("number in the unit, or a word; of a factor what it makes of the present value")
+    unit: str = column("empty: the quantity has none, or it is a factor")
+    meaning: str = column("in words, where the text does not say it all")
 
     @property
     def label(self) -> str:
@@ -297,18 +293,18 @@ class VariedSetting(Result):
 class PlanetShare(Result):
     """The known planet that makes up most of a yield."""
 
-    name: str = Field(description="in the table of known planets")
-    share: float = Field(description="of all planets found over the universes")
-    planets: float = Field(description="how often it is found, mean over universes")
+    name: str = column("in the table of known planets")
+    share: float = column("of all planets found over the universes")
+    planets: float = column("how often it is found, mean over universes")
 
 
 class AssumedInstrument(Result):
     """Numbers of the instrument that a strategy was run with, its assumptions included."""
 
-    visit_drift_nm: float = Field(description="offset of the wavefront of a visit, rms")
-    walk_nm_per_sqrt_hour: float = Field(description="walk of the wavefront within a visit, rms")
-    exozodi_zodis: float = Field(description="dust around every star; the median where each star has its own")
-    throughput: dict[str, float] = Field(description="of the optics, by band of the search")
+    visit_drift_nm: float = column("offset of the wavefront of a visit, rms")
+    walk_nm_per_sqrt_hour: float = column("walk of the wavefront within a visit, rms")
+    exozodi_zodis: float = column("dust around every star; the median where each star has its own")
+    throughput: dict[str, float] = column("of the optics, by band of the search")
 
 
 class StrategyOutcome(Row):
@@ -316,37 +312,35 @@ class StrategyOutcome(Row):
 
     name: str = column(label="strategy")
     description: str
-    varied: list[VariedSetting] = Field(default_factory=list, description="values of --vary; empty: none")
+    varied: list[VariedSetting] = column("values of --vary; empty: none", default=[])
     instrument: AssumedInstrument | None = None
     leading_planet: PlanetShare | None = optional("null: no known planet is found")
-    settings: dict[str, Any] = Field(description="the strategy as it was run")
+    settings: dict[str, Any] = column("the strategy as it was run")
     schedule: ScheduleRecord
-    planets: EstimateRecord = Field(description="planets found, new and known")
-    new_planets: EstimateRecord = Field(
-        description="planets that nobody knew and that velocities, stability and known giants allow"
+    planets: EstimateRecord = column("planets found, new and known")
+    new_planets: EstimateRecord = column(
+        "planets that nobody knew and that velocities, stability and known giants allow"
     )
-    new_planets_unconditional: EstimateRecord = Field(
-        description="of the whole population, in the same visits: what new planets would be had nobody looked before"
+    new_planets_unconditional: EstimateRecord = column(
+        "of the whole population, in the same visits: what new planets would be had nobody looked before"
     )
     occurrence: OccurrenceRange | None = optional("null: the population states no range of its occurrence rate")
     known_planets: EstimateRecord
     stars_with_planet: EstimateRecord
     characterised_planets: EstimateRecord
-    orbits_known: EstimateRecord = Field(
-        description="planets found whose semi-major axis and next place are known well enough"
-    )
-    confirmed_planets: EstimateRecord = Field(
-        description="planets found where a published orbit has them, or seen again in another visit"
+    orbits_known: EstimateRecord = column("planets found whose semi-major axis and next place are known well enough")
+    confirmed_planets: EstimateRecord = column(
+        "planets found where a published orbit has them, or seen again in another visit"
     )
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord
-    hours: EstimateRecord = Field(description="telescope time used")
+    hours: EstimateRecord = column("telescope time used")
     any_planet: float = column("share of the universes in which it finds any planet", short="any %", format="%")
     any_new_planet: float
     time_use: TimeUse
-    curve: list[CurvePoint] = Field(description="planets found against telescope time used")
-    convergence: list[CurvePoint] = Field(description="mean of planets found against number of universes")
-    quantiles: dict[str, list[float]] = Field(description="5, 25, 50, 75, 95 % of detections by quantity; empty: none")
+    curve: list[CurvePoint] = column("planets found against telescope time used")
+    convergence: list[CurvePoint] = column("mean of planets found against number of universes")
+    quantiles: dict[str, list[float]] = column("5, 25, 50, 75, 95 % of detections by quantity; empty: none")
     targets: list[SurveyTarget]
     images: ImageSample | None = optional("null where no images were asked for")
 
@@ -367,11 +361,11 @@ class DifferenceRecord(Row):
     first: str
     second: str
     quantity: Literal["planets", "new_planets", "characterised_planets", "orbits_known", "hours"]
-    mean: float = Field(description="first minus second")
+    mean: float = column("first minus second")
     error: float
-    low: float = Field(description="lower end of the 90 % interval of the mean")
+    low: float = column("lower end of the 90 % interval of the mean")
     high: float
-    correlation: float | None = Field(description="of the two over universes; null where one never varies")
+    correlation: float | None = column("of the two over universes; null where one never varies")
     verdict: str
 
 
@@ -380,7 +374,7 @@ class RankChange(Row):
 
     strategy: str
     star: str
-    first_rank: int | None = Field(description="null: not among its targets")
+    first_rank: int | None = column("null: not among its targets")
     rank: int | None
     why: str
 
@@ -389,8 +383,8 @@ class TakenBack(Result):
     """A fact that is taken back, and what a survey was planned and played with then."""
 
     name: str
-    words: str = Field(description="the fact in words")
-    heading: str = Field(description="the survey without it in words")
+    words: str = column("the fact in words")
+    heading: str = column("the survey without it in words")
     catalog: str
     known_planets: str
     exclusions: list[str]
@@ -415,20 +409,20 @@ class FactRow(Row):
 class FactsRecord(Result):
     """The facts that moved numbers, and the numbers."""
 
-    facts: list[TakenBack] = Field(description="the last one is all of them at once, where there are several")
+    facts: list[TakenBack] = column("the last one is all of them at once, where there are several")
     rows: list[FactRow]
-    statement: str = Field(description="the fact that moves most, in words")
+    statement: str = column("the fact that moves most, in words")
 
 
 class SettingSource(Result):
     """The source of a number of the strategies' file or of its preset."""
 
-    key: str = Field(description="dotted key of a strategy; universe.KEY of what all share")
+    key: str = column("dotted key of a strategy; universe.KEY of what all share")
     value: Any
     unit: str
     source: str
-    confidence: str = Field(description="P: published, I: inferred from published or measured numbers, A: assumed")
-    strategies: list[str] = Field(description="those that have this value")
+    confidence: str = column("P: published, I: inferred from published or measured numbers, A: assumed")
+    strategies: list[str] = column("those that have this value")
 
 
 class WhatIfResult(OfTables, RunResult):
@@ -438,17 +432,17 @@ class WhatIfResult(OfTables, RunResult):
     version: str
     name: str
     description: str
-    universe: dict[str, Any] = Field(description="what all strategies share")
+    universe: dict[str, Any] = column("what all strategies share")
     catalogue: str
-    known_planets: str = Field(description="table of known planets; empty: left out")
-    observed: str = Field(description="observation log that was taken into account; empty: none")
+    known_planets: str = column("table of known planets; empty: left out")
+    observed: str = column("observation log that was taken into account; empty: none")
     n_universes: int
-    slot_utc: list[str] = Field(description="begin of every slot of the calendar")
+    slot_utc: list[str] = column("begin of every slot of the calendar")
     strategies: list[StrategyOutcome]
     differences: list[DifferenceRecord]
     rank_changes: list[RankChange]
     facts: FactsRecord | None = optional("null where the comparison was not asked for")
     doubt: DoubtRecord | None = optional("null where no number is in doubt")
-    statement: str = Field(description="the outcome in words")
-    sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
+    statement: str = column("the outcome in words")
+    sources: list[SettingSource] = column("empty: no setting states one", default=[])
     not_modelled: list[str]

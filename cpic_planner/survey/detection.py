@@ -479,7 +479,7 @@ def noise_alarms(model: etc.EtcModel, band: str) -> float:
 
     The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
     ``(lambda/D)^2`` of the dark hole (`cpic_planner.etc.search_threshold`); images hold it
-    (``reports/blind_validator``).
+    (``reports/truth/blind_validator``).
 
     Parameters
     ----------

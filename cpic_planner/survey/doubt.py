@@ -8,6 +8,7 @@ the first visits and could change the rest: that is left out, so that losses are
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def plays_of(rule: DoubtRule | None, n_strategies: int) -> int:
     return 0 if rule is None else n_strategies * len(rule.values) ** 2
 
 
-def doubt_record(config: StrategiesConfig, runner: Runner) -> results.DoubtRecord | None:
+def doubt_record(config: StrategiesConfig, runner: Runner[Any]) -> results.DoubtRecord | None:
     """Plan every strategy for each value, play every plan under each, and say what to take; None without a rule."""
     rule, universe = config.doubt, config.universe
     if rule is None:

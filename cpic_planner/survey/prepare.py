@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import Advance, FloatArray, InputError, announce, compute_once, untold
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs import Runner, Task, Unkept
+from cpic_planner.jobs import Runner, Task
 from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.calendar import Calendar, make_calendar
@@ -132,7 +132,7 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
     Notes
     -----
     Of what can brighten a dark hole this is the plainest: static and everywhere in it. It does more harm than as much
-    light of the instrument's own hole (``reports/whatif``), whose field differs across the band, so that its products
+    light of the instrument's own hole (report ``whatif``), whose field differs across the band, so that its products
     with the drift partly cancel; an error of the mirror leaves nearly the same field at all wavelengths of a band.
     """
     if instrument.coronagraph.table is not None:
@@ -347,7 +347,7 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
     return found
 
 
-def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner) -> list[Prepared]:
+def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner[Any]) -> list[Prepared]:
     """Return surveys in several states of what is known: a task for each strategy, in all of them.
 
     Parameters
@@ -367,7 +367,7 @@ def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], ru
     # The longest first, so that no worker is left with one at the end.
     order = sorted(range(len(keys)), key=lambda which: _size(configs[0].strategies[which]), reverse=True)
     tasks = [Task(keys[which], (which,), f"{names[which]}: plan", len(grounds)) for which in order]
-    plans = runner.finish(plan_states, tasks, common=(grounds,), store=Unkept())
+    plans = runner.finish(plan_states, tasks, common=(grounds,), kept=False)
     of_states = zip(*(plans[key] for key in keys), strict=True)
     return [Prepared.of(*state) for state in zip(configs, grounds, of_states, strict=True)]
 

@@ -682,7 +682,7 @@ def block_tasks(name: str, which: int, universe: UniverseConfig) -> list[Task]:
 
 
 def survey_counts(
-    surveys: Mapping[str, Survey], universe: UniverseConfig, runner: Runner
+    surveys: Mapping[str, Survey], universe: UniverseConfig, runner: Runner[Any]
 ) -> dict[str, dict[str, FloatArray]]:
     """Return planets found, visits made and hours used by surveys in every universe, by the names of the surveys.
 

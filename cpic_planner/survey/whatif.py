@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from cpic_core import NDArray, announce
-from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import DoubtRecord, ImageSample, StrategyOutcome, WhatIfResult
@@ -257,7 +257,7 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
         now = read_ground(config)
         return (now, *(read_ground(state, now) for state in states.values()))
 
-    def work(runner: Runner) -> WhatIfResult:
+    def work(runner: Runner[Any]) -> WhatIfResult:
         ready, *others = planned((config, *states.values()), grounds(), runner)
         folder, store, universe = runner.folder, ResultStore(runner.folder, TABLES), config.universe
         tasks = [block_tasks(item.strategy.name, which, universe) for which, item in enumerate(ready.surveys)]
@@ -291,7 +291,7 @@ def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = Tru
 
 def run_whatif(
     config: StrategiesConfig, out: str | Path, *, n_images: int = 0, pages: bool = True, **how: Unpack[RunSettings]
-) -> Finished[WhatIfResult]:
+) -> Runner[WhatIfResult]:
     """Compare strategies.
 
     Parameters
@@ -311,7 +311,7 @@ def run_whatif(
     return run(whatif_job(config, n_images=n_images, pages=pages), out, **how)
 
 
-def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, list[Counts]]:
+def _without_facts(states: Mapping[str, Prepared], runner: Runner[Any]) -> dict[str, list[Counts]]:
     """Return the planets found without each fact, by strategy: planned anew, played in the same universes."""
     if not states:
         return {}
@@ -322,7 +322,7 @@ def _without_facts(states: Mapping[str, Prepared], runner: Runner) -> dict[str, 
     return {fact: [counts_of(next(found)) for _ in ready.surveys] for fact, ready in states.items()}
 
 
-def _images(prepared: Prepared, detections: Columns, runner: Runner, n: int) -> list[ImageSample | None]:
+def _images(prepared: Prepared, detections: Columns, runner: Runner[Any], n: int) -> list[ImageSample | None]:
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
         return [None] * len(prepared.surveys)

@@ -322,7 +322,7 @@ def tradeoff_job(
         for together in _together(points)
     ]
 
-    def measure(runner: Runner) -> TradeoffResult:
+    def measure(runner: Runner[Any]) -> TradeoffResult:
         ended = runner.output is not None and (runner.output.path / RESULT).exists()
         for body in runner.finish(measured, tasks, tells=True, again=ended).values():
             where = MachineRecord.model_validate(body["machine"])

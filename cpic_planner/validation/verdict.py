@@ -26,8 +26,8 @@ from simulator.target import LitPlanet, spectrum_generator
 
 PREDICTION_ERROR = 0.05
 """Relative accuracy of a predicted SNR at one place: the residual speckles of one instrument are a few per cent
-brighter or fainter around a planet than the mean of the hole at its separation. The 20 cases of reports/blind_validator
-differ by 2.7 % rms and by 5 % at most."""
+brighter or fainter around a planet than the mean of the hole at its separation. The 20 cases of the report
+blind_validator differ by 2.7 % rms and by 5 % at most."""
 MIN_JACKKNIFE = 8
 MIN_SNR = 3.0
 """A recovered SNR below this many of its errors says that the planet is missed, not by which factor."""

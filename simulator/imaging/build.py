@@ -302,7 +302,7 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
 def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
     """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
 
-    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
+    A search of a shipped instrument takes 1 to 14 s of one processor (``make bench``), one nearer to the
     star some minutes; it is announced. A hole that was not `reached` brings one warning.
     """
     key = hole_key(instrument, solver)

@@ -35,7 +35,7 @@ from simulator.imaging.sampling import PixelAxis
 
 LARGEST_NM, RMS_ERROR = 1.0, 0.005
 """Rms of all wavefront errors together up to which the expansion holds, and its error there: of the rms of aperture
-sums, at the worst place of the hole of any band (`reports/speed_accuracy`)."""
+sums, at the worst place of the hole of any band (`reports/speed/speed_accuracy`)."""
 BEYOND_LAMBDA_D = 3.0  # degrees of freedom that a side of the hole has beyond its length
 FIELD_NODES, LIGHT_NODES = 8, 12  # of a side, beyond those that a band-limited function of its length needs
 EVENNESS = 0.5

@@ -9,7 +9,7 @@ of its amplitude (remainder of the rule, its highest derivative at its largest).
 holds waves up to ``phi = pi u Delta`` with Delta the relative width of the band; over a pixel waves up to
 ``phi = pi (pixel / (lambda/D))``, widened by the jitter. Few waves are that fast: the factors below lower the phase so
 that the remainder follows the differences that were measured between the images of each rule and those of nine
-wavelengths and six nodes a pixel, in the four visible bands (`reports/effect_ledger`).
+wavelengths and six nodes a pixel, in the four visible bands (`reports/truth/effect_ledger`).
 """
 
 import dataclasses

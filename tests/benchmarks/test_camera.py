@@ -1,11 +1,5 @@
-"""Frames of the camera, sequences as Level-0 files, cosmic rays, stacks, the compilation of the kernels, and two other
-simulators of such cameras.
+"""Frames of the camera, sequences as Level-0 files, cosmic rays, stacks, and the compilation of the kernels."""
 
-The other simulators need environments of their own: ``CPIC_PEERS="emccd-detect=PATH/bin/python getframes=..."``, see
-``reports/camera_speed/make.py``, which also makes them.
-"""
-
-import importlib.util
 import json
 import os
 import subprocess
@@ -25,14 +19,13 @@ from simulator.products import write_level0
 INSTRUMENT = load_instrument()
 DETECTOR = INSTRUMENT.detector
 SHAPE = (DETECTOR.n_rows, DETECTOR.n_columns)
-REPORT = Path(__file__).resolve().parents[2] / "reports/camera_speed"
+COLD = Path(__file__).with_name("cold.py")
 FIFTH = {"name": "star", "cstar": {"v_mag": 5.0, "spectral_type": "G2V"}}
 SCENES = {
     "paper's example, 17 s, gain 20": ("paper_example", "F520", 17.0, 20.0),
     "V = 5, 30 s, gain 300": (FIFTH, "F662", 30.0, 300.0),
     "paper's example, 300 s, gain 20": ("paper_example", "F520", 300.0, 20.0),
 }
-BESIDE = "active pixels: flat of 1000 e-, gain 20"
 
 
 def camera(*, off=()):
@@ -166,49 +159,9 @@ def test_compilation(timed, tmp_path, job, full):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
 
     def fresh():
-        done = subprocess.run(
-            [sys.executable, str(REPORT / "cold.py")], env=environment, capture_output=True, text=True, check=True
-        )
+        done = subprocess.run([sys.executable, str(COLD)], env=environment, capture_output=True, text=True, check=True)
         return sum(json.loads(done.stdout).values())
 
     if full:
         fresh()
     assert timed(job, fresh, rounds=3 if full else 1) > 0
-
-
-def named(peer):
-    """Interpreter of another simulator's environment."""
-    pairs = (item.split("=", 1) for item in os.environ.get("CPIC_PEERS", "").split())
-    return {name: Path(path) for name, path in pairs}.get(peer)
-
-
-def beside():
-    """The module of the report that runs other simulators."""
-    spec = importlib.util.spec_from_file_location("camera_beside", REPORT / "beside.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_active_pixels(timed):
-    shape = DETECTOR.active_shape
-    frame_of(timed, BESIDE, np.full(shape, 1e3 / 30.0), 30.0, 20.0)
-
-
-@pytest.mark.parametrize(("peer", "mode"), [("emccd-detect", "fast, no register CIC"), ("getframes", "double")])
-def test_flat_by_another_simulator(timed, clock, tmp_path, peer, mode):
-    python = named(peer)
-    if python is None:
-        pytest.skip(f"{peer} is not installed: CPIC_PEERS names its interpreter")
-    report = beside()
-    flat = report.Case("flat", BESIDE, np.full(DETECTOR.active_shape, 1e3 / 30.0), 30.0, 20.0)
-    report.write_setup(tmp_path / "setup.npz", [flat])
-    with report.peers({peer: python}, tmp_path / "setup.npz") as started:
-
-        def frame():
-            answer = started[peer].ask(scene="flat", exposure_s=30.0, gain=20.0, mode=mode, seed=1)
-            clock.elsewhere_s += answer["cpu_s"]
-            return answer
-
-        assert timed(f"frame: peer {peer}", frame, rounds=5)["median"] > 200.0

@@ -73,7 +73,7 @@ def test_the_page_on_the_dark_hole_has_all_three(name, value):
 
 @pytest.mark.parametrize("band", BANDS)
 def test_reports_have_the_same(band):
-    one = rows_of("reports/psf_chromaticity/report.md", "cpic_default", "dark hole", band)[0]
+    one = rows_of("reports/paper/psf_chromaticity/report.md", "cpic_default", "dark hole", band)[0]
     assert [float(cell) for cell in one[3:5]] == pytest.approx([corner_arcsec(band), iwa_arcsec(band)], abs=6e-4)
     (row,) = rows_of("reports/external/report.md", f"inner working angle (arcsec), {band}")
     assert float(row[2]) == pytest.approx(iwa_arcsec(band), abs=5e-4)

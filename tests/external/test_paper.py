@@ -9,8 +9,8 @@ import pytest
 from cpic_planner.etc import aperture_rates, build_model
 from cpic_planner.etc.noise import snr_paper
 from reports.external import comparison
-from reports.paper_table1 import search, searched
-from reports.paper_table1.measure import instrument, model, science_scene, target
+from reports.paper.paper_table1 import search, searched
+from reports.paper.paper_table1.measure import instrument, model, science_scene, target
 from simulator.target import scene_sources
 
 PLACES = {band: scene_sources(science_scene("off"), instrument(), band)[1] for band in search.BANDS}
@@ -90,7 +90,7 @@ def test_pairs_that_fit_widen_f850():
 
 def test_the_report_has_what_the_search_finds():
     found = [search.needed(one, {}) for one in search.choices()]
-    path = comparison.HERE.parent / "paper_table1" / "choices.csv"
+    path = comparison.HERE.parent / "paper/paper_table1" / "choices.csv"
     with path.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(found)

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests" / "benchmarks"
-PEERS = ("HCIPy", "pyKLIP", "emccd-detect", "getframes")
+PEERS = ("HCIPy", "pyKLIP")
 
 
 @pytest.fixture(scope="module")

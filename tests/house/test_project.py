@@ -21,7 +21,7 @@ def text(name):
 def test_committed_plan_is_of_this_version_and_schema():
     from cpic_planner.results import PlanResult
 
-    plan = PlanResult.model_validate_json(text("reports/first_plan/plan.json"))
+    plan = PlanResult.model_validate_json(text("reports/examples/first_plan/plan.json"))
     assert plan.version == __version__
 
 

@@ -3,7 +3,7 @@
 Each cell is a star, band, drift and number of visits drawn at random, some with a companion or a star behind them.
 Planets at random places are put one at a time into its stacks, which are searched blind and judged at the known place.
 
-Writes ``reports/detection_law/law.json``, ``report.md`` and ``map.png``. ``--write`` predicts anew and writes the
+Writes ``reports/truth/detection_law/law.json``, ``report.md`` and ``map.png``. ``--write`` predicts anew and writes the
 report of what was measured, ``--resume`` measures the cells that are missing first.
 """
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cpic_planner import __version__
 from tools import readme
+from tools.reports import REPORT, folders
 from tools.site import columns, commands, headings, keys, products, python_api, schemas, validation, words
 from tools.words import GLOSSARY, replaced_words
 
@@ -60,8 +61,8 @@ def make(docs: Path) -> None:
         (docs / "_made" / f"{name}.md").write_text(page(), encoding="utf-8")
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(path, docs / "notebooks")
-    for path in sorted((ROOT / "reports").glob("*/report.md")):
-        copy_report(path, docs / "reports")
+    for folder in folders().values():
+        copy_report(folder / REPORT, docs / "reports")
     (docs / "_made" / "gallery.md").write_text(gallery(), encoding="utf-8")
 
 
@@ -133,8 +134,8 @@ def copy_report(path: Path, to: Path) -> None:
 def gallery() -> str:
     """Return every figure of the reports, with the command that makes it."""
     parts = []
-    for path in sorted((ROOT / "reports").glob("*/report.md")):
-        text, name = path.read_text(encoding="utf-8"), path.parent.name
+    for name, folder in sorted(folders().items()):
+        text = (folder / REPORT).read_text(encoding="utf-8")
         title = re.search(r"^# (.+)$", text, re.MULTILINE)
         figures = re.findall(r"!\[([^\]]*)\]\(([^)\s]+)\)", text)
         if figures and title:

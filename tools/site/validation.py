@@ -118,7 +118,7 @@ def row(check: Check) -> str:
         pattern = rf"\| {re.escape(pattern)}[^|]*\| (?P<asked>[^|]+?) \| (?P<found>[^|]+?) \| (?P<met>[^|]*?) \|"
     said = re.search(rf"^.*?{pattern}", report(check.report), re.MULTILINE)
     if said is None:
-        raise ValueError(f"no row of reports/{check.report}/report.md says {check.pattern!r}")
+        raise ValueError(f"no row of the report {check.report} says {check.pattern!r}")
     groups = said.groupdict()
     asked = check.asked or groups["asked"]
     found = groups["found"] + ("" if groups.get("met", "yes") == "yes" else " (**not met**)")

@@ -14,7 +14,7 @@ Every number of the paper that can be worked out anew; what is "taken from the p
 signal-to-noise ratios are those of its Table 1, ours under the instrument preset `paper_table1`; the others are ours
 under the default instrument. Its contrasts were measured once: their tolerance is the error that its own ratios give
 them. No one number that the paper leaves open makes all four of our ratios its own: [the report of Table
-1](../paper_table1/report.md) varies each of them, and has the paper's figures beside ours. Not stated, so that nothing
+1](../paper/paper_table1/report.md) varies each of them, and has the figures beside ours. Not stated, so that nothing
 can be compared: throughput, widths and transmission of the bands, gain and read noise, charge without light, apertures,
 size of the library and number of modes, drift, brightness of the calibration star and of the other sources in its
 images, grid of albedos.
@@ -31,7 +31,7 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
 
 
 def _table(recorded: dict[str, Any]) -> list[Row]:
-    from reports.paper_table1.measure import Case, predicted, true_contrast
+    from reports.paper.paper_table1.measure import Case, predicted, true_contrast
 
     found = []
     for band, row in recorded["table1"].items():
@@ -164,7 +164,7 @@ def _camera(recorded: dict[str, Any]) -> list[Row]:
     import numpy as np
 
     from cpic_planner.etc import aperture_rates, build_model
-    from reports.paper_table1.measure import target
+    from reports.paper.paper_table1.measure import target
     from simulator import load_instrument
 
     frame, detector = recorded["frame"], load_instrument().detector

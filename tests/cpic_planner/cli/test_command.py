@@ -80,10 +80,6 @@ def test_a_separation_in_au(done, refuses):
 
 def test_a_planet_by_name(done):
     asked = ["etc", "eps Eri b", "--date", "2030-01-01", "--time", "10h", "--band", "F520"]
-    out, _ = done(*asked)
-    assert "ε Eri b (confirmed) on 2030-01-01; ε Eri (HIP 16537)" in out
-    assert "0 to 3.99" in out
-    assert "median, and 16 to 84 %, of what the errors of place and light leave open" in " ".join(out.split())
     (answer,) = result(done, *asked)["answers"]
     look = answer["known_planet"]
     assert look["planet"] == "eps Eri b"
@@ -92,29 +88,6 @@ def test_a_planet_by_name(done):
     other = result(done, *asked[:2], "--date", "2031-01-01", *asked[4:])
     assert other["config_hash"] != result(done, *asked)["config_hash"]
     assert other["answers"][0]["separation_arcsec"] != answer["separation_arcsec"]
-
-
-def test_known_takes_the_name_of_a_planet(done):
-    (row,) = result(done, "known", "47 UMa c", "--band", "F520")["planets"]
-    assert row["planet"] == "47 UMa c"
-
-
-def test_brief_is_the_table_alone(done):
-    out, _ = done(*HERE, "--brief")
-    assert out.count("\n") == 5
-    assert "→ F520" in out
-    whole, _ = done(*HERE)
-    assert whole.startswith(out)
-
-
-def test_at_most_two_sentences_stand_under_the_table(done):
-    for options in (["--detect"], ["--snr", "60"], ["--time", "1h"], ["--contrast-limit"]):
-        out, _ = done("etc", "tau Cet", *options)
-        head = out.split("\n\n")[0]
-        below = " ".join(head.partition("sep ″: ")[2].split())
-        legend, _, said = below.partition("predicted S / sigma without the planet")
-        assert legend
-        assert said.replace("F850.", "").count(". ") <= 2, said
 
 
 def test_an_snr_has_its_predicted_error_beside_it(done):
@@ -174,12 +147,6 @@ def test_a_command_alone_shows_its_help(done, words, shown):
     assert out.startswith(f"Usage: {' '.join(['cpic', *words])}")
     assert f"  {shown} " in out
     assert err == ""
-
-
-def test_exit_statuses_are_in_the_help(done):
-    text = " ".join(done("--help")[0].split())
-    assert "Exit status: 0 an answer" in text
-    assert "3 no answer, or no detection, with --strict" in text
 
 
 @pytest.mark.parametrize(

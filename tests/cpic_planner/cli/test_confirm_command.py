@@ -59,10 +59,3 @@ def test_a_planet_outside_the_hole_needs_no_image(done, tmp_path):
     assert (cost["n_tasks"], cost["n_refused"]) == (0, 1)
     _, told = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run")
     assert "1 of the measurements are impossible" in told
-
-
-def test_help_shows_examples_and_what_overrides_are(done):
-    out, _ = done("--help")
-    assert "cpic confirm paper_example" in out
-    assert "--simulator-overrides" in out
-    assert "--photon-counting" not in out

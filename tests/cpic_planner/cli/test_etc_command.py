@@ -238,43 +238,6 @@ def test_contradictions_and_bad_numbers_are_one_line(refuses, options, words):
     refuses(["tau Cet", *options], words)
 
 
-def test_typed_answers_exit_with_0_and_say_why(call, done):
-    out, _ = done("tau Cet", "--snr", "1e5", "--explain")
-    text = " ".join(out.split())
-    common = "what science and references differ by in every visit keeps the SNR below 100000 however many visits"
-    assert text.count(common) == 4
-    assert "○ too faint" in text
-    assert "○ speckle floor" in call("tau Cet", "--snr", "20", "--band", "F520", "--visits", "1")[1]
-    out, _ = done("tau Cet", "--contrast", "0", "--separation-arcsec", "0.5", "--band", "F520")
-    assert "no planet light" in out
-    out, _ = done("tau Cet", "--library", "roll", "--roll-deg", "2", "--separation-arcsec", "0.5", "--band", "F520")
-    assert "roll too small" in out
-    out, _ = done("tau Cet", "--time-s", "599", "--separation-arcsec", "0.5", "--band", "F520")
-    assert "the time does not hold one science frame of every visit" in out
-
-
-def test_the_question_stands_above_the_table(call):
-    for options, words in (
-        (["--snr", "5"], "wall time for SNR 5"),
-        (["--sigma", "5"], "wall time for 5 sigma"),
-        (["--detect"], "wall time for a detection"),
-        (["--time-s", "7200"], "SNR in 2.00 h"),
-        (["--contrast-limit"], "contrast limit for a detection in 10.0 h"),
-        (["--contrast-limit", "--sigma", "5"], "contrast limit for 5 sigma in 10.0 h"),
-        (["--exposure-s", "17", "--frames", "30"], "SNR in 30 × 17 s"),
-    ):
-        assert words in call(*HERE, *options)[1].splitlines()[0]
-
-
-def test_one_budget_or_every(call):
-    one = call("tau Cet", "--separation-arcsec", "0.6")[1]
-    every = call("tau Cet", "--separation-arcsec", "0.6", "--budget")[1]
-    assert one.count("Noise in F") == 1
-    assert every.count("Noise in F") == 4
-    assert "EM gain up to" not in one
-    assert "EM gain up to" in call("tau Cet", "--separation-arcsec", "0.6", "--explain")[1]
-
-
 @pytest.mark.parametrize(
     "options", [["--snr", "8"], ["--contrast-limit", "--sigma", "5"], [], ["--contrast", "1e-9", "--contrast", "1e-8"]]
 )
@@ -284,11 +247,6 @@ def test_plots(done, tmp_path, options):
     assert path.read_bytes().startswith(b"\x89PNG")
     assert f"wrote {path}" in err
     assert json.loads(out)["kind"] == "etc"
-
-
-def test_a_plot_does_not_change_the_answer(call, tmp_path):
-    with_plot = call(*HERE, "--json", "--plot", str(tmp_path / "a.svg"))[1]
-    assert with_plot == call(*HERE, "--json")[1]
 
 
 @pytest.mark.long
@@ -337,11 +295,6 @@ def test_standard_checks_every_answer_in_images(call):
     other = json.loads(call(*asked, "--seed", "2", "--json")[1])
     assert other["config_hash"] != result["config_hash"]
     assert other["fidelity"]["answers"][0]["images"]["snr"] != record["images"]["snr"]
-    status, text, err = call(*asked)
-    assert (status, err) == (0, "")
-    for word in ("Checked in images (standard: sums of frames)", "flux / true", "pred/rec"):
-        assert word in text
-    assert re.search(r" 2  \d of 2 ", text)
 
 
 def test_a_contrast_limit_is_checked_by_a_planet_at_the_limit(call):
@@ -376,11 +329,6 @@ def test_the_infrared_is_checked_by_images(call):
     assert record["status"] == "ok"
     assert abs(record["images"]["etc_ratio"] - 1.0) < 4.0 * record["images"]["etc_ratio_error"]
     assert record["closed_form_error"] is None  # none is stated of these bands
-
-
-def test_nothing_to_check(done):
-    text, _ = done("tau Cet", "--band", "F520", "--separation-arcsec", "0.05", "--fidelity", "standard")
-    assert "No answer has frames" in text
 
 
 @pytest.mark.parametrize(

@@ -52,9 +52,3 @@ def test_dry_run_ranks_nothing(call, monkeypatch):
     first = rank_targets(build_model(load_instrument(), ["F520", "F662"]), procyon, time_s=36000.0).targets[0]
     assert first.n_frames == first.visits * first.frames_per_visit > 1000
     assert one["n_frames"] == round(2 * first.n_frames / 5)
-
-
-def test_help_shows_examples_and_what_overrides_are(done):
-    out, _ = done("--help")
-    for text in ("cpic plan --top 20 --realisations 20 --dry-run", "--simulator-overrides", "[default: 8;"):
-        assert text in " ".join(out.split())

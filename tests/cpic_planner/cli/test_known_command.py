@@ -27,16 +27,8 @@ def test_one_star(done):
     assert [row.planet for row in result.planets] == ["eps Eri b"]
     assert (result.date_utc, result.mjd, result.years) == ("2030-03-01T00:00:00", 62561.0, 1.0)
     assert result.planets[0].windows
-    out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", *FEW)
-    assert "2030-03-01 to" in out
-    assert "best day: that on which it stands there most likely" in " ".join(out.split())
-    assert out[out.index("Window: the days") :].count(".\n") == 1  # one sentence below the legend
     heads, _ = done("known", "eps Eri", "--years", "1", "--format", "csv", *FEW)
     assert "separation_arcsec_low,separation_arcsec,separation_arcsec_high" in heads.splitlines()[0]
-    out, _ = done("known", "eps Eri", "--date", "2030-03-01", "--years", "1", "-v", *FEW)
-    assert "in the dark hole 2030-03-01 to" in out
-    assert "No radius: that of the mass, with scatter (radius_unknown)." in " ".join(out.split())
-    assert "Orbit from Thompson et al. 2025 (2025AJ....170..301T)" in " ".join(out.split())
 
 
 def test_eps_eri_is_within_an_arcsecond_and_a_little_in_2028(done):
@@ -45,22 +37,10 @@ def test_eps_eri_is_within_an_arcsecond_and_a_little_in_2028(done):
 
 
 def test_refuted_planets_are_shown_with_who_says_so(call, tmp_path):
-    status, out, _ = call("known", "omi2 Eri", *FEW)
-    told = " ".join(out.split())
-    assert status == 0
-    assert "In doubt: these planets are not counted: ο² Eri b (-v: who says so)." in told
     status, out, _ = call("known", "omi2 Eri", "-v", *FEW)
     told = " ".join(out.split())
     assert status == 0
-    assert "Known planets: none that is counted" in told
-    assert "1 listed and not counted" in told
     assert "refuted, not counted. Status from Burrows et al. 2024 (arXiv:2404.17494)" in told
-    assert "in the dark hole" not in told
-    status, out, _ = call("known", "--limit", "1", "--v-mag-max", "4.5", *ROUGH)
-    assert "listed and not counted" in out
-    assert "refuted" not in out
-    status, out, _ = call("known", "--limit", "1", "-v", "--v-mag-max", "4.5", *ROUGH)
-    assert out.count("refuted, not counted") == 3
     for option, file in (("--plot", "x.png"), ("--scene", "x.yaml")):
         status, _, err = call("known", "omi2 Eri", option, str(tmp_path / file), *FEW)
         assert status == 2
@@ -73,12 +53,6 @@ def test_candidates_count_when_asked_for(done):
     (row,) = known(done, "alpha Cen A", "--candidates").planets
     assert row.counted
     assert row.track is not None
-    told = " ".join(done("known", "alf Cen A", "-v", *FEW)[0].split())
-    assert "none that is counted" in told
-    assert "candidate, not counted unless candidates are asked for" in told
-    told = " ".join(done("known", "alf Cen A", "--candidates", "-v", *FEW)[0].split())
-    assert "candidate, counted as asked" in told
-    assert "1 of 1 around 1 star" in told
 
 
 @pytest.mark.long
@@ -87,7 +61,6 @@ def test_orbits_that_disagree_are_told_with_their_shares(done):
     assert [orbit.share for orbit in row.orbits] == [0.5, 0.5]
     assert [orbit.eccentricity for orbit in row.orbits] == [0.025, 0.34]
     assert "several_orbits" in row.flags
-    assert "published orbits disagree on HD 219134 h" in " ".join(done("known", "HD 219134", *FEW)[0].split())
     told = " ".join(done("known", "HD 219134", "-v", *FEW)[0].split())
     assert "2 published orbits disagree: 50% of the draws from Rosenthal et al. 2021" in told
 
@@ -96,10 +69,6 @@ def test_a_contradicted_orbit_is_flagged(done):
     (row,) = known(done, "eps Eri", "--known-planets", "archive_2019").planets
     assert "orbit_superseded" in row.flags
     assert row.superseded_by.startswith("Thompson et al. 2025")
-    told = " ".join(done("known", "eps Eri", "--known-planets", "archive_2019", *FEW)[0].split())
-    assert "a later orbit contradicts that of ε Eri b" in told
-    told = " ".join(done("known", "eps Eri", "--known-planets", "archive_2019", "-v", *FEW)[0].split())
-    assert "contradicted by a later one: Thompson et al. 2025" in told
     (row,) = known(done, "eps Eri").planets
     assert (row.superseded_by, "orbit_superseded" in row.flags) == ("", False)
 
@@ -193,8 +162,6 @@ def test_ranking_of_stars_with_known_planets(done, tmp_path):
     assert 0.0 < result.targets[0].completeness < 1.0
     assert "2030-06-01" in result.population.description
     assert "those with known planets only" in result.sample
-    out, _ = done(*options, "-v")
-    assert "at least one of the star's own planets is detected" in " ".join(out.split())
 
 
 @pytest.mark.parametrize(
@@ -243,8 +210,6 @@ def test_catalog_tells_of_planets(call, done):
     assert told["updates"]["refuted"] == ["tau Cet e", "82 Eri c", "omi2 Eri b"]
     candidates = ["alf Cen A S1", "ups And e", "HD 89744 c", "HD 155555 b", "HIP 560 b"]
     assert (told["updates"]["n_rows"], told["updates"]["candidate"]) == (90, candidates)
-    assert "not counted: tau Cet e, 82 Eri c, omi2 Eri b" in " ".join(call("catalog", "info")[1].split())
     out, _ = done("catalog", "columns", "--json")
     names = [column["name"] for column in json.loads(out)["planet_columns"]]
     assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup", "status"} <= set(names)
-    assert "known planets of your own" in " ".join(call("catalog", "columns")[1].split())

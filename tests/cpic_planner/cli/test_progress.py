@@ -13,7 +13,7 @@ import pytest
 from cpic_core import LOGGER, announce
 from cpic_planner.cli import command, progress
 from cpic_planner.cli.main import main
-from cpic_planner.cli.progress import Bar, Lines, Reporter, watch
+from cpic_planner.cli.progress import Reporter, watch
 
 
 class Clock:
@@ -42,7 +42,7 @@ def lines():
 
 @pytest.fixture
 def reporter(lines, clock):
-    made = Reporter(Lines(lines.append), "rank", clock)
+    made = Reporter("rank", lines.append, clock)
     logger = logging.getLogger(LOGGER)
     logger.addHandler(made)
     logger.setLevel(logging.INFO)
@@ -184,7 +184,7 @@ def test_a_bar_on_a_terminal_leaves_nothing_behind(monkeypatch, clock):
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
-    reporter = Reporter(Bar(), "etc", clock)
+    reporter = Reporter("etc", None, clock)
     run(reporter, clock, 1.75)
     assert screen.getvalue() == ""
     with reporter.working("confirming [x]", 4) as advance:
@@ -195,4 +195,4 @@ def test_a_bar_on_a_terminal_leaves_nothing_behind(monkeypatch, clock):
     assert "3/4" in shown
     assert shown.endswith("\x1b[2K")
     with watch("etc") as own:
-        assert isinstance(own._display, Bar)
+        assert own._write is None

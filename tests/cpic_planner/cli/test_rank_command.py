@@ -46,8 +46,6 @@ def test_scores(done, few, score):
     values = [row.score for row in result.targets]
     assert values == sorted(values, reverse=True)
     assert values == pytest.approx([SCORES[score](row) for row in result.targets])
-    out, _ = done(*few, "--planets", "100", "--score", score)
-    assert f"by {score.replace('_', ' ')}" in out
 
 
 def test_populations_planets_and_seeds(done, few, tmp_path):
@@ -80,11 +78,6 @@ def test_explanation_of_a_star(done, few):
     assert told.star.name == "near star"
     assert told.n_ranked == 4
     assert told.better.rank == told.star.rank - 1
-    out, _ = done(*few, "--planets", "200", "--explain", "Near Star")
-    assert out.count(f"Rank {told.star.rank} of 4 by completeness per hour") == out.lower().count("of 4 by") == 1
-    for words in ("Between its neighbours", "band by band", "EM gain up to"):
-        assert words in out
-    assert "other assumptions" not in out
     out, _ = done(*few, "--planets", "200", "--explain", "Near Star", "--sensitivity")
     assert "Rank under other assumptions" in out
 
@@ -100,11 +93,7 @@ def test_filters_choose_rows_and_keep_the_rank_among_all(done, few, tmp_path):
         assert row.model_copy(update={"rank": row.rank_in_catalogue}) == whole[row.name]
     assert "of these only those that are named" in found.sample
     assert "rank_in_catalogue" in (tmp_path / "two.csv").read_text().splitlines()[0]
-    out, _ = done(*few, "--planets", "800", "--stars", "far star")
-    assert "Ranking: 1 chosen star of 4, by completeness per hour" in out
-    assert "# of all" in out
-    out, _ = done(*few, "--planets", "800", "--sp-type", "k", "--sp-type", "G2", "--limit", "2")
-    assert "Ranking: first 2 of 3 chosen stars of 4" in out
+    assert len(ranking(done, few, "--sp-type", "k", "--sp-type", "G2").targets) == 3
     out, _ = done(*few, "--planets", "200", "--sp-type", "G", "--sensitivity", "--json")
     assert SensitivityResult.model_validate_json(out).n_ranked == 3
 
@@ -126,19 +115,12 @@ def test_comparison_with_a_file_and_with_an_instrument(done, few, tmp_path):
     nominal = {row.name: row for row in ranking(done, few, planets=200).targets}
     assert {move.name: move.after.score for move in told.targets} == {name: row.score for name, row in nominal.items()}
     assert all(move.score_ratio is None or move.score_ratio > 1 for move in told.targets)
-    out, _ = done(*few, "--planets", "200", "--compare", str(file), "--stars", "near star")
-    assert "(after): 1 star" in out
-    assert "instrument.drift.visit_nm 0.5 → 0.05" in " ".join(out.split())
 
 
 def test_sensitivity(done, few):
     out, _ = done(*few, "--planets", "200", "--sensitivity", "--json")
     found = SensitivityResult.model_validate_json(out)
     assert found.top == 4
-    out, _ = done(*few, "--planets", "200", "--sensitivity")
-    assert "tau" in out
-    for row in found.rows:
-        assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
 
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])

@@ -16,36 +16,6 @@ def result_of(done, *arguments):
     return VisibilityResult.model_validate_json(out)
 
 
-def test_one_star_in_words(done):
-    out, _ = done("tau Cet")
-    text = " ".join(out.split())
-    for words in (
-        "τ Cet (HIP 8102), ecliptic latitude −24.8 deg: 365 days from 2028-01-01",
-        "season 2028-05-24",
-        "too near the Sun",
-        "panels out of the Sun",
-        "min on the best day, 2028-",
-        "longest window",
-        "roll free by 15.0 deg",
-        "50 deg from the Sun, 20 from the Moon",
-        "turning by up to 25 deg",
-        "8 % of all time",
-    ):
-        assert words in text, words
-    below = text[text.index("Windows end where the Earth") :]
-    assert len(re.findall(r"\.(?:\s|$)", below)) == 2  # sentences
-    told = " ".join(done("tau Cet", "-v")[0].split())
-    assert "circular, 400 km, 41.5 deg" in told
-    assert "A season goes on behind a passage of the Moon." in told
-
-
-def test_several_stars_as_a_table(done):
-    out, _ = done("tau Cet", "eps Eri", "tau Cet", "bet Hyi", "--days", "800")
-    assert "Visibility of 3 stars, 800 days from 2028-01-01" in out
-    for words in ("τ Cet", "ε Eri", "β Hyi", "min/orbit", "2028-01-01 to 2030-03-11"):
-        assert words in " ".join(out.split()), words
-
-
 def test_options_reach_the_answer(done, tmp_path):
     plain = result_of(done, "eps Eri", "--days", "40")
     assert (plain.start_utc, plain.n_days, len(plain.mjd)) == ("2028-01-01T00:00:00", 40, 40)
@@ -56,8 +26,6 @@ def test_options_reach_the_answer(done, tmp_path):
     strict = result_of(done, "eps Eri", "--days", "40", "--visibility", str(limits))
     assert (strict.pointing.name, strict.pointing.panel, strict.pointing.moon_deg) == ("mine", "fixed", 40)
     assert strict.targets[0].observable_days < plain.targets[0].observable_days
-    out, _ = done("eps Eri", "--days", "5", "--visibility", str(limits))
-    assert "panels fixed, within 25" in " ".join(out.split())
     high = tmp_path / "high.yaml"
     high.write_text("mission: {orbit: {altitude_km: 550}}\n")
     assert result_of(done, "eps Eri", "--days", "5", "--instrument", str(high)).altitude_km == 550

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-REPORT = Path(__file__).resolve().parents[3] / "reports/etc_accuracy"
+REPORT = Path(__file__).resolve().parents[3] / "reports/truth/etc_accuracy"
 
 
 @pytest.fixture(scope="session")

@@ -83,7 +83,7 @@ def test_plain_answers_have_no_fidelity_in_their_json(answers):
     assert "fidelity" not in answers[1].to_dict()
 
 
-REPORTS = Path(__file__).resolve().parents[3] / "reports"
+REPORTS = Path(__file__).resolve().parents[3] / "reports/truth"
 
 
 def test_without_speckles_the_snr_is_as_good_as_white_noise():

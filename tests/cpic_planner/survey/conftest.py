@@ -39,7 +39,7 @@ def _loaded(name, path):
 @pytest.fixture(scope="session")
 def brute_force():
     """Sampling, orbits and geometry that share no code with the survey; they lie beside the report that uses them."""
-    return _loaded("whatif_brute_force", Path(__file__).resolve().parents[3] / "reports/whatif/brute_force.py")
+    return _loaded("whatif_brute_force", Path(__file__).resolve().parents[3] / "reports/examples/whatif/brute_force.py")
 
 
 @pytest.fixture(scope="session")

@@ -701,7 +701,7 @@ def load(name, path):
 
 @pytest.fixture(scope="module")
 def chaos():
-    return load("chaos", HERE.parents[2] / "reports/whatif/chaos.py")
+    return load("chaos", HERE.parents[2] / "reports/examples/whatif/chaos.py")
 
 
 @pytest.fixture

@@ -140,7 +140,7 @@ def test_parity_is_the_instruments(field: Field) -> None:
     assert fit_position(stack, mirrored, place, place).pa_deg == pytest.approx(45.0, abs=2e-3)
 
 
-# All four bands on draws of the whole chain: reports/blind_validator.
+# All four bands on draws of the whole chain: reports/truth/blind_validator.
 @pytest.mark.parametrize(("psf", "white", "speckle", "snr"), [("F520", 3.0, 10.0, 12.0)], indirect=["psf"])
 @pytest.mark.parametrize(("n_draws", "within"), [(50, 0.4), pytest.param(500, 0.1, marks=pytest.mark.long)])
 def test_pulls(field: Field, white: float, speckle: float, snr: float, n_draws: int, within: float) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from simulator import load_instrument, load_scene
 
-REPORT = Path(__file__).resolve().parents[3] / "reports/effect_ledger"
+REPORT = Path(__file__).resolve().parents[3] / "reports/truth/effect_ledger"
 
 
 @pytest.fixture(scope="session")

@@ -42,7 +42,7 @@ def test_reports_keep_their_figures_and_lose_their_files(tmp_path):
 
 def test_the_gallery_has_every_figure_of_the_reports():
     text = pages.gallery()
-    for path in (pages.ROOT / "reports").glob("*/report.md"):
+    for path in (pages.ROOT / "reports").rglob("report.md"):
         for line in path.read_text(encoding="utf-8").splitlines():
             if line.startswith("!["):
                 assert line.rpartition("(")[2].rstrip(")") in text

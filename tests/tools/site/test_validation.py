@@ -38,5 +38,5 @@ def test_what_is_not_met_is_said(monkeypatch):
 
 
 def test_a_report_that_no_longer_says_it_stops_the_build():
-    with pytest.raises(ValueError, match="no row of reports/etc_accuracy/report.md says 'noise of nothing'"):
+    with pytest.raises(ValueError, match="no row of the report etc_accuracy says 'noise of nothing'"):
         validation.row(Check("noise", "trials", "etc_accuracy", "noise of nothing"))
