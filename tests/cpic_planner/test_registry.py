@@ -31,7 +31,7 @@ from cpic_planner.registry import (
     ScoreName,
     StarNumbers,
 )
-from cpic_planner.report import explanation_blocks, rank_blocks
+from cpic_planner.report import explanation_blocks, print_blocks, rank_blocks
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult
 from cpic_planner.targets import find_target, rank_sample
