@@ -121,7 +121,7 @@ def search_sentences(result: CurveResult | RocResult) -> list[str]:
 def _programme_table(result: CurveResult | RocResult) -> doc.Table:
     kind = results.RocProgramme if isinstance(result, RocResult) else results.SearchedProgramme
     caption = "The programme that every number of a band is about."
-    return doc.Table("Programmes", doc.row_columns(kind, _PROGRAMME), result.bands, caption)
+    return doc.Table("Programmes", doc.row_columns(kind, f"{_PROGRAMME} images:page"), result.bands, caption)
 
 
 _LIMITS: tuple[tuple[str, str, Look], ...] = (
