@@ -118,10 +118,7 @@ from catalogs.table_files import (
     parse_table as parse_table,
     read_bytes as read_bytes,
 )
-from catalogs.user_tables import (
-    OwnTables as OwnTables,
-    tables_read as tables_read,
-)
+from catalogs.user_tables import OwnTables as OwnTables, tables_read as tables_read
 from catalogs.velocity_limits import (
     VELOCITY_AXES_AU as VELOCITY_AXES_AU,
     VelocityLimit as VelocityLimit,

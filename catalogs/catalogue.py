@@ -35,14 +35,7 @@ from catalogs.stars import (
 from catalogs.stellar_physics import stellar_parameters
 from catalogs.table_cells import Columns, Groups, Use, reasons
 from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
-from catalogs.user_tables import (
-    ASSUMED_PC,
-    REQUIRED as STARS_REQUIRED,
-    named_star,
-    tables_read,
-    tell,
-    user_table,
-)
+from catalogs.user_tables import ASSUMED_PC, REQUIRED as STARS_REQUIRED, named_star, tables_read, tell, user_table
 from cpic_core import InputError, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"

@@ -19,16 +19,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from catalogs.archives import (
-    Refresh,
-    RefreshError,
-    TapService,
-    answer_columns,
-    ask,
-    ecsv_of,
-    loss_refused,
-    read_answer,
-)
+from catalogs.archives import Refresh, RefreshError, TapService, answer_columns, ask, ecsv_of, loss_refused, read_answer
 from catalogs.coordinates import separation_arcsec
 from catalogs.known_planets import (
     COLUMNS,

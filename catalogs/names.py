@@ -38,8 +38,6 @@ class StarMatch:
         Row in the table.
     name : str
         The catalogue's name of the star.
-    matched_alias : str
-        Canonical key of the alias that matched.
     note : str
         What was assumed in choosing, ``""`` if nothing.
     others : tuple of str
@@ -48,7 +46,6 @@ class StarMatch:
 
     index: int
     name: str
-    matched_alias: str
     note: str = ""
     others: tuple[str, ...] = ()
 
@@ -83,7 +80,7 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     Returns
     -------
     StarMatch
-        Row index in ``table``, the star's name, the alias that matched, and a note if something was assumed.
+        Row index in ``table``, the star's name, and a note if something was assumed.
 
     Raises
     ------
@@ -99,13 +96,13 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     found = _find(key)
     if found is None:
         raise _refusal(name, key)
-    star, alias, note, others = found
+    star, note, others = found
     names = stars.column("name").tolist()
     rows = [i for i, text in enumerate(names) if text == star]
     if not rows:
         hint = f"{star} is in the catalogue, but not selected"
         raise InputError("star", name, allowed="a star of this selection", hint=hint)
-    return StarMatch(rows[0], star, alias, note, tuple(other for other in others if other in names))
+    return StarMatch(rows[0], star, note, tuple(other for other in others if other in names))
 
 
 def _resolve_in(name: str, key: str, stars: StarTable) -> StarMatch:
@@ -116,17 +113,17 @@ def _resolve_in(name: str, key: str, stars: StarTable) -> StarMatch:
             rows = tuple(row for row in rows if _letter_of(stars, row) in ("", "a"))
         if rows:
             exact = [row for row in rows if designation_key(str(stars.column("name")[row])) == form]
-            return _brightest(stars, exact or rows, form, remark)
+            return _brightest(stars, exact or rows, remark)
     known, aliases = _find(key), snapshot_aliases()
     if known is not None:  # the embedded catalogue knows the star: look for it under any of its names
-        star, alias, note, _ = known
+        star, note, _ = known
         held = [rows for own, rows in stars.name_keys.items() if aliases.get(own) == (star, 0)]
         if held:
-            return _brightest(stars, [row for rows in held for row in rows], alias, note)
+            return _brightest(stars, [row for rows in held for row in rows], note)
     if not split_component(key)[1]:
         held = [rows for own, rows in stars.name_keys.items() if split_component(own)[0] == key]
         if held:
-            return _brightest(stars, [row for rows in held for row in rows], key, "name of a system: {star} taken")
+            return _brightest(stars, [row for rows in held for row in rows], "name of a system: {star} taken")
     raise _not_in(name, key, stars, known[0] if known else "")
 
 
@@ -135,14 +132,14 @@ def _letter_of(stars: StarTable, row: int) -> str:
     return letter or split_component(designation_key(str(stars.column("name")[row])))[1]
 
 
-def _brightest(stars: StarTable, rows: Iterable[int], alias: str, remark: str) -> StarMatch:
+def _brightest(stars: StarTable, rows: Iterable[int], remark: str) -> StarMatch:
     """Return the brightest of the rows, and say so where there are several."""
     chosen = sorted(set(rows), key=lambda row: (float(stars.column("v_mag")[row]), row))
     names = [str(stars.column("name")[row]) for row in chosen]
     notes = [remark.format(star=names[0])] if remark else []
     if names[1:]:
         notes.append(f"the brightest of several rows, {names[0]}, taken; also in the table: {', '.join(names[1:])}")
-    return StarMatch(chosen[0], names[0], alias, "; ".join(notes), tuple(names[1:]))
+    return StarMatch(chosen[0], names[0], "; ".join(notes), tuple(names[1:]))
 
 
 def _not_in(name: str, key: str, stars: StarTable, known: str) -> InputError:
@@ -154,8 +151,8 @@ def _not_in(name: str, key: str, stars: StarTable, known: str) -> InputError:
     return InputError("star", name, allowed=f"a star of {stars.label}", hint=hint)
 
 
-def _find(key: str) -> tuple[str, str, str, Sequence[str]] | None:
-    """Return (star name, matched key, note, other stars of that name), or None."""
+def _find(key: str) -> tuple[str, str, Sequence[str]] | None:
+    """Return (star name, note, other stars of that name), or None."""
     aliases = snapshot_aliases()
     for form, remark in _forms(key):
         if form in aliases:
@@ -167,7 +164,7 @@ def _find(key: str) -> tuple[str, str, str, Sequence[str]] | None:
                 others = _system_others(form, star)
                 system = f"name of a system: its brightest star {star} taken{_also(others)}"
                 note = "; ".join(filter(None, (note, system)))
-            return star, form, note, others
+            return star, note, others
     return _unnumbered(key)
 
 
@@ -193,7 +190,7 @@ def _forms(key: str) -> list[tuple[str, str]]:
     return forms
 
 
-def _unnumbered(key: str) -> tuple[str, str, str, Sequence[str]] | None:
+def _unnumbered(key: str) -> tuple[str, str, Sequence[str]] | None:
     """Find ``zet Ret`` as the brightest of ``zet1 Ret`` and ``zet2 Ret``."""
     found = _PLAIN_BAYER.fullmatch(key)
     if not found:
@@ -207,7 +204,7 @@ def _unnumbered(key: str) -> tuple[str, str, str, Sequence[str]] | None:
     star = aliases[forms[0]][0]
     others = [aliases[form][0] for form in forms[1:] if aliases[form][0] != star]
     note = f"several stars share this letter: the brightest, {star}, taken{_also(others)}"
-    return star, forms[0], note, others
+    return star, note, others
 
 
 def _also(others: Sequence[str]) -> str:

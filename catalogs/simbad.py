@@ -35,16 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catalogs import stellar_physics
-from catalogs.archives import (
-    Refresh,
-    RefreshError,
-    TapService,
-    answer_columns,
-    ask,
-    ecsv_of,
-    loss_refused,
-    read_answer,
-)
+from catalogs.archives import Refresh, RefreshError, TapService, answer_columns, ask, ecsv_of, loss_refused, read_answer
 from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
 from catalogs.coordinates import neighbours, position_angle, tangent_offset
 from catalogs.names import snapshot_aliases

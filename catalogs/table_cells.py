@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 _MINUS = "-−–‒﹣－"
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
-#: Limit, number, digits of an error behind it, or the error, or that upwards and downwards in either order.
+#: Limit, number; behind it the digits of an error, or the error, or that upwards and downwards in either order.
 _NUMBER = (
-    rf"([<>≤≥]?)=? ?(?:[~≈]|sim)? ?([-+]?{_SIZE}) ?(?:\((\d{{1,9}})\)|\((\d*\.\d+)\)|(?:±|pm|\+/?-) ?({_SIZE})"
-    rf"|\+ ?({_SIZE}) ?[,/]? ?- ?({_SIZE})|- ?({_SIZE}) ?[,/]? ?\+ ?({_SIZE}))? ?[*:?†‡]*"
+    rf"([<>≤≥]?)=? ?(?:[~≈]|sim)? ?([-+]?{_SIZE}) ?(?:\((?:\d{{1,9}}|\d*\.\d+)\)|(?:±|pm|\+/?-) ?{_SIZE}"
+    rf"|\+ ?{_SIZE} ?[,/]? ?- ?{_SIZE}|- ?{_SIZE} ?[,/]? ?\+ ?{_SIZE})? ?[*:?†‡]*"
 )
 #: A comma between groups of three digits, and one that may be that or the decimal sign.
 _GROUPED = re.compile(r"[^\d,]*\d{1,3}(?:(?:,\d{3})+\.\d|(?:,\d{3}){2,}(?![\d,]))")
@@ -52,39 +52,6 @@ _NO_UNIT = re.compile(r"[\[(]?[-\s]*[\])]?|none", re.IGNORECASE)
 _ZEROS = {"bkjd": 2454833.0, "btjd": 2457000.0, "mjd": 2400000.5, "rjd": 2.4e6, "modif": 2400000.5, "reduced": 2.4e6}
 _CALENDAR = ("%Y %b %d", "%d %b %Y", "%Y %B %d", "%d %B %Y", "%Y-%b-%d", "%d-%b-%Y", "%Y/%m/%d", "%Y/%m/%d %H:%M:%S")
 _JULIAN = (2.3e6, 2.5e6)
-_DATES = (
-    "a Julian date such as 2455000.5, or a calendar date such as 2005-06-12; 54321.5 may be a modified date (MJD) or a "
-    "reduced one (JD-2400000), half a day apart: say which in the heading or the unit"
-)
-
-
-class Written(NamedTuple):
-    """A column of values as it was read.
-
-    Parameters
-    ----------
-    values : ndarray of float
-        The numbers; nan where a cell is empty, refused or a limit.
-    refused : ndarray of bool
-        Cells that hold something else than a value.
-    limits : ndarray of int
-        1 for an upper limit (``<0.3``), -1 for a lower limit (``>5``), 0 for a value, as the NASA Exoplanet Archive
-        has them.
-    bounds : ndarray of float
-        The numbers of the limits, nan elsewhere.
-    errors : ndarray of float
-        Standard errors that stand in the cells themselves (``12.3(4)``, ``12.3±0.4``; the larger one of two), nan
-        elsewhere.
-    reason : str
-        What such a cell may hold, in words.
-    """
-
-    values: FloatArray
-    refused: BoolArray
-    limits: NDArray[np.int8]
-    bounds: FloatArray
-    errors: FloatArray
-    reason: str = "a number with a decimal point"
 
 
 class WrittenUnit(NamedTuple):
@@ -94,7 +61,7 @@ class WrittenUnit(NamedTuple):
     is_log10: bool
 
 
-def read_numbers(cells: Any) -> Written:
+def read_numbers(cells: Any) -> FloatArray:
     """Read numbers, with what people write around them.
 
     Accepted are signs of any kind (``−0.52``), exponents (``1.2e3``, Fortran's ``1.2D+03``), decimal commas, commas
@@ -109,30 +76,35 @@ def read_numbers(cells: Any) -> Written:
 
     Returns
     -------
-    Written
+    ndarray of float
+        nan where a cell is empty, a limit, or holds something else than a number.
     """
     given = np.ma.asanyarray(cells)
     if given.dtype.kind in "iuf":
-        return _written(np.ma.filled(given.astype(float), np.nan))
+        return _finite(np.ma.filled(given.astype(float), np.nan))
+    plain = np.ma.getdata(given).tolist()
+    if not np.ma.getmaskarray(given).any() and set(map(type, plain)) == {str} and "_" not in "".join(plain):
+        with contextlib.suppress(ValueError):  # numbers as programs write them, which most columns hold
+            return _finite(np.array(plain, object).astype(float))
     return _text_numbers(_texts(given))
 
 
-def _text_numbers(texts: list[str]) -> Written:
+def _finite(values: FloatArray) -> FloatArray:
+    """Return the numbers, nan for infinite ones."""
+    return np.where(np.isinf(values), np.nan, values)
+
+
+def _text_numbers(texts: list[str]) -> FloatArray:
     """Read numbers from trimmed text."""
-    read = _written(np.array([_float(text) if text else math.nan for text in texts], float))
-    odd = np.flatnonzero(np.isnan(read.values) & np.array([text != "" for text in texts], bool) & ~read.refused)
+    values = np.array([_float(text) if text else math.nan for text in texts], float)
+    odd = np.flatnonzero(np.isnan(values) & np.array([text != "" for text in texts], bool))
     if odd.size:
         found = _fields(_with_points([texts[i] for i in odd], any("." in text for text in texts)), _NUMBER)
-        limit = np.array([(row[0] in "<≤") - 1 * (row[0] in ">≥") if row[0] else 0 for row in found], np.int8)
-        number, digits, *errors = (_column(found, place) for place in range(1, 9))
-        decimals = [len(re.sub(r"^[^.]*\.?|[eE].*", "", row[1])) if row[2] else 0 for row in found]
-        read.values[odd], read.bounds[odd] = np.where(limit, (np.nan * number, number), (number, np.nan * number))
-        read.errors[odd] = np.fmax.reduce([*errors, digits * 10.0 ** -np.array(decimals, float)])
-        read.limits[odd], read.refused[odd] = limit, ~np.isfinite(number)
-    return read
+        values[odd] = [float(number) if number and not limit else math.nan for limit, number in found]
+    return _finite(values)
 
 
-def read_angles(cells: Any, unit: str = "", *, clock: bool = False) -> Written:
+def read_angles(cells: Any, unit: str = "", *, clock: bool = False) -> FloatArray:
     """Read angles in degrees, sexagesimal or not.
 
     Parameters
@@ -148,9 +120,10 @@ def read_angles(cells: Any, unit: str = "", *, clock: bool = False) -> Written:
 
     Returns
     -------
-    Written
-        Degrees. Refused are minutes or seconds of more than 60, right ascensions of less than 0 or more than 24 h in
-        sexagesimal text, other such angles of more than 90 degrees or in hours.
+    ndarray of float
+        Degrees; nan where a cell is empty or no angle. No angles are minutes or seconds of more than 60, right
+        ascensions of less than 0 or more than 24 h in sexagesimal text, other such angles of more than 90 degrees or in
+        hours.
 
     Raises
     ------
@@ -174,11 +147,10 @@ def read_angles(cells: Any, unit: str = "", *, clock: bool = False) -> Written:
         hours |= bare
     angle = _joined(whole, minutes, seconds, negative, hours, clock)
     angle[(bare & np.isnan(minutes)) | (hours & (not clock))] = np.nan
-    values = np.where(split, angle, read.values)
-    return read._replace(values=values, refused=read.refused | (split & np.isnan(angle)))
+    return np.where(split, angle, read)
 
 
-def read_positions(cells: Any) -> tuple[Written, Written]:
+def read_positions(cells: Any) -> tuple[FloatArray, FloatArray]:
     """Read right ascension and declination, in degrees, that stand in one cell.
 
     Parameters
@@ -188,8 +160,8 @@ def read_positions(cells: Any) -> tuple[Written, Written]:
 
     Returns
     -------
-    right ascension, declination : Written
-        As of :func:`read_angles`; both are refused where a cell is no pair.
+    right ascension, declination : ndarray of float
+        As of :func:`read_angles`; both are nan where a cell is no pair.
     """
     texts = _texts(np.ma.asanyarray(cells))
     found = zip(texts, _fields(texts, _PAIR), strict=True)
@@ -200,7 +172,7 @@ def read_positions(cells: Any) -> tuple[Written, Written]:
 
 def join_sexagesimal(
     whole: Any, minutes: Any, seconds: Any = None, sign: Any = None, *, clock: bool = False
-) -> Written:
+) -> FloatArray:
     """Join an angle that a table splits over several columns (``RAh RAm RAs``, ``DE- DEd DEm DEs``), in degrees.
 
     Parameters
@@ -214,21 +186,18 @@ def join_sexagesimal(
 
     Returns
     -------
-    Written
-        Refused where a part is missing or no number, or out of the range of :func:`read_angles`.
+    ndarray of float
+        nan where a part is missing or no number, or out of the range of :func:`read_angles`.
     """
     first, others = np.ma.asanyarray(whole), (minutes, np.zeros(np.shape(whole)) if seconds is None else seconds)
-    degrees, *parts = read = [read_numbers(cells) for cells in (first, *others)]
+    degrees, arcmin, arcsec = (read_numbers(cells) for cells in (first, *others))
     marks = _texts(first if sign is None else np.ma.asanyarray(sign))
     negative = np.array([mark.startswith(tuple(_MINUS)) for mark in marks], bool)
-    hours = np.full(first.shape, clock)
-    values = _joined(np.abs(degrees.values), parts[0].values, parts[1].values, negative, hours, clock)
-    values[np.isnan(parts[0].values)] = np.nan
-    given = np.isfinite(degrees.values) | np.isfinite(parts[0].values) | np.any([part.refused for part in read], axis=0)
-    return _written(values)._replace(refused=np.isnan(values) & given)
+    angle = _joined(np.abs(degrees), arcmin, arcsec, negative, np.full(first.shape, clock), clock)
+    return np.where(np.isnan(arcmin), np.nan, angle)
 
 
-def read_dates(cells: Any, convention: str = "") -> Written:
+def read_dates(cells: Any, convention: str = "") -> FloatArray:
     """Read times as Julian dates.
 
     Parameters
@@ -242,23 +211,21 @@ def read_dates(cells: Any, convention: str = "") -> Written:
 
     Returns
     -------
-    Written
-        Julian dates of the time scale that the table has; `reason` says what is accepted.
+    ndarray of float
+        Julian dates of the time scale that the table has; nan for anything else.
     """
     given = np.ma.asanyarray(cells)
-    read, words = read_numbers(given), re.sub(r"[\s_,]", "", convention.lower())
-    values = read.values
+    values, words = read_numbers(given), re.sub(r"[\s_,]", "", convention.lower())
+    written = np.flatnonzero(np.isnan(values) & ~np.ma.getmaskarray(given))
     if counted := re.search(rf"jd\w{{0,9}}?\)?[{_MINUS}]?\(?(24\d{{5}}(?:\.\d+)?)", words):
         values = values + float(counted[1])
     elif named := re.search("|".join(_ZEROS), words):
         values = values + _ZEROS[named[0]]
     elif re.search(r"y(?:ea)?rs?\b", words):
-        values = np.where((values > 1000.0) & (values < 3000.0), _julian_date(values), np.inf)
-    for row in np.flatnonzero(read.refused):
+        values = np.where((values > 1000.0) & (values < 3000.0), _julian_date(values), np.nan)
+    for row in written:
         values[row] = _calendar(" ".join(str(given[row]).split()))
-    good = (values >= _JULIAN[0]) & (values <= _JULIAN[1])
-    refused = ~good & (np.isfinite(read.values) | read.refused | (read.limits != 0))
-    return read._replace(values=np.where(good, values, np.nan), refused=refused, reason=_DATES)
+    return np.where((values >= _JULIAN[0]) & (values <= _JULIAN[1]), values, np.nan)
 
 
 def _julian_date(year: Any) -> Any:
@@ -317,12 +284,12 @@ def unit_of(text: str, own: str = "") -> WrittenUnit:
     raise InputError("unit", text, allowed=f"a unit like {own or 'mag, deg or mas/yr'}")
 
 
-def converted(read: Written, text: str, own: str) -> Written:
+def converted(values: FloatArray, text: str, own: str) -> FloatArray:
     """Convert a column to the unit that we keep.
 
     Parameters
     ----------
-    read : Written
+    values : ndarray of float
     text : str
         Unit of the column as written, ``""`` if it states none: then it is `own`.
     own : str
@@ -330,9 +297,8 @@ def converted(read: Written, text: str, own: str) -> Written:
 
     Returns
     -------
-    Written
-        Refused are numbers below 0 of which we keep the logarithm. Errors are nan where a number becomes a logarithm or
-        the other way round.
+    ndarray of float
+        nan for numbers of 0 and below of which we keep the logarithm.
 
     Raises
     ------
@@ -340,22 +306,14 @@ def converted(read: Written, text: str, own: str) -> Written:
         If the unit is not understood, or none of the quantity.
     """
     if text == own or _NO_UNIT.fullmatch(text.strip()) or _single(text) == _single(own):
-        return read
+        return values
     (unit, given_log), (kept, kept_log) = unit_of(text, own), unit_of(own)
     factor = float((1.0 * unit).to_value(kept))
-
-    def scaled(numbers: FloatArray) -> FloatArray:
-        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            linear = factor * (10.0**numbers if given_log else numbers)
-            return np.asarray(np.log10(linear) if kept_log else linear)
-
     if given_log and kept_log and factor == 1.0:
-        return read
-    values = scaled(read.values)
-    errors = np.full_like(values, np.nan) if given_log != kept_log else read.errors * (1.0 if kept_log else factor)
-    lost = np.isfinite(read.values) & ~np.isfinite(values)
-    values[lost] = np.nan
-    return read._replace(values=values, bounds=scaled(read.bounds), errors=errors, refused=read.refused | lost)
+        return values
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        linear = factor * (10.0**values if given_log else values)
+        return _finite(np.log10(linear) if kept_log else linear)
 
 
 def _unit_meanings(text: str) -> Iterator[tuple["UnitBase | None", bool]]:
@@ -396,13 +354,6 @@ def _words() -> dict[str, list[str]]:
 
 def _squeezed(text: str) -> str:
     return re.sub(r"[\s_.()]|(?<=[A-Za-z])-(?=[A-Za-z])", "", text).lower()
-
-
-def _written(values: FloatArray) -> Written:
-    """Return numbers that need no reading; infinite ones are refused."""
-    refused, none = np.isinf(values), np.full(values.shape, np.nan)
-    limits = np.zeros(values.shape, np.int8)
-    return Written(np.where(refused, np.nan, values), refused, limits, none, none.copy())
 
 
 def _texts(given: Any) -> list[str]:
@@ -1087,7 +1038,7 @@ class _Reading:
             said = self.cells(given)
             if set(said.compressed().tolist()) <= {"0", "0.0", 0}:
                 continue
-            flags, _ = _numbers(np.ma.filled(said.astype(object), 0))
+            flags = read_numbers(np.ma.filled(said.astype(object), 0))
             values = [None if flag else value for value, flag in zip(values, flags.tolist(), strict=True)]
         return values
 
@@ -1139,32 +1090,28 @@ def _read_numbers(
     column: Column, heading_: str, meant: Meaning, cells: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return cells as numbers in the unit of a column; which of them are some; and which stand for missing ones."""
-    numbers, good = _numbers(cells)
-    fills = np.zeros(len(cells), bool)
+    numbers = read_numbers(cells)
+    good, fills = np.isfinite(numbers), np.zeros(len(cells), bool)
     if column.fills:
         fills[good] = _fills(column, numbers[good])
     unit, convention = meant.unit, meant.convention
-    angle, date = column.name in ("ra_deg", "dec_deg"), column.name.endswith("_jd")
+    date = column.name.endswith("_jd")
     if convention == "rad_or_deg" and (np.abs(numbers[good]) > 2.0 * math.pi).any():
         unit = "deg"
     if convention == "log10" and not re.match(r"\s*\[?(?:dex|log)", unit):
         unit = f"log({unit or column.unit})"
     if convention == "jd_auto":
         numbers = np.where((numbers > 1000.0) & (numbers < 10000.0), numbers + 2450000.0, numbers)
-    if good.all() and not date and (convention == "redshift" or unit in ("", column.unit)):
-        return _by_convention(numbers, convention), good, fills
-    if date and (good & (numbers > 2.4e6) & (numbers < 2.5e6)).all():
-        return numbers, good, fills
-    if angle:
-        read = read_angles(cells, unit, clock=column.name == "ra_deg")
-    elif date:
-        said = {"jd_auto": "", "": ""}.get(convention, convention)
-        pairs = zip(numbers, good, cells, strict=True)
-        mixed = np.array([number if ok else cell for number, ok, cell in pairs], object)
-        read = read_dates(mixed, f"{heading_} {unit} {said}")
-    else:
-        read = converted(read_numbers(cells), unit, column.unit)
-    return _by_convention(read.values, convention), np.isfinite(read.values), fills
+    if date:
+        if not (good & (numbers > 2.4e6) & (numbers < 2.5e6)).all():
+            mixed = np.where(good, numbers.astype(object), cells)
+            numbers = read_dates(mixed, f"{heading_} {unit} {'' if convention == 'jd_auto' else convention}")
+    elif column.name in ("ra_deg", "dec_deg") and not (good.all() and unit in ("", column.unit)):
+        numbers = read_angles(cells, unit, clock=column.name == "ra_deg")
+    elif convention != "redshift" or not good.all():
+        numbers = converted(numbers, unit, column.unit)
+    numbers = _by_convention(numbers, convention)
+    return numbers, np.isfinite(numbers), fills
 
 
 def _mean_of_sides(sides: Sequence[Sequence[Any]]) -> list[Any]:
@@ -1209,29 +1156,6 @@ def _understood(kind: str, cell: Any) -> Any:
         return _READERS[kind](cell)
     except (ValueError, OverflowError):
         return NotImplemented
-
-
-def _numbers(cells: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return cells as numbers, and which of them are: Python reads 1_000, people do not, and yes is no number."""
-    if cells.dtype.kind in "fiu":
-        numbers = cells.astype(np.float64)
-        return numbers, np.isfinite(numbers)
-    try:
-        numbers = cells.astype(np.float64)
-    except (ValueError, TypeError):
-        numbers = np.array([_number(cell) for cell in cells.tolist()], np.float64)
-    given = cells.tolist()
-    if set(map(type, given)) == {str} and "_" not in "".join(given):
-        return numbers, np.isfinite(numbers)
-    odd = [isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell) for cell in given]
-    return numbers, np.isfinite(numbers) & ~np.array(odd, bool)
-
-
-def _number(cell: Any) -> float:
-    try:
-        return float(cell)
-    except (ValueError, TypeError, OverflowError):
-        return math.nan
 
 
 def _text(cell: Any) -> str | None:

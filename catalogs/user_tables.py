@@ -41,14 +41,7 @@ from catalogs.stars import (
     type_flags,
 )
 from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.table_cells import (
-    Row,
-    Rows,
-    Use,
-    join_sexagesimal,
-    read_positions,
-    read_rows,
-)
+from catalogs.table_cells import Row, Rows, Use, join_sexagesimal, read_positions, read_rows
 from catalogs.table_files import LeftOut, RawTable
 from cpic_core import InputError, listed
 
@@ -237,7 +230,7 @@ def _place(rows: list[Row]) -> None:
             hours, minutes, seconds, sign, degrees, arcmin, arcsec = parts
             right = join_sexagesimal(hours, minutes, seconds, clock=True)
             pair = right, join_sexagesimal(degrees, arcmin, arcsec, sign if any(sign) else None)
-        for row, ra, dec in zip(lacking, *(item.values.tolist() for item in pair), strict=True):
+        for row, ra, dec in zip(lacking, *(item.tolist() for item in pair), strict=True):
             if math.isfinite(ra + dec):
                 row |= {"ra_deg": ra, "dec_deg": dec}
 

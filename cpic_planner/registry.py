@@ -1,4 +1,4 @@
-"""Registries: scores of a ranking, and reductions by reference frames, in one entry each.
+"""Registries: scores of a ranking, reductions by reference frames, and filters of a planet's flux, an entry each.
 
 An entry of a reduction says what is subtracted before modes are projected out, what that leaves of a planet, the noise
 that it adds, and the words for it; images and the calculator take it from here. `Reduction` itself is the mean of the
@@ -116,6 +116,62 @@ REDUCTIONS: Registry[Reduction] = Registry("centring", (Reduction(), SpatialMean
 ReductionName = Annotated[str, REDUCTIONS]
 """Name of a reduction, as a type."""
 DEFAULT_REDUCTION = Reduction.name
+
+
+@dataclass(frozen=True)
+class FluxFilter:
+    """One entry: how the flux of a planet at its place is measured in images.
+
+    Attributes
+    ----------
+    name : str
+        As options, configurations and results have it.
+    meaning : str
+        What is done and taken for granted, for the middle of a sentence.
+    weighs_by_image : bool
+        Whether the sum weighs by the planet's image, and not by a circle.
+    takes_opposite : bool
+        Whether what the opposite place explains is taken off before.
+    takes_covariance : bool
+        Whether pixels weigh by the inverse covariance of noise and speckles, which stands for modes.
+    """
+
+    name: str
+    meaning: str
+    weighs_by_image: bool = False
+    takes_opposite: bool = False
+    takes_covariance: bool = False
+
+    @property
+    def of_two_rolls(self) -> bool:
+        """Whether it can measure two rolls, which show the planet's negative at a second place."""
+        return not (self.takes_opposite or self.takes_covariance)
+
+
+FILTERS: Registry[FluxFilter] = Registry(
+    "filter",
+    (
+        FluxFilter("aperture", "the sum over a circle"),
+        FluxFilter("matched", "weighing by the planet's image", weighs_by_image=True),
+        FluxFilter(
+            "mirror",
+            "aperture sums after what the opposite place explains is taken off, which takes for granted that wavefront "
+            "errors are of phase and no source stands there",
+            takes_opposite=True,
+        ),
+        FluxFilter(
+            "whitened",
+            "weighing by the inverse covariance of noise and speckles, which takes for granted that the optical model "
+            "is that of this very instrument: the star's field in the dark hole, the state of the mirror, and errors "
+            "of phase with the spectrum of the drift",
+            takes_covariance=True,
+        ),
+    ),
+)
+
+FilterName = Annotated[str, FILTERS]
+"""Name of a filter, as a type."""
+DEFAULT_FILTER = "aperture"
 
 
 @dataclass(frozen=True)

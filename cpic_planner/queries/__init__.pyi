@@ -73,7 +73,6 @@ from cpic_planner.queries.shared import (
     LIBRARIES as LIBRARIES,
     MAX_FRAMES as MAX_FRAMES,
     MAX_VISITS as MAX_VISITS,
-    FluxFilter as FluxFilter,
     LibraryNoise as LibraryNoise,
     ReferencePlanet as ReferencePlanet,
     Strategy as Strategy,

@@ -110,7 +110,6 @@ def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any
 MAX_VISITS = 1000
 """Most visits of a programme."""
 SearchMode = Literal["blind", "known_place"]
-FluxFilter = Literal["aperture", "matched", "mirror", "whitened"]
 _OF_ROLL, _COUNTED = ("library", "roll"), ("mode", "photon_counting")
 
 
@@ -453,14 +452,11 @@ class Reduction(FrozenModel):
         "Take {n_modes} as an upper limit: at each planet's place as many modes are projected out as are expected to "
         "lower the limit, possibly none. Images choose by the references alone, predictions by the least limit.",
     )
-    filter: FluxFilter = asked(
-        "aperture",
-        "How images measure a planet at its place: aperture sums; matched, weighing by the planet's image; mirror, "
-        "aperture sums after what the opposite place explains is taken off, which takes for granted that wavefront "
-        "errors are of phase and no source stands there; or whitened, weighing by the inverse covariance of noise and "
-        "speckles, which takes for granted that the optical model is that of this very instrument: the star's field in "
-        "the dark hole, the state of the mirror, and errors of phase with the spectrum of the drift. Predictions are "
-        "those of aperture sums.",
+    filter: registry.FilterName = asked(
+        registry.DEFAULT_FILTER,
+        "How images measure a planet at its place: "
+        + "; ".join(f"{name}, {entry.meaning}" for name, entry in registry.FILTERS.items())
+        + ". Predictions are those of aperture sums.",
     )
     reference_ratio: float = asked(
         1.0, "Reference frames per science frame; their time and noise are counted.", ge=0.001, le=1000
@@ -515,12 +511,14 @@ class Reduction(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> Reduction:
         self.reference_library.check(self, f"{called('library')} {self.library}")
-        if self.filter in ("mirror", "whitened") and len(self.rolls_deg) > 1:
+        entry = registry.FILTERS[self.filter]
+        if len(self.rolls_deg) > 1 and not entry.of_two_rolls:
+            names = " or ".join(name for name, other in registry.FILTERS.items() if other.of_two_rolls)
             hint = "rolls show the planet's negative at a second place"
-            raise InputError("filter", self.filter, allowed=f"aperture or matched with {self.library}", hint=hint)
-        if self.filter == "whitened" and self.choose_modes:
+            raise InputError("filter", self.filter, allowed=f"{names} with {self.library}", hint=hint)
+        if self.choose_modes and entry.takes_covariance:
             hint = "the covariance of the speckles stands for their modes; a number of modes is taken"
-            raise InputError("choose_modes", True, allowed="false with filter whitened", hint=hint)
+            raise InputError("choose_modes", True, allowed=f"false with filter {self.filter}", hint=hint)
         return self
 
     @property

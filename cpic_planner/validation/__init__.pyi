@@ -5,12 +5,7 @@ from cpic_planner.validation.albedo_fit import (
     fit_albedo as fit_albedo,
     planet_albedo_model as planet_albedo_model,
 )
-from cpic_planner.validation.astrometry import (
-    Astrometry as Astrometry,
-    SkyPosition as SkyPosition,
-    band_average as band_average,
-    fit_position as fit_position,
-)
+from cpic_planner.validation.astrometry import Astrometry as Astrometry, fit_position as fit_position
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
 from cpic_planner.validation.frames import (
     CalibratedFrames as CalibratedFrames,
@@ -34,12 +29,9 @@ from cpic_planner.validation.measure import (
     planet_templates as planet_templates,
 )
 from cpic_planner.validation.photometry import (
-    Contrast as Contrast,
     Photometry as Photometry,
     aperture_photometry as aperture_photometry,
-    aperture_sum as aperture_sum,
     aperture_weights as aperture_weights,
-    contrast as contrast,
     edge_crossed as edge_crossed,
 )
 from cpic_planner.validation.rdi import (
@@ -51,7 +43,6 @@ from cpic_planner.validation.rdi import (
     reduce_stack as reduce_stack,
     roll_photometry as roll_photometry,
     roll_subtract as roll_subtract,
-    scale_library as scale_library,
 )
 from cpic_planner.validation.realise import (
     FrameStatistics as FrameStatistics,
@@ -70,7 +61,6 @@ from cpic_planner.validation.search import (
 from cpic_planner.validation.star_flux import (
     StarFlux as StarFlux,
     observe_off_mask as observe_off_mask,
-    star_flux_of_field_star as star_flux_of_field_star,
     star_flux_off_mask as star_flux_off_mask,
 )
 from cpic_planner.validation.task import (

@@ -10,7 +10,6 @@ import numpy as np
 from catalogs import Band, Spectrum, bracket
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.astrometry import chi2_p_value
-from cpic_planner.validation.photometry import Contrast
 from simulator.config import LOG10_FSED_MAX, ParametricAlbedo
 from simulator.passbands import band_quadrature, check_covers, check_table
 from simulator.target import LitPlanet, contrast_at, load_parametric_grid, parametric_family, phase_value
@@ -359,13 +358,13 @@ class AlbedoFit:
 
 @numeric_context()
 def fit_albedo(
-    measured: Mapping[str, Contrast | tuple[float, float]], model: AlbedoModel, *, grey_error: float = 0.0
+    measured: Mapping[str, tuple[float, float]], model: AlbedoModel, *, grey_error: float = 0.0
 ) -> AlbedoFit:
     """Fit metallicity and clouds to the contrasts measured in some bands.
 
     Parameters
     ----------
-    measured : mapping of str to Contrast or (value, error)
+    measured : mapping of str to (value, error)
         Contrast of the planet in each band and its 1-sigma error, above 0; bands of the model. Values may be negative.
     model : AlbedoModel
         Of the planet, see `albedo_model`: size, distance, phase and insolation are known.
@@ -469,15 +468,14 @@ def _check_probability(probability: float) -> None:
 
 
 def _measured(
-    measured: Mapping[str, Contrast | tuple[float, float]], model: AlbedoModel
+    measured: Mapping[str, tuple[float, float]], model: AlbedoModel
 ) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
     if not measured:
         raise InputError("measured", "no band", allowed="the contrast of at least one band")
     pairs = {}
-    for name, given in measured.items():
+    for name, (value, error) in measured.items():
         if name not in model.bands:
             raise InputError("measured", name, allowed=", ".join(model.bands))
-        value, error = (given.value, given.error) if isinstance(given, Contrast) else given
         if not math.isfinite(value):
             raise InputError(f"measured.{name}", value, allowed="a finite contrast")
         if not (math.isfinite(error) and error > 0):

@@ -376,42 +376,6 @@ def chi2_p_value(chi2: float, degrees_of_freedom: int) -> float | None:
 
 
 @dataclass(frozen=True, eq=False)
-class SkyPosition:
-    """Offset from the star on the sky.
-
-    Attributes
-    ----------
-    east_arcsec, north_arcsec : float
-        Offsets toward east and north.
-    covariance_arcsec2 : ndarray, shape (2, 2)
-        Of east and north.
-    separation_arcsec, separation_error_arcsec : float
-        Separation and its 1-sigma error.
-    pa_deg, pa_error_deg : float
-        Position angle, degrees east of north, and its 1-sigma error; 180 at most.
-    chi2 : float
-        Of the positions behind the mean about it; 0 for a single one.
-    degrees_of_freedom : int
-        Of that: twice the number of positions less one.
-    """
-
-    east_arcsec: float
-    north_arcsec: float
-    covariance_arcsec2: FloatArray
-    separation_arcsec: float
-    separation_error_arcsec: float
-    pa_deg: float
-    pa_error_deg: float
-    chi2: float = 0.0
-    degrees_of_freedom: int = 0
-
-    @property
-    def p_value(self) -> float | None:
-        """Chance of a chi2 at least this large where the positions agree; None for a single one."""
-        return chi2_p_value(self.chi2, self.degrees_of_freedom)
-
-
-@dataclass(frozen=True, eq=False)
 class Astrometry:
     """Position and flux of a planet on the detector and on the sky; made by `fit_position`.
 
@@ -423,8 +387,12 @@ class Astrometry:
         1-sigma errors.
     covariance : ndarray, shape (3, 3)
         Of x_arcsec, y_arcsec and flux_e.
-    sky : SkyPosition
-        The same place on the sky.
+    east_arcsec, north_arcsec : float
+        The same place on the sky: offsets from the star toward east and north.
+    separation_arcsec, separation_error_arcsec : float
+        Separation from the star and its 1-sigma error.
+    pa_deg, pa_error_deg : float
+        Position angle, degrees east of north, 0 to 360, and its 1-sigma error; 180 at most.
     flux_e, flux_error_e : float
         Electrons of the summed stack that the planet sends through the clear pupil, before apodizer, mask and
         subtraction: over star rate x integration time it is the contrast. As in any fit of a position, noise raises it
@@ -450,7 +418,12 @@ class Astrometry:
     x_error_arcsec: float
     y_error_arcsec: float
     covariance: FloatArray
-    sky: SkyPosition
+    east_arcsec: float
+    north_arcsec: float
+    separation_arcsec: float
+    separation_error_arcsec: float
+    pa_deg: float
+    pa_error_deg: float
     flux_e: float
     flux_error_e: float
     chi2: float
@@ -458,26 +431,6 @@ class Astrometry:
     noise_samples: float
     shift_arcsec: float
     flags: tuple[str, ...] = ()
-
-    @property
-    def separation_arcsec(self) -> float:
-        """Separation from the star."""
-        return self.sky.separation_arcsec
-
-    @property
-    def separation_error_arcsec(self) -> float:
-        """1-sigma error of the separation."""
-        return self.sky.separation_error_arcsec
-
-    @property
-    def pa_deg(self) -> float:
-        """Position angle, degrees east of north, 0 to 360."""
-        return self.sky.pa_deg
-
-    @property
-    def pa_error_deg(self) -> float:
-        """1-sigma error of the position angle."""
-        return self.sky.pa_error_deg
 
     @property
     def snr(self) -> float:
@@ -577,7 +530,7 @@ def fit_position(
         x_error_arcsec=float(errors[0]),
         y_error_arcsec=float(errors[1]),
         covariance=covariance,
-        sky=_described(rotation @ (x, y), rotation @ covariance[:2, :2] @ rotation.T, 0.0, 0),
+        **_on_sky(rotation @ (x, y), rotation @ covariance[:2, :2] @ rotation.T),
         flux_e=fit.flux,
         flux_error_e=float(errors[2]),
         chi2=chi2,
@@ -588,59 +541,23 @@ def fit_position(
     )
 
 
-@numeric_context()
-def band_average(positions: Sequence[Astrometry]) -> SkyPosition:
-    """Return the mean of the positions measured in several bands, weighted with their covariances.
-
-    Parameters
-    ----------
-    positions : sequence of Astrometry
-        At least one, of one planet at one epoch; rolls may differ, since the mean is taken on the sky. Fits that found
-        no position are passed over.
-
-    Returns
-    -------
-    SkyPosition
-        With the chi2 of the positions about it: a large one says that they do not agree.
-
-    Raises
-    ------
-    InputError
-        If no fit found a position, or one has no error.
-    """
-    used = [one.sky for one in positions if one.converged]
-    if not used:
-        raise InputError("positions", len(positions), allowed="at least one fit that found a position")
-    if any(not np.linalg.det(one.covariance_arcsec2) > 0 for one in used):
-        raise InputError("positions", "without errors", allowed="positions with errors above 0")
-    weights = np.array([np.linalg.inv(one.covariance_arcsec2) for one in used])
-    places = np.array([[one.east_arcsec, one.north_arcsec] for one in used])
-    covariance = np.linalg.inv(weights.sum(axis=0))
-    mean = covariance @ np.einsum("pij,pj->i", weights, places)
-    chi2 = float(np.einsum("pi,pij,pj->", places - mean, weights, places - mean))
-    return _described(mean, covariance, chi2, 2 * (len(used) - 1))
-
-
 def _to_sky(roll_deg: float, parity: int) -> FloatArray:
     """Return the matrix from detector offsets (x, y) to (east, north): the transpose of what `sky_to_detector` does."""
     x, y = sky_to_detector(np.ones(2), np.array([90.0, 0.0]), roll_deg=roll_deg, parity=parity)
     return np.column_stack([x, y])
 
 
-def _described(offset: FloatArray, covariance: FloatArray, chi2: float, degrees_of_freedom: int) -> SkyPosition:
-    """Return the separation and position angle of an offset (east, north); on the sky itself east is +x (parity +1)."""
+def _on_sky(offset: FloatArray, covariance: FloatArray) -> dict[str, float]:
+    """Return what `Astrometry` says of an offset (east, north); on the sky itself east is +x (parity +1)."""
     separation, pa = (float(part) for part in detector_to_sky(offset[0], offset[1], parity=1))
     radial = offset / separation if separation > 0 else np.array([0.0, 1.0])
     tangential = np.array([radial[1], -radial[0]])
     across = math.sqrt(max(float(tangential @ covariance @ tangential), 0.0))
-    return SkyPosition(
-        east_arcsec=float(offset[0]),
-        north_arcsec=float(offset[1]),
-        covariance_arcsec2=covariance,
-        separation_arcsec=separation,
-        separation_error_arcsec=math.sqrt(max(float(radial @ covariance @ radial), 0.0)),
-        pa_deg=pa,
-        pa_error_deg=min(math.degrees(across / separation), 180.0) if separation > 0 else 180.0,
-        chi2=chi2,
-        degrees_of_freedom=degrees_of_freedom,
-    )
+    return {
+        "east_arcsec": float(offset[0]),
+        "north_arcsec": float(offset[1]),
+        "separation_arcsec": separation,
+        "separation_error_arcsec": math.sqrt(max(float(radial @ covariance @ radial), 0.0)),
+        "pa_deg": pa,
+        "pa_error_deg": min(math.degrees(across / separation), 180.0) if separation > 0 else 180.0,
+    }

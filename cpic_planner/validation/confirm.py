@@ -15,7 +15,7 @@ from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitP
 from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask, Modelling, modelling_of
-from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
+from cpic_planner.validation.verdict import audit_of, confirmation_of
 from simulator.imaging import ExternalPsf
 from simulator.target import detector_to_sky
 
@@ -54,7 +54,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
         if not every:
             first = realisation
             planets = planet_templates(at)
-            star, known = _known_star(at) if counted else _star(at)
+            star = _star(at, measured=not counted)
             maps = maps_of(at)
             positions: list[Astrometry | None] = [None] * len(planets)
         measured, blind = measure_planets(at, realisation, planets, star, maps=maps)
@@ -72,14 +72,21 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
-    statistics = FrameStatistics.of(parts) if parts else None
-    seen = Evidence(task, modelling, None if known else star, false, statistics)
-    confirmations = []
-    for index, planet in enumerate(planets):
-        there = [run for measured in every if (run := measured[index]) is not None]
-        whole = len(there) == len(every)
-        answer = confirmation_of(seen, index, there, planet.core, positions[index], audits[index]) if whole else None
-        confirmations.append(answer or cut_off(seen, index))
+    told: dict[str, Any] = {"false_detections": false, "statistics": FrameStatistics.of(parts) if parts else None}
+    confirmations = [
+        confirmation_of(
+            task,
+            modelling,
+            index,
+            [measured[index] for measured in every],
+            star,
+            planet.core,
+            position=positions[index],
+            audit=audits[index],
+            **told,
+        )
+        for index, planet in enumerate(planets)
+    ]
     if record is not None:
         record = record.model_copy(update={"realisations": len(every), "false_detections": false})
     residual = np.where(first.reduced.region, first.reduced.image_e, np.nan)
@@ -163,22 +170,15 @@ def _false(blind: BlindSearch, visits: VisitPair) -> int:
     )
 
 
-def _star(visits: VisitPair) -> tuple[StarFlux, bool]:
+def _star(visits: VisitPair, *, measured: bool) -> StarFlux:
     """Return the star's rate from a series off the mask; the scene's if that saturates, or of a table, has no place."""
-    if isinstance(visits.science.psf, ExternalPsf):
-        return _known_star(visits)
-    scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
-    series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
-    if series.value is not None:
-        measured = star_flux_off_mask(series.value)
-        if measured.value is not None:
-            return measured.value, False
-    return _known_star(visits)
-
-
-def _known_star(visits: VisitPair) -> tuple[StarFlux, bool]:
-    """Return the star's rate in the scene."""
-    return StarFlux.known(visits.science.truth.sources[0].rate_e_s), True
+    if measured and not isinstance(visits.science.psf, ExternalPsf):
+        scene, task, knobs = visits.plan.science_scene, visits.task, visits.modelling.knobs
+        series = observe_off_mask(scene, task.band, instrument=visits.instrument, seed=task.seed, fidelity=knobs)
+        found = star_flux_off_mask(series.value).value if series.value is not None else None
+        if found is not None:
+            return found
+    return StarFlux.known(visits.science.truth.sources[0].rate_e_s)
 
 
 def encode_arrays(arrays: dict[str, NDArray[Any]]) -> str:

@@ -21,6 +21,7 @@ from cpic_planner.validation.measure import (
     place_at,
     reduced_around,
     searcher_of,
+    speckles_of,
     with_image,
 )
 from cpic_planner.validation.rdi import ReducedStack
@@ -230,12 +231,12 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         place = place_at(geometry, visits.strategy, "place", ((x, y),), beside)
         measured = obstacle(place, geometry, visits.strategy) is None
         places.append(with_image(visits, place) if measured else None)
-    whitened = SpeckleModel.of(visits, rate_e_s) if visits.strategy.filter == "whitened" else None
+    speckles = speckles_of(visits, rate_e_s)
     seen = functools.lru_cache(maxsize=8)(functools.partial(visits.optics.at, margin_pixels=0))
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
         drawn = visits.draw(number)
-        body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, whitened) for place in places])
+        body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, speckles) for place in places])
         blind = searcher_of(visits, drawn.reduced, rate_e_s, maps)
         empty = blind.search(drawn.reduced.image_e)
         reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec

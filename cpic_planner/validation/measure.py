@@ -11,7 +11,8 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, Reason
-from cpic_planner.queries import FluxFilter, Strategy
+from cpic_planner.queries import Strategy
+from cpic_planner.registry import DEFAULT_FILTER, FILTERS
 from cpic_planner.validation.photometry import (
     EXCLUSION_RADII,
     MIN_BACKGROUND_APERTURES,
@@ -29,14 +30,7 @@ from cpic_planner.validation.photometry import (
 )
 from cpic_planner.validation.rdi import ReducedStack, paying_modes, roll_photometry, surviving_fraction
 from cpic_planner.validation.realise import Realisation, VisitPair
-from cpic_planner.validation.search import (
-    BlindSearch,
-    Searcher,
-    SpeckleMaps,
-    mirror_share,
-    speckle_maps,
-    whole_kernels,
-)
+from cpic_planner.validation.search import BlindSearch, Searcher, SpeckleMaps, mirror_share, speckle_maps, whole_kernels
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask, LibraryPlan
 from simulator.config import Instrument
@@ -80,20 +74,20 @@ class PlanetPlace:
         """Separation from the star."""
         return float(np.hypot(*self.places_arcsec[0]))
 
-    def around(self, region: BoolArray, geometry: BandGeometry, filter_name: FluxFilter) -> BoolArray:
+    def around(self, region: BoolArray, geometry: BandGeometry, filter_name: str) -> BoolArray:
         """Return the part of the background in a region that shows nothing of the planet.
 
-        For the filter ``mirror`` nothing of the planet or of other sources either at the opposite places.
+        For a filter that takes the opposite place nothing of the planet or of other sources either there.
 
         Parameters
         ----------
         region : ndarray of bool, shape (n, n)
         geometry : BandGeometry
-        filter_name : {"aperture", "matched", "mirror", "whitened"}
+        filter_name : str
         """
         free, middle = self.background & region, geometry.stamp_pixels - 1
         places = [pixels_of(geometry, place) for place in self.places_arcsec]
-        if filter_name == "mirror":
+        if FILTERS[filter_name].takes_opposite:
             free &= free[::-1, ::-1]
             places += [(middle - x, middle - y) for x, y in (*places, *self.others)]
         return outside_discs(free, places, EXCLUSION_RADII * radius_pixel(geometry))
@@ -110,12 +104,13 @@ class PlanetPlace:
         whole = np.count_nonzero(self.background)
         if not np.count_nonzero(self.background & region) >= 0.5 * whole > 0:
             return False
-        if strategy.n_modes or strategy.filter == "whitened":
+        if strategy.n_modes or FILTERS[strategy.filter].takes_covariance:
             region = region & geometry.annulus(self.separation_arcsec, REGION_LAMBDA_D)
         free, radius = self.around(region, geometry, strategy.filter), radius_pixel(geometry)
         lambda_d = geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
         for place, aperture in zip(self.places_arcsec, self.apertures, strict=True):
-            seen = (np.ones_like(aperture), lambda_d) if strategy.filter == "matched" else (aperture, radius + 1.0)
+            by_image = FILTERS[strategy.filter].weighs_by_image
+            seen = (np.ones_like(aperture), lambda_d) if by_image else (aperture, radius + 1.0)
             try:
                 sample_places(free, radius, kernel_at(seen[0], *pixels_of(geometry, place), seen[1]))
             except InputError:  # no room
@@ -146,7 +141,7 @@ class PlanetTemplate(PlanetPlace):
         """Mean core throughput over the rolls."""
         return float(np.mean(self.cores))
 
-    def kernels(self, geometry: BandGeometry, filter_name: FluxFilter) -> tuple[FloatArray, ...]:
+    def kernels(self, geometry: BandGeometry, filter_name: str) -> tuple[FloatArray, ...]:
         """Return the weights of the sum that measures it around its pixel in every roll.
 
         Those of the matched filter are scaled so that they find as much of its light as the aperture.
@@ -154,13 +149,13 @@ class PlanetTemplate(PlanetPlace):
         Parameters
         ----------
         geometry : BandGeometry
-        filter_name : {"aperture", "matched", "mirror", "whitened"}
-            Of the last two the sums of apertures.
+        filter_name : str
+            A name of `cpic_planner.registry.FILTERS`; of those that do not weigh by the image the sums of apertures.
         """
         found = []
         for place, template, aperture in zip(self.places_arcsec, self.templates, self.apertures, strict=True):
             pixel = pixels_of(geometry, place)
-            if filter_name == "matched":
+            if FILTERS[filter_name].weighs_by_image:
                 kernel = kernel_at(template, *pixel, geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec)
                 weights = sum_weights(template.shape, *pixel, 1.0, kernel)
                 kernel *= np.sum(template * aperture) / np.sum(template * weights)
@@ -354,6 +349,18 @@ class SpeckleModel:
         every = speckle_covariance(self.instrument, self.band, separation_arcsec, self.linear_nm2, self.square_nm4)
         part = region[geometry.annulus(separation_arcsec, REGION_LAMBDA_D)]
         return np.asarray(self.star_e**2 * every[np.ix_(part, part)])
+
+
+def speckles_of(visits: VisitPair, star_rate_e_s: float) -> SpeckleModel | None:
+    """Return the model of the residual speckles where the filter of the strategy takes one for granted.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    star_rate_e_s : float
+        Rate of the star on the clear disc.
+    """
+    return SpeckleModel.of(visits, star_rate_e_s) if FILTERS[visits.strategy.filter].takes_covariance else None
 
 
 class WhitenedFilter:
@@ -601,7 +608,7 @@ def measure_planets(
     if searched and realisation.roll is None:
         places = [one.places_arcsec[0] for one, good in zip(planets, whole, strict=True) if good]
         blind = searcher_of(visits, stack, star.rate_e_s, maps).search(stack.image_e, places)
-    model = SpeckleModel.of(visits, star.rate_e_s) if visits.strategy.filter == "whitened" else None
+    model = speckles_of(visits, star.rate_e_s)
     found: list[Measurement | None] = []
     known = iter(() if blind is None else blind.at_places)
     for planet, covered, expected in zip(planets, whole, visits.task.predictions, strict=True):
@@ -673,7 +680,7 @@ def forced_photometry(
     realisation: Realisation,
     planet: PlanetTemplate,
     geometry: BandGeometry,
-    filter_name: FluxFilter = "aperture",
+    filter_name: str = DEFAULT_FILTER,
     model: SpeckleModel | None = None,
 ) -> Photometry:
     """Return the flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
@@ -683,23 +690,23 @@ def forced_photometry(
     realisation : Realisation
     planet : PlanetTemplate
     geometry : BandGeometry
-    filter_name : {"aperture", "matched", "mirror", "whitened"}
-        How the sum weighs pixels, and what is taken off before: see `cpic_planner.queries.shared.Reduction`.
+    filter_name : str
+        How the sum weighs pixels, and what is taken off before: a name of `cpic_planner.registry.FILTERS`.
     model : SpeckleModel, optional
-        Residual speckles that the filter ``whitened`` takes for granted.
+        Residual speckles that a filter by their covariance takes for granted.
     """
     radius = radius_pixel(geometry)
     stack, roll = realisation.reduced, realisation.roll
     first, *second = (pixels_of(geometry, place) for place in planet.places_arcsec)
     around = planet.around(stack.region, geometry, filter_name)
-    matched = planet.kernels(geometry, filter_name) if filter_name == "matched" else None
-    kernel = matched[0] if matched else None
+    how, kernels = FILTERS[filter_name], planet.kernels(geometry, filter_name)
+    kernel = kernels[0] if how.weighs_by_image else None
     shared: dict[str, Any] = {"background_region": around, "factor2": stack.factor2}
     if roll is not None:
-        one, two = planet.templates
-        return roll_photometry(roll, one, two, first, second[0], radius, kernels=matched, **shared)
+        given, places = kernels if how.weighs_by_image else None, (first, second[0])
+        return roll_photometry(roll, *planet.templates, *places, radius, kernels=given, **shared)
     image, template = stack.image_e, planet.templates[0]
-    if filter_name == "whitened":
+    if how.takes_covariance:
         assert model is not None  # as `measure_planets` makes it
         fitted = WhitenedFilter(
             stack,
@@ -712,10 +719,10 @@ def forced_photometry(
         )
         return fitted.photometry(stack)
     left, weights = stack.rdi.project(template), sum_weights(image.shape, *first, radius, kernel)
-    if filter_name == "mirror":
+    if how.takes_opposite:
         # The wings of the planet and what modes spread of it are not alike at opposite places, and no speckles.
         empty = without_source(image, left, weights, around)
-        share = mirror_share(empty, planet.kernels(geometry, filter_name)[0], around)
+        share = mirror_share(empty, kernels[0], around)
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     through = surviving_fraction("template", template, left, weights, around)
     return aperture_photometry(image, *first, radius, throughput=through, kernel=kernel, left=left, **shared)

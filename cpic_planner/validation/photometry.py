@@ -1,4 +1,4 @@
-"""Forced photometry: sums in exact apertures, their error from samples of the background, and the contrast.
+"""Forced photometry: sums in exact apertures, and their error from samples of the background.
 
 Positions are given, never fitted: a free centroid would raise the flux by about ``1 / SNR^2``.
 """
@@ -21,7 +21,6 @@ from cpic_core import (
     check_positive,
     checked_array,
     disc_overlap,
-    load_quietly,
     numeric_context,
     require,
 )
@@ -218,40 +217,6 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     return weights
 
 
-def aperture_sum(image: ArrayLike, x_pixel: ArrayLike, y_pixel: ArrayLike, radius_pixel: float) -> FloatArray:
-    """Sum inside exact circular apertures.
-
-    Parameters
-    ----------
-    image : array_like
-        Image (y, x), finite.
-    x_pixel, y_pixel : array_like
-        Centres, broadcast; pixel centres are at integers.
-    radius_pixel : float
-        Radius, above 0; every circle must lie inside the image.
-
-    Returns
-    -------
-    ndarray
-        One sum per centre, shape of the centres.
-
-    Raises
-    ------
-    InputError
-        If a circle leaves the image, or a number is not finite.
-    """
-    CircularAperture = load_quietly("photutils.aperture").CircularAperture
-
-    data = checked_image(image)
-    x, y = np.broadcast_arrays(np.asarray(x_pixel, dtype=np.float64), np.asarray(y_pixel, dtype=np.float64))
-    _check_inside(data.shape, x, y, radius_pixel)
-    if x.size == 0:
-        return np.zeros(x.shape)
-    apertures = CircularAperture(np.column_stack([x.ravel(), y.ravel()]), float(radius_pixel))
-    sums, _ = apertures.do_photometry(data, method="exact")
-    return np.asarray(sums, dtype=np.float64).reshape(x.shape)
-
-
 def sample_scatter(
     image: ArrayLike,
     region: ArrayLike,
@@ -393,14 +358,6 @@ EXCLUSION_RADII = 1.5
 
 
 @dataclass(frozen=True)
-class Contrast:
-    """Planet-to-star ratio and its 1-sigma error (dimensionless)."""
-
-    value: float
-    error: float
-
-
-@dataclass(frozen=True)
 class Photometry:
     """Photometry of one position; electrons of the summed stack.
 
@@ -451,88 +408,6 @@ class Photometry:
     throughput: float
     flux_paper_error: float
     snr_paper: float
-
-    def contrast(
-        self, core: float, star_rate_e_s: float, time_s: float, *, star_rate_error_e_s: float = 0.0
-    ) -> Contrast:
-        """Return the contrast of this source; see the function `contrast`.
-
-        Parameters
-        ----------
-        core : float
-            Energy of a unit source in its aperture.
-        star_rate_e_s : float
-            Rate of the unmasked star, e-/s.
-        time_s : float
-            Wall time, s, overheads and reference frames included.
-        star_rate_error_e_s : float, optional
-            Its standard error, e-/s.
-        """
-        return contrast(
-            self.raw_flux,
-            self.throughput,
-            core,
-            star_rate_e_s,
-            time_s,
-            error=self.error * self.throughput,
-            star_rate_error_e_s=star_rate_error_e_s,
-        )
-
-
-def contrast(
-    flux: float,
-    throughput: float,
-    core: float,
-    star_rate_e_s: float,
-    time_s: float,
-    *,
-    error: float = 0.0,
-    star_rate_error_e_s: float = 0.0,
-) -> Contrast:
-    """Return the planet-to-star ratio from an aperture flux.
-
-    Parameters
-    ----------
-    flux : float
-        Electrons in the aperture above background, not yet corrected for ``throughput``.
-    throughput : float
-        Fraction of the aperture flux that the reduction leaves, above 0 (`RdiResult.throughput`).
-    core : float
-        Aperture energy at the planet's position over the energy on the clear pupil, above 0 and at most 1.
-    star_rate_e_s : float
-        Detected rate of the star on the clear pupil (no mask, apodizer or aperture), above 0.
-    time_s : float
-        Summed exposure of the stack, above 0.
-    error, star_rate_error_e_s : float, optional
-        1-sigma errors of ``flux`` and of the star's rate; independent, added in quadrature.
-
-    Returns
-    -------
-    Contrast
-        ``flux / (throughput core star_rate time)`` and its error.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range or not finite.
-    """
-    for key, value in {"throughput": throughput, "core": core}.items():
-        check_positive(key, check_number(key, value))
-    check_positive("star_rate_e_s", check_number("star_rate_e_s", star_rate_e_s, "e-/s"), "e-/s")
-    check_positive("time_s", check_number("time_s", time_s, "s"), "s")
-    require("core", core, core <= 1, "", "above 0 and at most 1")
-    check_number("flux", flux, "e-")
-    for key, value, unit in (("error", error, "e-"), ("star_rate_error_e_s", star_rate_error_e_s, "e-/s")):
-        require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
-    full_scale = float(throughput) * float(core) * float(star_rate_e_s) * float(time_s)
-    allowed = "a star whose light over the whole time is a finite number above 0"
-    product = "throughput x core x star_rate_e_s x time_s"
-    require(product, full_scale, 0 < full_scale < math.inf, "e-", allowed)
-    value = flux / full_scale
-    spread = math.hypot(error / full_scale, value * (star_rate_error_e_s / star_rate_e_s))
-    finite = math.isfinite(value) and math.isfinite(spread)
-    require("contrast", value, finite, "", "a finite ratio with a finite error")
-    return Contrast(value, spread)
 
 
 @numeric_context()

@@ -9,16 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import (
-    ArrayLike,
-    BoolArray,
-    FloatArray,
-    InputError,
-    check_finite,
-    check_number,
-    check_word,
-    numeric_context,
-)
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_word, numeric_context
 from cpic_planner.etc import CountingLaw, counting_variance
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation.photometry import (
@@ -949,50 +940,3 @@ def _mean_of(first: Photometry, second: Photometry, throughput: float, overlap: 
         flux_paper_error=paper,
         snr_paper=ratio(raw, paper),
     )
-
-
-@numeric_context()
-def scale_library(reference_e: ArrayLike, scale: float, *, pedestal_e: ArrayLike = 0.0) -> FloatArray:
-    """Return the frames of a reference star as bright as those of the science star.
-
-    Parameters
-    ----------
-    reference_e : array_like
-        Frames in electrons, (m, y, x) or (y, x).
-    scale : float
-        Light of the science star over that of the reference star in equal exposures, above 0: the ratio of the rates
-        that the ETC takes.
-    pedestal_e : array_like, optional
-        Mean of what does not come from the star (dark current, clock-induced charge), broadcasts to a frame; it is the
-        same afterwards. Sky light that is left in becomes a constant, which the background of the photometry takes.
-
-    Returns
-    -------
-    ndarray
-        ``(reference_e - pedestal_e) scale + pedestal_e``: the variance of star light counts ``scale`` times that of the
-        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.queries.shared.OtherStar`.
-
-    Raises
-    ------
-    InputError
-        If the scale is not above 0, or the shape or a number is not allowed.
-
-    Notes
-    -----
-    An error ``e`` of the scale leaves the fraction ``e`` of the halo, speckles included. It only matters where a mean
-    frame is subtracted: modes of uncentred or spatially centred frames have no scale.
-    """
-    frames = checked_frames("reference_e", reference_e)
-    factor = check_number("scale", scale)
-    if not factor > 0:
-        raise InputError("scale", scale, allowed="above 0")
-    pedestal = check_finite("pedestal_e", pedestal_e, "e-")
-    sides = zip(pedestal.shape[::-1], frames.shape[::-1], strict=False)
-    if pedestal.ndim > 2 or any(own not in (1, side) for own, side in sides):
-        allowed = f"one number, or a map of {frames.shape[-2:]}"
-        raise InputError("pedestal_e", pedestal.shape, unit="px", allowed=allowed)
-    with np.errstate(over="ignore"):
-        scaled: FloatArray = (frames - pedestal) * factor + pedestal
-    if np.isinf(scaled).any():
-        raise InputError("scale", scale, allowed="one at which the frames stay finite")
-    return scaled

@@ -19,17 +19,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import (
-    BoolArray,
-    FloatArray,
-    InputError,
-    IntArray,
-    NDArray,
-    Outcome,
-    Reason,
-    Status,
-    stream,
-)
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Status, stream
 from cpic_planner.etc import MAX_MEAN_E, CountingLaw, FrameCamera, counting_probabilities
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames, filled, grown, rejected_in

@@ -10,7 +10,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, cast
 
 import numpy as np
 
@@ -173,8 +173,6 @@ def fit_noise(
     return NoiseFit(logs, 0.5 * (slopes * weight) @ slopes.T + prior, variance)
 
 
-_P = TypeVar("_P", Psf, TablePsf)
-
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
@@ -261,17 +259,14 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     """
     if n_visits < 32:
         raise InputError("n_visits", n_visits, allowed="at least 32")
-    visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
-    weights = filter_kernel(psf)
-    if isinstance(psf, TablePsf):
-        key = content_hash({"table": metrics_key(psf.instrument, psf.band), "drift": drift.model_dump(mode="json")})
-        visit_nm, unit = 1.0, _maps_of_table(_Keyed(psf, key), drift, n_visits)
-    elif isinstance(psf, ExternalPsf) or not visit_nm > 0:
+    tabled, weights = isinstance(psf, TablePsf), filter_kernel(psf)
+    visit_nm = 1.0 if tabled else drift.visit_nm or drift.walk_nm_per_sqrt_hour
+    if not visit_nm > 0 or (isinstance(psf, ExternalPsf) and not tabled):
         nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
-    else:
-        unit = _unit_maps(_Keyed(psf, _key(psf, drift.psd_slope, n_visits)), drift.psd_slope, n_visits)
+    optics = cast(Psf | TablePsf, psf)
+    unit = _unit_maps(_Keyed(_key(optics, drift, n_visits), optics, drift, n_visits))
     return SpeckleMaps(
         linear=visit_nm**2 * unit["linear"],
         square=visit_nm**4 * unit["square"],
@@ -285,8 +280,11 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     )
 
 
-def _key(psf: Psf, slope: float, n_visits: int) -> str:
+def _key(psf: Psf | TablePsf, drift: Drift, n_visits: int) -> str:
     """Return everything that decides the maps."""
+    optics = metrics_key(psf.instrument, psf.band)
+    if isinstance(psf, TablePsf):
+        return content_hash({"table": optics, "drift": drift.model_dump(mode="json")})
     spectrum = None
     if psf.spectrum is not None:
         arrays = (psf.spectrum.wavelength_nm, psf.spectrum.photlam)
@@ -294,10 +292,10 @@ def _key(psf: Psf, slope: float, n_visits: int) -> str:
     return content_hash(
         {
             "schema": SCHEMA,
-            "optics": metrics_key(psf.instrument, psf.band),
+            "optics": optics,
             "knobs": psf.knobs.model_dump(mode="json"),
             "spectrum": spectrum,
-            "slope": slope,
+            "slope": drift.psd_slope,
             "visits": n_visits,
             "kernel": "matched",
         }
@@ -305,41 +303,48 @@ def _key(psf: Psf, slope: float, n_visits: int) -> str:
 
 
 @dataclass(frozen=True)
-class _Keyed(Generic[_P]):
-    """A PSF that counts as equal to any other of its key."""
+class _Keyed:
+    """Optics, drift and visits that count as equal to any others of their key."""
 
-    psf: _P = field(compare=False)
     key: str
+    psf: Psf | TablePsf = field(compare=False)
+    drift: Drift = field(compare=False)
+    n_visits: int
 
 
 @functools.lru_cache(maxsize=16)
-def _unit_maps(keyed: "_Keyed[Psf]", slope: float, n_visits: int) -> dict[str, FloatArray]:
-    """Return the maps of an offset of 1 nm, from the cache or measured."""
+def _unit_maps(keyed: _Keyed) -> Mapping[str, FloatArray]:
+    """Return the maps of an offset of 1 nm: of a table, from the cache, or measured."""
+    psf = keyed.psf
+    if isinstance(psf, TablePsf):
+        return _maps_of_table(psf, keyed.drift, keyed.n_visits)
+    names = ("linear", "square", "nominal", "stray", "tails")
+    return compute_once(
+        f"speckles-{keyed.key}",
+        lambda: _measured(psf, keyed.drift.psd_slope, keyed.n_visits),
+        lambda found: {name: found[name] for name in names},
+    )
 
-    def maps_of(found: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        return {item: found[item] for item in ("linear", "square", "nominal", "stray", "tails")}
 
-    return compute_once(f"speckles-{keyed.key}", lambda: _measured(keyed.psf, slope, n_visits), maps_of)
+def _hole_axes(hole: BoolArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the rows and the columns that have pixels of the hole."""
+    return np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
 
 
 def _measured(psf: Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
     hole, imager = psf.geometry.hole, psf.imager
-    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
-    axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
+    axes = [imager.axis(offset[part], masked=True) for part in _hole_axes(hole)]
     responses = visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
     return _filtered_maps(hole, filter_kernel(psf), responses)
 
 
-@functools.lru_cache(maxsize=16)
-def _maps_of_table(keyed: "_Keyed[TablePsf]", drift: Drift, n_visits: int) -> dict[str, FloatArray]:
+def _maps_of_table(psf: TablePsf, drift: Drift, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of a table: of visits of an hour, each with half of what is left of a pair."""
-    psf = keyed.psf
     place, hole = psf.figures.floor_separation_arcsec, psf.geometry.hole
     left = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D).law(1.0, 1.0).variance(_HOUR_S)
-    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
-    box, rng = np.ix_(rows, columns), stream(_SEED, "table")
+    box, rng = np.ix_(*_hole_axes(hole)), stream(_SEED, "table")
     half = np.broadcast_to(0.5 * left, place.shape)
     moved = np.array([psf.moved(place, half, rng)[box] for _ in range(n_visits)])
     linear = 2.0 * psf.field[box] * moved.real
@@ -348,7 +353,7 @@ def _maps_of_table(keyed: "_Keyed[TablePsf]", drift: Drift, n_visits: int) -> di
 
 def _filtered_maps(hole: BoolArray, kernel: FloatArray, responses: tuple[FloatArray, ...]) -> dict[str, FloatArray]:
     """Return the maps from the star behind the mask and both changes of its light, on rows and columns of the hole."""
-    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
+    rows, columns = _hole_axes(hole)
     # Kernels at an edge reach over the cross: filtered on the whole box of the hole.
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     inside = hole[box]
@@ -422,20 +427,22 @@ _ROUNDS = 5  # of a fit whose weights are its own, after which it changes by les
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
-_Maximum = tuple[float, float, float, float, int, NoiseFit]
-
-
 @dataclass(frozen=True)
 class Peak:
-    """A local maximum, judged by the noise without it; see `cpic_planner.validation.search.Candidate`."""
+    """A local maximum in the noise without it; see `cpic_planner.validation.search.Candidate`.
+
+    ``place`` is the number of its position, ``noise`` the fit of the noise by which it is judged.
+    """
 
     x_pixel: float
     y_pixel: float
     snr: float
-    significance: float
-    laplace: float
-    dof: float
     flux_e: float
+    place: int
+    noise: "NoiseFit"
+    significance: float = math.nan
+    laplace: float = math.nan
+    dof: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -940,8 +947,8 @@ class Searcher:
 
     def _alone(
         self, state: FilteredState, place: int, x_pixel: float, y_pixel: float, height: float, shown: float
-    ) -> _Maximum:
-        """Return a place with its SNR by the noise without it, its electrons, position, and that fit of the noise.
+    ) -> Peak:
+        """Return a place with its SNR by the noise without it, not yet judged.
 
         Of its height ``shown`` is in the state, whose wings beyond the disc would count as noise.
         """
@@ -955,7 +962,7 @@ class Searcher:
         # Noise that is as high as here leaves less around it than it was: the square of what is like it.
         alone = self._without(state, weights, taken, rest**2 + wing**2)
         snr = height * math.sqrt(fit.variance[place] / alone.variance[place])
-        return x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), place, alone
+        return Peak(x_pixel, y_pixel, snr, height * float(state.sigma_e[place]), place, alone)
 
     def _alike_at(self, x_pixel: float, y_pixel: float) -> FloatArray:
         """Return the filtered image of a source over its height at all positions, of a place rounded to a pixel."""
@@ -992,21 +999,20 @@ class Searcher:
                     height += 0.25 * (high - low) * shift[axis]
         return column + self._box[1].start + shift[1], row + self._box[0].start + shift[0], height
 
-    def _judged(self, maxima: Sequence[_Maximum]) -> list[Peak]:
-        """Return maxima (x, y, SNR, electrons, position, fit of the noise), each in the noise of its fit."""
-        laplace, dof = ([float(law(fit, place)) for *_, place, fit in maxima] for law in (self.laplace, self.dof))
-        sigma = equivalent_sigma([one[2] for one in maxima], laplace, dof, self.pairs).tolist()
-        places = zip(maxima, sigma, laplace, dof, strict=True)
-        return [Peak(x, y, snr, level, share, free, flux) for (x, y, snr, flux, *_), level, share, free in places]
+    def _judged(self, maxima: Sequence[Peak]) -> list[Peak]:
+        """Return maxima with their significance, each in the noise of its fit."""
+        laplace, dof = ([float(law(one.noise, one.place)) for one in maxima] for law in (self.laplace, self.dof))
+        sigma = equivalent_sigma([one.snr for one in maxima], laplace, dof, self.pairs).tolist()
+        return [
+            replace(one, significance=level, laplace=share, dof=free)
+            for one, level, share, free in zip(maxima, sigma, laplace, dof, strict=True)
+        ]
 
     def with_final_noise(self, peaks: Sequence[Peak], state: FilteredState) -> list[Peak]:
         """Return the same sources in the noise that is known once all are out."""
-        places = [int(self._index[round(peak.y_pixel), round(peak.x_pixel)]) for peak in peaks]
+        levels = (float(state.sigma_e[peak.place]) for peak in peaks)
         return self._judged(
-            [
-                (peak.x_pixel, peak.y_pixel, peak.flux_e / float(state.sigma_e[place]), peak.flux_e, place, state.fit)
-                for peak, place in zip(peaks, places, strict=True)
-            ]
+            [replace(peak, snr=peak.flux_e / level, noise=state.fit) for peak, level in zip(peaks, levels, strict=True)]
         )
 
     def pixel_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:
@@ -1040,19 +1046,7 @@ class Searcher:
             text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
             threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
             zero = np.zeros(image.shape)
-            return BlindSearch(
-                candidates=(),
-                threshold=threshold,
-                sigma=self.sigma,
-                per_search=self.per_search,
-                region=field.size,
-                roughness=0.0,
-                white_level=1.0,
-                drift_nm=0.0,
-                dof=0.0,
-                sigma_e=zero,
-                snr_map=zero,
-            )
+            return BlindSearch((), threshold, self.sigma, self.per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
         peaks: list[Peak] = []
         while True:
             state = field.measure(image)

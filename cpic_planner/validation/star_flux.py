@@ -1,7 +1,7 @@
-"""The star's rate on the clear pupil, to which contrasts refer: the two ways of Zhu et al. 2025.
+"""The star's rate on the clear pupil, to which contrasts refer, from short exposures of the star moved off the mask.
 
-Either short exposures of the star moved off the mask, or a star of known magnitude in the field of the science images,
-measured like the planet.
+This is one of the two ways of Zhu et al. 2025; the other, a star of known magnitude in the field, is in the report on
+their Table 1.
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, require
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, combine, rejected_in, transferred
-from cpic_planner.validation.photometry import Photometry, aperture_weights
+from cpic_planner.validation.photometry import aperture_weights
 from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
 from simulator.observing import Observation, observe
@@ -29,14 +29,11 @@ _FILL = 0.7
 _LONGEST_S = 10.0
 _MARGIN_SIGMA = 5.0
 _RING_LAMBDA_D = (5.0, 8.0)
-_MAGNITUDE = 0.4 * math.log(10.0)
 
 
 @dataclass(frozen=True)
 class StarFlux:
     """Detected rate of the star on the clear pupil.
-
-    Feeds ``Photometry.contrast(core, star.rate_e_s, time_s, star_rate_error_e_s=star.error_e_s)``.
 
     Attributes
     ----------
@@ -44,29 +41,27 @@ class StarFlux:
         Electrons per second of the whole star without mask, apodizer or aperture.
     error_e_s : float
         Its 1-sigma error.
-    method : {"off_mask", "field_star"}
+    method : {"off_mask", "known"}
+        How it was measured; ``known`` for that of the scene.
     flux_e : float
-        Electrons measured in the aperture, background taken off, of the star itself or of the field star.
+        Electrons measured in the aperture, background taken off.
     core : float
         Fraction of the energy on the clear pupil that this flux is.
     time_s : float
         Summed exposure.
-    rate_ratio : float
-        Rate of the star over that of the source measured; 1 for the star itself.
     """
 
     rate_e_s: float
     error_e_s: float
-    method: Literal["off_mask", "field_star"]
+    method: Literal["off_mask", "known"]
     flux_e: float
     core: float
     time_s: float
-    rate_ratio: float = 1.0
 
     @classmethod
     def known(cls, rate_e_s: float) -> "StarFlux":
         """Return a rate that is known without a measurement, as the scene's own."""
-        return cls(rate_e_s, 0.0, "off_mask", rate_e_s, 1.0, 1.0)
+        return cls(rate_e_s, 0.0, "known", rate_e_s, 1.0, 1.0)
 
 
 def off_mask_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
@@ -248,82 +243,6 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     error = math.sqrt(float(np.sum(weights[seen] ** 2 * variance[rows, columns][seen])))
     scale = core * time
     return Outcome.ok(StarFlux(flux / scale, error / scale, "off_mask", flux, core, time), unit="e-/s")
-
-
-def field_star_ratio(
-    scene: Scene | Mapping[str, Any] | str | Path,
-    band: str,
-    name: str,
-    *,
-    instrument: Instrument | Mapping[str, Any] | str | None = None,
-    magnitude_error: float = 0.0,
-) -> tuple[float, float]:
-    """Return the rate of the central star over that of a star in its field, from their known magnitudes and spectra.
-
-    Parameters
-    ----------
-    scene, instrument
-        As `simulator.observe`.
-    band : str
-    name : str
-        Name of the field star in the scene.
-    magnitude_error : float, optional
-        1-sigma error of the difference of the two magnitudes, at least 0.
-
-    Returns
-    -------
-    ratio : float
-        ``10^(0.4 (m_field - m_star))`` where both have one spectrum; else with their colours in the band.
-    relative_error : float
-        ``0.4 ln(10)`` times the error of the magnitudes.
-
-    Raises
-    ------
-    InputError
-        If the scene has no star of that name, or an argument is out of range.
-    """
-    good = math.isfinite(magnitude_error) and magnitude_error >= 0
-    require("magnitude_error", magnitude_error, good, "mag", "finite and at least 0")
-    config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    sources = scene_sources(load_scene(scene), config, band)
-    rates = {source.name: source.rate_e_s for source in sources[1:] if source.kind == "star"}
-    if name not in rates:
-        raise InputError("name", name, allowed=", ".join(rates) or "a scene with stars in the field")
-    return sources[0].rate_e_s / rates[name], _MAGNITUDE * magnitude_error
-
-
-def star_flux_of_field_star(
-    measured: Photometry, core: float, time_s: float, rate_ratio: float, *, ratio_relative_error: float = 0.0
-) -> StarFlux:
-    """Return the rate of the star from a star of known magnitude in the same images, measured with the same aperture.
-
-    Parameters
-    ----------
-    measured : Photometry
-        Of the field star, in the reduced stack that shows the planet.
-    core : float
-        Its aperture energy over the energy on the clear pupil, above 0 and at most 1.
-    time_s : float
-        Summed exposure of the stack, above 0.
-    rate_ratio : float
-        Rate of the central star over that of the field star, above 0 (`field_star_ratio`).
-    ratio_relative_error : float, optional
-        1-sigma error of that, relative; at least 0.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range, or the measured flux is not above 0.
-    """
-    check_positive("measured.flux", measured.flux, "e-")
-    check_positive("core", core, most=1.0)
-    check_positive("time_s", time_s, "s")
-    check_positive("rate_ratio", rate_ratio)
-    good = math.isfinite(ratio_relative_error) and ratio_relative_error >= 0
-    require("ratio_relative_error", ratio_relative_error, good, "", "finite and at least 0")
-    rate = measured.flux * rate_ratio / (core * time_s)
-    error = rate * math.hypot(measured.error / measured.flux, ratio_relative_error)
-    return StarFlux(rate, error, "field_star", measured.raw_flux, core, time_s, rate_ratio)
 
 
 def _weights(

@@ -527,8 +527,6 @@ class LibraryPlan:
 
     Attributes
     ----------
-    name : str
-        A name of `cpic_planner.queries.shared.LIBRARIES`.
     science_scene, reference_scene : Scene
         What the frames of each visit show.
     science, reference : dict
@@ -543,11 +541,8 @@ class LibraryPlan:
         Whether the expectation (`simulator.observing.FrameSequence.expected_e`) stands for the reference
         frames. It is that of the science visit without planets, wavefront included: neither noise nor drift between
         the visits.
-    flags : tuple of str
-        Caveats, the same as the ETC's.
     """
 
-    name: str
     science_scene: Scene
     reference_scene: Scene
     science: VisitSettings
@@ -556,7 +551,6 @@ class LibraryPlan:
     reference_visits: int = 1
     shows_planet: bool = False
     noise_free: bool = False
-    flags: tuple[str, ...] = ()
 
 
 def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1) -> LibraryPlan:
@@ -589,7 +583,6 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
     science: VisitSettings = {"role": "science", "roll_deg": rolls[0], "n_frames": count}
     reference: VisitSettings = {"role": role, "roll_deg": rolls[-1], "n_frames": references}
     return LibraryPlan(
-        name=library.name,
         science_scene=scene,
         reference_scene=library.reference_scene(strategy, scene),
         science=science,
@@ -598,7 +591,6 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
         reference_visits=number,
         shows_planet=len(rolls) > 1,
         noise_free=library.noise_free,
-        flags=library.flags,
     )
 
 

@@ -318,35 +318,16 @@ _ADVICE = {
 }
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """The evidence in the images of a task about all its planets together.
-
-    Attributes
-    ----------
-    task : ConfirmTask
-    modelling : Modelling
-        How the images were made.
-    star : StarFlux or None
-        What contrasts refer to; None where the scene's own rate had to do.
-    false_detections : int
-        Of all searches.
-    statistics : FrameStatistics or None
-        Of frames that were run one by one; None for sums.
-    """
-
-    task: ConfirmTask
-    modelling: Modelling
-    star: StarFlux | None
-    false_detections: int
-    statistics: FrameStatistics | None
-
-
 def confirmation_of(
-    seen: Evidence,
+    task: ConfirmTask,
+    modelling: Modelling,
     number: int,
-    measured: Sequence[Measurement],
+    runs: Sequence[Measurement | None],
+    star: StarFlux,
     core: float,
+    *,
+    false_detections: int = 0,
+    statistics: FrameStatistics | None = None,
     position: Astrometry | None = None,
     audit: AuditRecord | None = None,
 ) -> BandConfirmation:
@@ -354,19 +335,39 @@ def confirmation_of(
 
     Parameters
     ----------
-    seen : Evidence
+    task : ConfirmTask
+    modelling : Modelling
+        How the images were made.
     number : int
         Of the planet among those of the task.
-    measured : sequence of Measurement
-        One a realisation.
+    runs : sequence of Measurement or None
+        One a realisation; None where limits left nothing of the aperture, or of the background around it.
+    star : StarFlux
+        What contrasts refer to.
     core : float
         Core throughput at the planet's place.
+    false_detections : int
+        Of all searches.
+    statistics : FrameStatistics, optional
+        Of frames that were run one by one; none for sums.
     position : Astrometry, optional
         Fit of the first realisation that shows the planet.
     audit : AuditRecord, optional
     """
-    task, star, statistics = seen.task, seen.star, seen.statistics
-    sky = position.sky if position else None
+    lost = 0 if statistics is None else statistics.lost_in
+    measured = [run for run in runs if run is not None]
+    if len(measured) < len(runs):
+        return BandConfirmation(
+            **_asked(task, number),
+            status="saturated",
+            reason=Reason.PIXEL_FULL_WELL.value,
+            message="limits cut off the aperture or the background around it",
+            modelled=modelling.record(),
+            drawn_as="frames",
+            saturated_in_hole=statistics and lost,
+            detected=False,
+            verdict="saturated",
+        )
     expected = task.predictions[number]
     n = len(measured)
     n_apertures = measured[0].n_apertures
@@ -379,7 +380,6 @@ def confirmation_of(
     spread = float(contrast.std(ddof=1)) if n >= MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
     found = sum(item.found for item in measured)
     at_place = sum(item.found_at_place for item in measured)
-    lost = 0 if statistics is None else statistics.lost_in
     mean = Calibration() if predicted is None else calibration_of(predicted, snr, snr_error)
     compared = "no closed form predicts this reduction" if predicted is None else _etc(mean)
     detected = bool(2 * found >= n and not lost)
@@ -389,8 +389,8 @@ def confirmation_of(
         reason=Reason.PIXEL_FULL_WELL.value if lost else "",
         message=f"{lost} pixels of the hole were cut off by a limit" if lost else "",
         realisations=n,
-        drawn_as=seen.modelling.draw,
-        modelled=seen.modelling.record(),
+        drawn_as=modelling.draw,
+        modelled=modelling.record(),
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=recovered_significance,
@@ -399,8 +399,8 @@ def confirmation_of(
         recovered_contrast=float(contrast.mean()),
         contrast_error=float(np.sqrt((error**2).mean())),
         contrast_mean_error=spread / math.sqrt(n),
-        star_flux="known" if star is None else star.method,
-        star_flux_error=None if star is None else star.error_e_s / star.rate_e_s,
+        star_flux=star.method,
+        star_flux_error=None if star.method == "known" else star.error_e_s / star.rate_e_s,
         rdi_throughput=float(np.mean([item.throughput for item in measured])),
         rdi_modes_used=measured[0].modes,
         core_throughput=core,
@@ -411,12 +411,12 @@ def confirmation_of(
         search_snr=_mean_of_known([item.search_snr for item in measured]),
         search_threshold=_mean_of_known([item.search_threshold for item in measured]),
         n_significant=at_place,
-        false_detections=seen.false_detections,
+        false_detections=false_detections,
         detected=detected,
-        found_separation_arcsec=sky and sky.separation_arcsec,
-        found_separation_error_arcsec=sky and sky.separation_error_arcsec,
-        found_pa_deg=sky and sky.pa_deg % 360.0,
-        found_pa_error_deg=sky and sky.pa_error_deg,
+        found_separation_arcsec=position and position.separation_arcsec,
+        found_separation_error_arcsec=position and position.separation_error_arcsec,
+        found_pa_deg=position and position.pa_deg % 360.0,
+        found_pa_error_deg=position and position.pa_error_deg,
         verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), compared),
         audit=audit,
     )
@@ -455,29 +455,6 @@ def contrasts_of(measured: Sequence[Measurement]) -> FloatArray:
     """Return the contrasts, their errors and those without the planet's noise, one a realisation; (3, n)."""
     rows = [(item.contrast, item.contrast_error, item.contrast_sigma) for item in measured]
     return np.ascontiguousarray(np.array(rows).T)
-
-
-def cut_off(seen: Evidence, number: int) -> BandConfirmation:
-    """Return the answer where limits left nothing of a planet's aperture, or of the background around it.
-
-    Parameters
-    ----------
-    seen : Evidence
-    number : int
-        Of the planet among those of the task.
-    """
-    text = "limits cut off the aperture or the background around it"
-    return BandConfirmation(
-        **_asked(seen.task, number),
-        status="saturated",
-        reason=Reason.PIXEL_FULL_WELL.value,
-        message=text,
-        modelled=seen.modelling.record(),
-        drawn_as="frames",
-        saturated_in_hole=seen.statistics.lost_in if seen.statistics else None,
-        detected=False,
-        verdict="saturated",
-    )
 
 
 _PREDICTED = (

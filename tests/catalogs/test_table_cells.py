@@ -209,57 +209,48 @@ def test_remarks_name_the_most_frequent_reasons_and_the_first_row_of_each():
 
 
 @pytest.mark.parametrize(
-    ("cell", "value", "error"),
+    ("cell", "value"),
     [
-        ("12.3", 12.3, math.nan),
-        (" +.5 ", 0.5, math.nan),
-        ("5.", 5.0, math.nan),
-        ("1.2e-3", 0.0012, math.nan),
-        ("1.2D+03", 1200.0, math.nan),
-        ("−0.52", -0.52, math.nan),
-        ("–0.52", -0.52, math.nan),
-        ("$-$0.52", -0.52, math.nan),
-        ("12.3*", 12.3, math.nan),
-        ("12.3:", 12.3, math.nan),
-        ("~3", 3.0, math.nan),
-        ("$\\sim$3", 3.0, math.nan),
-        ("12,3", 12.3, math.nan),
-        ("0,123", 0.123, math.nan),
-        ("1,234.5", 1234.5, math.nan),
-        ("1,234,567", 1234567.0, math.nan),
-        ("12.3(4)", 12.3, 0.4),
-        ("1234(5)", 1234.0, 5.0),
-        ("-12.345(12)", -12.345, 0.012),
-        ("12.3±0.4", 12.3, 0.4),
-        ("12,3±0,4", 12.3, 0.4),
-        ("12.3 +/- 0.4", 12.3, 0.4),
-        ("12.3\\pm0.4", 12.3, 0.4),
-        ("12.3 +0.4 -0.5", 12.3, 0.5),
-        ("12.3+0.4/-0.3", 12.3, 0.4),
-        ("12.3 (0.4)", 12.3, 0.4),
-        ("$12.3_{-0.3}^{+0.4}$", 12.3, 0.4),
-        ("-0.52 -0.03 +0.02", -0.52, 0.03),
-        ("$12.3^{+0.4}_{-0.3}$", 12.3, 0.4),
+        ("12.3", 12.3),
+        (" +.5 ", 0.5),
+        ("5.", 5.0),
+        ("1.2e-3", 0.0012),
+        ("1.2D+03", 1200.0),
+        ("−0.52", -0.52),
+        ("–0.52", -0.52),
+        ("$-$0.52", -0.52),
+        ("12.3*", 12.3),
+        ("12.3:", 12.3),
+        ("~3", 3.0),
+        ("$\\sim$3", 3.0),
+        ("12,3", 12.3),
+        ("0,123", 0.123),
+        ("1,234.5", 1234.5),
+        ("1,234,567", 1234567.0),
+        ("12.3(4)", 12.3),
+        ("1234(5)", 1234.0),
+        ("-12.345(12)", -12.345),
+        ("12.3±0.4", 12.3),
+        ("12,3±0,4", 12.3),
+        ("12.3 +/- 0.4", 12.3),
+        ("12.3\\pm0.4", 12.3),
+        ("12.3 +0.4 -0.5", 12.3),
+        ("12.3+0.4/-0.3", 12.3),
+        ("12.3 (0.4)", 12.3),
+        ("$12.3_{-0.3}^{+0.4}$", 12.3),
+        ("-0.52 -0.03 +0.02", -0.52),
+        ("$12.3^{+0.4}_{-0.3}$", 12.3),
     ],
 )
-def test_numbers_with_what_stands_around_them(cell, value, error):
+def test_numbers_with_what_stands_around_them(cell, value):
     read = read_numbers(["1.5", cell])
-    assert_allclose([read.values[1], read.errors[1]], [value, error], rtol=1e-14)
-    assert read.values[0] == 1.5
-    assert not read.refused.any()
-    assert not read.limits.any()
+    assert_allclose(read, [1.5, value], rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("cell", "limit", "bound"),
-    [("<0.3", 1, 0.3), ("< 0,3", 1, 0.3), ("≤0.3", 1, 0.3), ("$<$0.3", 1, 0.3), ("<=4", 1, 4.0), (">5", -1, 5.0)],
-)
-def test_limits_are_no_values(cell, limit, bound):
+@pytest.mark.parametrize("cell", ["<0.3", "< 0,3", "≤0.3", "$<$0.3", "<=4", ">5"])
+def test_limits_are_no_values(cell):
     read = read_numbers([cell, "2.5"])
-    assert_array_equal(read.values, [math.nan, 2.5])
-    assert_array_equal(read.limits, [limit, 0])
-    assert_array_equal(read.bounds, [bound, math.nan])
-    assert not read.refused.any()
+    assert_array_equal(read, [math.nan, 2.5])
 
 
 @pytest.mark.parametrize(
@@ -283,9 +274,7 @@ def test_limits_are_no_values(cell, limit, bound):
     ],
 )
 def test_what_is_no_number_or_may_be_two_is_refused(cell):
-    read = read_numbers([cell])
-    assert read.refused.tolist() == [True]
-    assert math.isnan(read.values[0])
+    assert math.isnan(read_numbers([cell])[0])
 
 
 @pytest.mark.parametrize(
@@ -293,21 +282,20 @@ def test_what_is_no_number_or_may_be_two_is_refused(cell):
 )
 def test_the_other_cells_decide_what_a_comma_is(others, value):
     read = read_numbers(["1,234", *others])
-    assert_array_equal(read.values[0], value)
-    assert not read.refused[1:].any()
+    assert_array_equal(read[0], value)
+    assert np.isfinite(read[1:]).all()
 
 
 def test_empty_cells_are_no_values_and_not_refused():
     text = np.ma.array(["1", "2", "", "nan", None], object, mask=[False, True, False, False, False])
     read = read_numbers(text)
-    assert_array_equal(read.values, [1.0, math.nan, math.nan, math.nan, math.nan])
-    assert not read.refused.any()
+    assert_array_equal(read, [1.0, math.nan, math.nan, math.nan, math.nan])
     numbers = read_numbers(np.ma.array([1, 2], mask=[False, True]))
-    assert_array_equal(numbers.values, [1.0, math.nan])
-    assert_array_equal(read_numbers([1.0, math.inf]).refused, [False, True])
-    assert_array_equal(read_numbers([True]).refused, [True])
-    assert_array_equal(read_numbers(np.array([1.5, "2.5", 3], object)).values, [1.5, 2.5, 3.0])
-    assert read_numbers([]).values.shape == read_angles(np.array([], object)).values.shape == (0,)
+    assert_array_equal(numbers, [1.0, math.nan])
+    assert_array_equal(read_numbers([1.0, math.inf]), [1.0, math.nan])
+    assert_array_equal(read_numbers([True]), [math.nan])
+    assert_array_equal(read_numbers(np.array([1.5, "2.5", 3], object)), [1.5, 2.5, 3.0])
+    assert read_numbers([]).shape == read_angles(np.array([], object)).shape == (0,)
 
 
 CLOCK = [
@@ -336,16 +324,14 @@ SLOPE = [
 @pytest.mark.parametrize("text", CLOCK)
 def test_right_ascensions_against_astropy(text, unit):
     read = read_angles([text], unit, clock=True)
-    assert_allclose(read.values, [Angle(text, "hourangle").deg], rtol=1e-14)
-    assert not read.refused.any()
+    assert_allclose(read, [Angle(text, "hourangle").deg], rtol=1e-14)
 
 
 @pytest.mark.parametrize("unit", ["", "deg", '"d:m:s"', "dd:mm:ss"])
 @pytest.mark.parametrize("text", SLOPE)
 def test_declinations_against_astropy(text, unit):
     read = read_angles([text, text.replace("-", "−")], unit)
-    assert_allclose(read.values, [Angle(text, "deg").deg] * 2, rtol=1e-14)
-    assert not read.refused.any()
+    assert_allclose(read, [Angle(text, "deg").deg] * 2, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -365,13 +351,13 @@ def test_declinations_against_astropy(text, unit):
     ],
 )
 def test_plain_right_ascensions_are_in_their_unit_or_in_degrees(cell, unit, degrees):
-    assert_allclose(read_angles([cell], unit, clock=True).values, [degrees], rtol=1e-14)
+    assert_allclose(read_angles([cell], unit, clock=True), [degrees], rtol=1e-14)
 
 
 def test_right_ascensions_in_degrees_minutes_and_seconds():
     read = read_angles(["12 20 43.02", "200 10 05"], "deg", clock=True)
-    assert_allclose(read.values, [Angle("12 20 43.02", "deg").deg, Angle("200 10 05", "deg").deg], rtol=1e-14)
-    assert_array_equal(read_angles(["12 20 43.02", "200 10 05"], clock=True).refused, [False, True])
+    assert_allclose(read, [Angle("12 20 43.02", "deg").deg, Angle("200 10 05", "deg").deg], rtol=1e-14)
+    assert_array_equal(np.isnan(read_angles(["12 20 43.02", "200 10 05"], clock=True)), [False, True])
 
 
 @pytest.mark.parametrize(
@@ -379,13 +365,12 @@ def test_right_ascensions_in_degrees_minutes_and_seconds():
 )
 def test_right_ascensions_that_are_none(cell):
     read = read_angles([cell, "01 00 00"], clock=True)
-    assert_array_equal(read.refused, [True, False])
-    assert_array_equal(read.values, [math.nan, 15.0])
+    assert_array_equal(read, [math.nan, 15.0])
 
 
 @pytest.mark.parametrize("cell", ["90 00 01", "-91:00:00", "01h44m04s", "12 60 00", "1 2 3 4", "north"])
 def test_declinations_that_are_none(cell):
-    assert_array_equal(read_angles([cell, None]).refused, [True, False])
+    assert np.isnan(read_angles([cell, None])).all()
 
 
 @pytest.mark.parametrize(
@@ -404,21 +389,20 @@ def test_declinations_that_are_none(cell):
 def test_positions_in_one_cell(cell):
     """SIMBAD's position of tau Ceti."""
     ra, dec = read_positions([cell, None])
-    assert_allclose(ra.values, [Angle("01 44 04.0831371", "hourangle").deg, math.nan], rtol=1e-14)
-    assert_allclose(dec.values, [Angle("-15 56 14.926547", "deg").deg, math.nan], rtol=1e-14)
-    assert not (ra.refused | dec.refused).any()
+    assert_allclose(ra, [Angle("01 44 04.0831371", "hourangle").deg, math.nan], rtol=1e-14)
+    assert_allclose(dec, [Angle("-15 56 14.926547", "deg").deg, math.nan], rtol=1e-14)
 
 
 @pytest.mark.parametrize("cell", ["01 44 04.08 15 56 14.9", "01:44:04.08 +15:56:14.9", "26.017 15.9374722222222"])
 def test_northern_positions_in_one_cell(cell):
     ra, dec = read_positions([cell])
-    assert_allclose([ra.values[0], dec.values[0]], [26.017, 15.9374722222222], rtol=1e-12)
+    assert_allclose([ra[0], dec[0]], [26.017, 15.9374722222222], rtol=1e-12)
 
 
 @pytest.mark.parametrize("cell", ["01 44 04", "26.017", "tau Cet", "01 44.5 15 56.2", "01 44 04 -15 56 14 12"])
 def test_cells_that_are_no_pair(cell):
     ra, dec = read_positions([cell])
-    assert (ra.refused | dec.refused).tolist() == [True]
+    assert np.isnan(ra + dec).all()
 
 
 @pytest.mark.parametrize(
@@ -434,21 +418,20 @@ def test_cells_that_are_no_pair(cell):
 def test_split_declinations_take_their_sign_column(whole, sign, degrees):
     for cell in (whole, float(whole), int(whole)):
         read = join_sexagesimal([cell], [12], [34.5], [sign])
-        assert_allclose(read.values, [degrees], rtol=1e-14)
+        assert_allclose(read, [degrees], rtol=1e-14)
 
 
 @pytest.mark.parametrize("whole", ["-00", "−0", -0.0])
 def test_without_a_sign_column_minus_nought_is_a_minus(whole):
-    assert_allclose(join_sexagesimal([whole], ["12"], ["34.5"]).values, [Angle("-0d12m34.5s").deg], rtol=1e-14)
+    assert_allclose(join_sexagesimal([whole], ["12"], ["34.5"]), [Angle("-0d12m34.5s").deg], rtol=1e-14)
 
 
 def test_split_right_ascensions_and_missing_parts():
     read = join_sexagesimal(
         ["01", "02", "", "03", "04"], ["44", "30.5", "", "", "61"], ["04.08", "", "", "", "0"], clock=True
     )
-    assert_allclose(read.values, [26.017, 37.625, math.nan, math.nan, math.nan], rtol=1e-14)
-    assert_array_equal(read.refused, [False, False, False, True, True])
-    assert_allclose(join_sexagesimal([1], [30], clock=True).values, [22.5])
+    assert_allclose(read, [26.017, 37.625, math.nan, math.nan, math.nan], rtol=1e-14)
+    assert_allclose(join_sexagesimal([1], [30], clock=True), [22.5])
 
 
 @pytest.mark.parametrize(
@@ -475,8 +458,7 @@ def test_split_right_ascensions_and_missing_parts():
 def test_julian_dates_of_every_convention(convention, zero):
     for cell in (2458000.25 - zero, repr(2458000.25 - zero)):
         read = read_dates([cell], convention)
-        assert_allclose(read.values, [2458000.25], rtol=0.0, atol=1e-9)
-        assert not read.refused.any()
+        assert_allclose(read, [2458000.25], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -484,13 +466,13 @@ def test_julian_dates_of_every_convention(convention, zero):
 )
 def test_calendar_dates_against_astropy(text):
     iso = text if text[:5] == "2005-" else "2005-06-12"
-    assert_allclose(read_dates(["2455000.5", text]).values, [2455000.5, Time(iso).jd], rtol=0.0, atol=1e-8)
+    assert_allclose(read_dates(["2455000.5", text]), [2455000.5, Time(iso).jd], rtol=0.0, atol=1e-8)
 
 
 def test_julian_years_against_astropy():
     expected = Time([1991.25, 2016.0], format="jyear").jd
-    assert_allclose(read_dates([1991.25, "2016.0"], "yr").values, expected, rtol=0.0, atol=1e-8)
-    assert_allclose(read_dates(["J1991.25", "J2016"]).values, expected, rtol=0.0, atol=1e-8)
+    assert_allclose(read_dates([1991.25, "2016.0"], "yr"), expected, rtol=0.0, atol=1e-8)
+    assert_allclose(read_dates(["J1991.25", "J2016"]), expected, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -510,10 +492,7 @@ def test_julian_years_against_astropy():
     ],
 )
 def test_times_that_may_be_another_day_are_refused_with_the_reason(cell, convention):
-    read = read_dates([cell, None], convention)
-    assert_array_equal(read.refused, [True, False])
-    assert np.isnan(read.values).all()
-    assert "half a day apart" in read.reason
+    assert np.isnan(read_dates([cell, None], convention)).all()
 
 
 UNITS = {
@@ -623,18 +602,11 @@ def test_units_of_something_else_are_refused(refused, text, own):
     ],
 )
 def test_values_in_our_unit(value, text, own, kept):
-    assert_allclose(converted(read_numbers([value]), text, own).values, [kept], rtol=1e-12)
+    assert_allclose(converted(read_numbers([value]), text, own), [kept], rtol=1e-12)
 
 
-def test_errors_and_limits_are_converted_with_their_values():
-    read = converted(read_numbers(["2.0±0.1", "<3"]), "arcsec", "mas")
-    assert_allclose([read.values[0], read.errors[0], read.bounds[1]], [2000.0, 100.0, 3000.0])
-    read = converted(read_numbers(["2.0±0.1"]), "[m/s2]", "dex(cm/s2)")
-    assert_allclose([read.values[0], read.errors[0]], [4.0, 0.1])
-    assert np.isnan(converted(read_numbers(["2.0±0.1"]), "m/s2", "dex(cm/s2)").errors[0])
-    lost = converted(read_numbers([-1.0]), "m/s2", "dex(cm/s2)")
-    assert_array_equal(lost.refused, [True])
-    assert math.isnan(lost.values[0])
+def test_no_logarithm_of_a_negative_number():
+    assert math.isnan(converted(read_numbers([-1.0]), "m/s2", "dex(cm/s2)")[0])
 
 
 PIECES = st.sampled_from(
@@ -643,27 +615,27 @@ PIECES = st.sampled_from(
 
 
 @given(st.lists(st.one_of(st.lists(PIECES, max_size=12).map("".join), st.text(max_size=12)), max_size=4))
-def test_any_text_is_a_value_a_limit_or_refused(cells):
+def test_any_text_is_a_finite_value_or_none(cells):
     columns = [read_numbers(cells), read_angles(cells), read_angles(cells, clock=True), read_dates(cells)]
     for read in (*columns, *read_positions(cells), join_sexagesimal(cells, cells)):
-        said = np.isfinite(read.values).astype(int) + read.refused + (read.limits != 0)
         empty = [not text.strip() or text.strip().lower() == "nan" for text in cells]
-        assert_array_equal(said, np.where(empty, 0, 1))
-        assert_array_equal(np.isfinite(read.bounds), read.limits != 0)
+        assert read.shape == (len(cells),)
+        assert np.isnan(read[empty]).all()
+        assert not np.isinf(read).any()
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers_as_python_writes_them(value):
-    assert_array_equal(read_numbers([repr(value), f"{value}*"]).values, [value, value])
+    assert_array_equal(read_numbers([repr(value), f"{value}*"]), [value, value])
 
 
 @given(st.integers(-1, 1), st.integers(0, 89), st.integers(0, 59), st.floats(0.0, 59.99))
 def test_sexagesimal_texts_of_astropy(sign, degrees, minutes, seconds):
     angle = Angle((sign or 1) * (degrees + minutes / 60.0 + seconds / 3600.0), "deg")
     texts = [angle.to_string(sep=sep, precision=9, pad=sign == 0) for sep in ("fromunit", ":", " ", "dms")]
-    assert_allclose(read_angles(texts).values, [angle.deg] * 4, rtol=0.0, atol=1e-12)
+    assert_allclose(read_angles(texts), [angle.deg] * 4, rtol=0.0, atol=1e-12)
     hours = [abs(angle).to_string("hourangle", sep=sep, precision=9) for sep in ("fromunit", ":", " ", "hms")]
-    assert_allclose(read_angles(hours, clock=True).values, [abs(angle).deg] * 4, rtol=0.0, atol=1e-11)
+    assert_allclose(read_angles(hours, clock=True), [abs(angle).deg] * 4, rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -672,17 +644,17 @@ def test_sexagesimal_texts_of_astropy(sign, degrees, minutes, seconds):
 def test_long_cells_are_refused_in_time_that_grows_as_their_length(text):
     """The square of this length would take minutes."""
     columns = [read_numbers([text]), read_angles([text]), read_dates([text]), *read_positions([text])]
-    assert all(read.refused[0] for read in columns)
+    assert all(math.isnan(read[0]) for read in columns)
 
 
 @pytest.mark.parametrize("text", ["log" + " " * 30000 + "x", "[" * 30000, "x" + "." * 30000, "jd" * 20000])
 def test_long_units_and_conventions_are_refused_likewise(refused, text):
     refused("a unit like mas", unit_of, text, "mas")
-    assert read_dates([2455000.5], text).values[0] == 2455000.5
+    assert read_dates([2455000.5], text)[0] == 2455000.5
 
 
 def test_columns_of_a_catalogue():
     seconds = np.random.default_rng(5).uniform(0.0, 86399.0, 20000)
     texts = [f"{int(s // 3600):02d}:{int(s // 60 % 60):02d}:{s % 60:08.5f}" for s in seconds]
     read = read_angles(np.array(texts, object), clock=True)
-    assert_allclose(read.values, seconds / 240.0, rtol=0.0, atol=1e-7)
+    assert_allclose(read, seconds / 240.0, rtol=0.0, atol=1e-7)

@@ -62,8 +62,8 @@ NEED_NONE = {
 """Public functions that read files, or compute element by element or by other public functions."""
 
 REDUCTION = """
-    aperture_photometry band_average calibrated_frames combine fit_albedo fit_position planet_albedo_model rdi_subtract
-    reduce_stack reject_cosmic_rays roll_photometry roll_subtract scale_library
+    aperture_photometry calibrated_frames combine fit_albedo fit_position planet_albedo_model rdi_subtract
+    reduce_stack reject_cosmic_rays roll_photometry roll_subtract
 """.split()
 
 

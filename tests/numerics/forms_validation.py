@@ -1,9 +1,8 @@
-"""Closed forms of the validator: contrasts, apertures, sums of frames, averages of positions, laws of noise."""
+"""Closed forms of the validator: apertures, sums of frames, albedos."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 from mpmath import mp, mpf
@@ -11,57 +10,10 @@ from oracle import ClosedForm
 
 from cpic_planner.validation import (
     AlbedoModel,
-    Astrometry,
-    SkyPosition,
-    aperture_sum,
     aperture_weights,
-    band_average,
     combine,
-    contrast,
     filled,
-    scale_library,
 )
-
-LIGHT = [
-    (f, t, core, rate, time, e, s)
-    for f in (0.0, 1e-6, -3.0, 1e12)
-    for t in (1e-3, 1.0)
-    for core in (1e-6, 0.3)
-    for rate, time in ((1e-12, 1e-6), (1e6, 1e6), (1e20, 1.0))
-    for e, s in ((0.0, 0.0), (5.0, 1e-3))
-]
-
-
-def ratio_error(f: mpf, t: mpf, core: mpf, rate: mpf, time: mpf, e: mpf, s: mpf) -> mpf:
-    full = t * core * rate * time
-    return mp.sqrt((e / full) ** 2 + (f / full * s / rate) ** 2)
-
-
-def averaged(part: str) -> Callable[..., float]:
-    def computed(e1: float, n1: float, s1: float, e2: float, n2: float, s2: float) -> float:
-        return getattr(band_average([position(e1, n1, s1), position(e2, n2, s2)]), part)
-
-    return computed
-
-
-def position(east: float, north: float, sigma: float) -> Astrometry:
-    sky = SkyPosition(east, north, np.diag([sigma**2, (2.0 * sigma) ** 2]), 0.0, 0.0, 0.0, 0.0)
-    return Astrometry(0.0, 0.0, 0.0, 0.0, np.eye(3), sky, 1.0, 1.0, 0.0, 0, 1.0, 0.0)
-
-
-def mean_position(e1: mpf, n1: mpf, s1: mpf, e2: mpf, n2: mpf, s2: mpf) -> tuple[mpf, mpf]:
-    """Weighted mean; covariances are diagonal, so that east and north do not mix."""
-    weights = (1 / s1**2, 1 / s2**2)
-    return tuple(
-        mp.fsum(w * x for w, x in zip(weights, pair, strict=True)) / mp.fsum(weights) for pair in ((e1, e2), (n1, n2))
-    )
-
-
-def pa(*given: mpf) -> mpf:
-    east, north = mean_position(*given)
-    angle = mp.degrees(mp.atan2(east, north))
-    return angle + 360 if angle < 0 else angle
-
 
 MODEL = AlbedoModel(
     bands=("F520",),
@@ -94,34 +46,8 @@ def bilinear(metal: mpf, cloud: mpf) -> mpf:
 FRAMES = [(a, b, c) for a in (0.0, 1e-6, 3.7, 1e12, 1e100) for b in (1e-12, 2.0) for c in (1e6, 1.0)]
 USABLE = np.array([True, False, True])[:, None, None]
 SUMS = [(x, r) for x in (20.0, 20.25, 19.7) for r in (1e-3, 0.3, 1.0, 3.3, 15.0)]
-PLACES = [
-    (0.5, 0.3, 1e-3, 0.6, 0.2, 1e-2),
-    (1e-6, -1e-6, 1e-9, 2e-6, -1e-6, 1e-6),
-    (-100.0, -1e-9, 1.0, -120.0, 1.0, 1e-3),
-]
 
 FORMS = [
-    ClosedForm(
-        "cpic_planner.validation.contrast",
-        "flux -3 to 1e12 e-, contrasts 1e-30 to 1e30",
-        LIGHT,
-        lambda f, t, core, rate, time, e, s: contrast(f, t, core, rate, time, error=e, star_rate_error_e_s=s).value,
-        lambda f, t, core, rate, time, e, s: f / (t * core * rate * time),
-    ),
-    ClosedForm(
-        "cpic_planner.validation.contrast, error",
-        "as the contrast",
-        LIGHT,
-        lambda f, t, core, rate, time, e, s: contrast(f, t, core, rate, time, error=e, star_rate_error_e_s=s).error,
-        ratio_error,
-    ),
-    ClosedForm(
-        "cpic_planner.validation.scale_library",
-        "0 to 1e12 e-, scale 1e-12 to 1e12",
-        list(itertools.product((0.0, 1e-6, 5.0, 1e12), (1e-12, 1.0, 1e12), (0.0, 4.9999999))),
-        lambda x, s, p: scale_library(np.full((2, 2), x), s, pedestal_e=p)[0, 0],
-        lambda x, s, p: (x - p) * s + p,
-    ),
     ClosedForm(
         "cpic_planner.validation.combine",
         "one frame of three unusable, 1e-12 to 1e100 e-",
@@ -144,31 +70,10 @@ FORMS = [
         lambda x, r: mp.pi * r**2,
     ),
     ClosedForm(
-        "cpic_planner.validation.aperture_sum, of a slope",
-        "radius 1e-3 to 15 px, any place in a pixel",
-        SUMS,
-        lambda x, r: aperture_sum(np.tile(np.arange(41.0), (41, 1)), 20.0, 20.0, r) * x / 20.0,
-        lambda x, r: mp.pi * r**2 * x,
-    ),
-    ClosedForm(
         "cpic_planner.validation.AlbedoModel.contrast",
         "nodes, ends and places between",
         list(itertools.product((0.0, 1e-9, 0.4, 1.0, 2.0), (-2.0, -1e-9, 0.3, 0.7))),
         lambda m, c: MODEL.contrast(m, c)[0],
         bilinear,
-    ),
-    ClosedForm(
-        "cpic_planner.validation.band_average, separation",
-        "1e-6 to 120 arcsec, errors 1e-9 to 1",
-        PLACES,
-        averaged("separation_arcsec"),
-        lambda *x: mp.hypot(*mean_position(*x)),
-    ),
-    ClosedForm(
-        "cpic_planner.validation.band_average, position angle",
-        "1e-6 to 120 arcsec, errors 1e-9 to 1",
-        PLACES,
-        averaged("pa_deg"),
-        pa,
     ),
 ]

@@ -29,11 +29,11 @@ ROOMS = {
         "stage_probability to_electrons write_calibration_set"
     ),
     "cpic_planner.validation": (
-        "AlbedoFit AlbedoModel Astrometry BlindSearch CalibratedFrames Candidate Contrast LibraryPlan Photometry "
-        "RdiResult ReducedStack RollResult SkyPosition SpeckleMaps StarFlux aperture_photometry aperture_sum "
-        "aperture_weights band_average calibrated_frames combine contrast detection_threshold filled fit_albedo "
+        "AlbedoFit AlbedoModel Astrometry BlindSearch CalibratedFrames Candidate LibraryPlan Photometry "
+        "RdiResult ReducedStack RollResult SpeckleMaps StarFlux aperture_photometry "
+        "aperture_weights calibrated_frames combine detection_threshold filled fit_albedo "
         "fit_position library_plan observe_off_mask planet_albedo_model rdi_subtract reduce_stack reject_cosmic_rays "
-        "roll_photometry roll_subtract scale_library star_flux_of_field_star star_flux_off_mask threshold_array"
+        "roll_photometry roll_subtract star_flux_off_mask threshold_array"
     ),
 }
 """What users may call beside the names of the roots; the other names of a room are for other rooms."""
@@ -87,7 +87,6 @@ ELSEWHERE = {
     "roll_subtract": "tests/cpic_planner/validation/test_roll.py",
     "roll_photometry": "tests/cpic_planner/validation/test_roll.py",
     "star_flux_off_mask": "tests/cpic_planner/validation/test_star_flux.py",
-    "star_flux_of_field_star": "tests/cpic_planner/validation/test_star_flux.py",
     "observe_off_mask": "tests/cpic_planner/validation/test_star_flux.py",
     "planet_albedo_model": "tests/cpic_planner/validation/test_albedo_model.py",
 }
@@ -105,7 +104,6 @@ NO_NUMBER = {
         "CalibrationSet",
         "Candidate",
         "Catalogue",
-        "Contrast",
         "Effect",
         "Exposure",
         "ExternalPsf",
@@ -130,7 +128,6 @@ NO_NUMBER = {
         "RollResult",
         "Scene",
         "SceneStar",
-        "SkyPosition",
         "SpeckleMaps",
         "StarFlux",
         "StarMatch",

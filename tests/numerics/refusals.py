@@ -15,7 +15,7 @@ from catalogs.coordinates import propagate
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.planets.population import read_law
-from cpic_planner.validation import aperture_sum, aperture_weights, combine, contrast, filled, scale_library
+from cpic_planner.validation import aperture_weights, combine, filled
 from simulator.camera.noise import mean_projection_um
 from simulator.detectors import clean_fraction
 from simulator.effects import cosmic_ray_rate
@@ -107,34 +107,6 @@ REFUSALS = [
         )
     ),
     *(
-        Refusal("cpic_planner.validation.contrast", contrast, given, says)
-        for given, says in (
-            ((NAN, 1.0, 0.5, 1.0, 1.0), "flux = nan e-: not accepted; allowed: a finite number"),
-            ((1.0, 0.0, 0.5, 1.0, 1.0), "throughput = 0.0: not accepted; allowed: finite and above 0"),
-            ((1.0, 1.0, 1.5, 1.0, 1.0), "core = 1.5: not accepted; allowed: above 0 and at most 1"),
-            ((1.0, 1e-200, 1e-200, 1.0, 1.0), "throughput x core x star_rate_e_s x time_s = 0.0 e-: not accepted"),
-            ((1.0, 1.0, 1.0, 1e308, 1e308), "throughput x core x star_rate_e_s x time_s = inf e-: not accepted"),
-            (
-                (1e308, 1e-10, 1.0, 1.0, 1.0),
-                "contrast = inf: not accepted; allowed: a finite ratio with a finite error",
-            ),
-            (("1", 1.0, 0.5, 1.0, 1.0), "flux = 1 e-: not accepted; allowed: real numbers"),
-        )
-    ),
-    *(
-        Refusal("cpic_planner.validation.scale_library", lambda f, s, p: scale_library(f, s, pedestal_e=p), given, says)
-        for given, says in (
-            ((FRAMES, 0.0, 0.0), "scale = 0.0: not accepted; allowed: above 0"),
-            ((FRAMES, NAN, 0.0), "scale = nan: not accepted; allowed: a finite number"),
-            ((FRAMES, 1.0, NAN), "pedestal_e = nan e-: not accepted; allowed: finite numbers"),
-            ((FRAMES, 1.0, np.ones(3)), "pedestal_e = (3,) px: not accepted; allowed: one number, or a map of (4, 4)"),
-            (
-                (FRAMES * 1e300, 1e10, 0.0),
-                "scale = 10000000000.0: not accepted; allowed: one at which the frames stay finite",
-            ),
-        )
-    ),
-    *(
         Refusal(name, call, (FRAMES * x, GOOD), f"frames[0, y=0, x=0] = {x} e-: not accepted; allowed: {allowed}")
         for name, call in (("cpic_planner.validation.combine", combine), ("cpic_planner.validation.filled", filled))
         for x, allowed in (
@@ -151,12 +123,6 @@ REFUSALS = [
             ((2.0, 2.0, "a"), "radius_pixel = a px: not accepted; allowed: real numbers"),
             ((NAN, 2.0, 1.0), "x_pixel = nan px: not accepted; allowed: a circle of radius 1 px inside 5 px"),
         )
-    ),
-    Refusal(
-        "cpic_planner.validation.aperture_sum",
-        aperture_sum,
-        (IMAGE * NAN, 2.0, 2.0, 1.0),
-        "image[y=0, x=0] = nan e-: not accepted; allowed: finite numbers",
     ),
     *(
         Refusal("simulator.Passbands.star_rate_e_s", star, given, says)

@@ -14,7 +14,6 @@ from cpic_planner.etc import build_model, contrast_limit, threshold_array
 from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.targets import find_target
-from cpic_planner.validation import contrast
 from simulator import camera
 from simulator.knobs import dial_of
 from simulator.passbands import Passbands
@@ -63,7 +62,6 @@ PURE = {
         3,
     ),
     "star_rate_e_s": (BANDS.star_rate_e_s, 5),
-    "contrast": (lambda *x: [getattr(contrast(*x), part) for part in ("value", "error")], 5),
 }
 EDGES = (
     0.0,

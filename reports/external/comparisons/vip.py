@@ -99,7 +99,7 @@ def peer() -> dict[str, Any]:
 def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return the curve of both and its parts."""
     from cpic_planner.validation import detection_threshold, rdi_subtract
-    from cpic_planner.validation.photometry import aperture_sum, aperture_weights, sample_scatter
+    from cpic_planner.validation.photometry import aperture_weights, sample_scatter
 
     science, references = stack()
     reduced = rdi_subtract(science, references, MODES, centering="none")
@@ -115,7 +115,11 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
         elements = 2.0 * math.pi * radius / FWHM
         where = f"{radius:g} pixels, {int(elements)} elements"
         angles = 2.0 * math.pi * np.arange(int(elements)) / elements
-        sums = aperture_sum(frame, middle + radius * np.cos(angles), middle + radius * np.sin(angles), FWHM / 2.0)
+        circles = [
+            aperture_weights(frame.shape, middle + radius * np.cos(angle), middle + radius * np.sin(angle), FWHM / 2.0)
+            for angle in angles
+        ]
+        sums = [np.sum(frame * weights) for weights in circles]
         found.append(
             Row(
                 f"noise in the same apertures, {where}",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import astropy.units as u
 import numpy as np
@@ -22,7 +23,6 @@ from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import (
     CalibratedFrames,
-    Contrast,
     Photometry,
     aperture_photometry,
     aperture_weights,
@@ -30,10 +30,8 @@ from cpic_planner.validation import (
     filled,
     rdi_subtract,
     reject_cosmic_rays,
-    star_flux_of_field_star,
 )
 from cpic_planner.validation.photometry import EXCLUSION_RADII
-from cpic_planner.validation.star_flux import field_star_ratio
 from simulator import Observation, load_instrument, load_scene, observe
 from simulator.config import Instrument, Scene, SequenceConfig, load_simulation
 from simulator.target import scene_sources
@@ -52,6 +50,43 @@ class Case:
     n_frames: int
     em_gain: float
     companions: Companions = "off"
+
+
+class Contrast(NamedTuple):
+    """Planet-to-star ratio and its 1-sigma error."""
+
+    value: float
+    error: float
+
+
+def contrast_of(
+    found: Photometry, core: float, star_rate_e_s: float, time_s: float, star_rate_error_e_s: float = 0.0
+) -> Contrast:
+    """Contrast of a source: its flux over that of the star through the clear pupil, errors in quadrature.
+
+    ``core`` is the energy of a unit source in its aperture.
+    """
+    full_scale_e = core * star_rate_e_s * time_s
+    value = found.flux / full_scale_e
+    return Contrast(value, math.hypot(found.error / full_scale_e, value * star_rate_error_e_s / star_rate_e_s))
+
+
+def rate_by_field_star(
+    found: Photometry, core: float, time_s: float, rate_ratio: float, ratio_relative_error: float = 0.0
+) -> tuple[float, float]:
+    """Rate of the central star and its error, e-/s, from a star of known magnitude in the same images.
+
+    ``rate_ratio`` is the rate of the central star over that of the field star.
+    """
+    rate_e_s = found.flux * rate_ratio / (core * time_s)
+    return rate_e_s, rate_e_s * math.hypot(found.error / found.flux, ratio_relative_error)
+
+
+def field_star_ratio(scene: Scene | str, band: str, name: str, instrument: Instrument) -> float:
+    """Rate of the central star over that of a star in its field, from their known magnitudes and spectra."""
+    sources = scene_sources(load_scene(scene), instrument, band)
+    (rate_e_s,) = (source.rate_e_s for source in sources[1:] if source.name == name)
+    return sources[0].rate_e_s / rate_e_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,13 +274,13 @@ def measured(case: Case) -> Measured:
     )
     core, time_s = float((template * weights).sum()), case.exposure_s * case.n_frames
     there = aperture_weights(stack.shape, star_x, star_y, radius) * science.psf.at(star.x_arcsec, star.y_arcsec)
-    known_ratio, _ = field_star_ratio(science.scene, case.band, star.name, instrument=instrument())
-    central = star_flux_of_field_star(near, float(there.sum()), time_s, known_ratio)
+    known_ratio = field_star_ratio(science.scene, case.band, star.name, instrument())
+    central = rate_by_field_star(near, float(there.sum()), time_s, known_ratio)
     return Measured(
         case=case,
         planet=found,
-        contrast=found.contrast(core, science.truth.sources[0].rate_e_s, time_s),
-        by_star=found.contrast(core, central.rate_e_s, time_s, star_rate_error_e_s=central.error_e_s),
+        contrast=contrast_of(found, core, science.truth.sources[0].rate_e_s, time_s),
+        by_star=contrast_of(found, core, central[0], time_s, central[1]),
         panels=_panels(science, science_e.sum(axis=0), reference_e.sum(axis=0), np.where(region, stack, np.nan)),
         places=_places(science),
         lost_in=sum(one.lost_in for one in frames),

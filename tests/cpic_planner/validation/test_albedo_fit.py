@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.validation import AlbedoFit, AlbedoModel, Contrast, FittedAlbedo, albedo_records, fit_albedo
+from cpic_planner.validation import AlbedoFit, AlbedoModel, FittedAlbedo, albedo_records, fit_albedo
 from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
@@ -130,7 +130,7 @@ def test_posterior_is_a_density(model: AlbedoModel) -> None:
 
 def test_one_band_is_degenerate(model: AlbedoModel) -> None:
     value = float(model.contrast(0.8, -0.3)[0])
-    fit = fit_albedo({"F520": Contrast(value, 0.05 * value)}, model)
+    fit = fit_albedo({"F520": (value, 0.05 * value)}, model)
     assert fit.status == "degenerate"
     assert fit.p_value is None
     assert fit.degrees_of_freedom == 0

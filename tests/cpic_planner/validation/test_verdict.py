@@ -8,7 +8,7 @@ import pytest
 from cpic_core import Outcome
 from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import ConfirmTask, FrameStatistics, Measurement, Modelling, StarFlux, target_verdict
-from cpic_planner.validation.verdict import Evidence, audit_of, confirmation_of, cut_off
+from cpic_planner.validation.verdict import audit_of, confirmation_of
 from simulator.knobs import FIDELITIES, dial_of
 from simulator.ledger import EffectRow
 
@@ -79,7 +79,7 @@ def measurement(contrast=1e-8, snr=10.0, found=True):
 
 def answer(measured, *, task=TASK, story=None, star=STAR):
     how = MODELLING if story is None else MODELLING.whole()
-    return confirmation_of(Evidence(task, how, star, 0, story), 0, measured, 0.13)
+    return confirmation_of(task, how, 0, measured, star, 0.13, statistics=story)
 
 
 def realisations(n=24, factor=1.0, found=lambda k: True):
@@ -152,7 +152,7 @@ def test_numbers_are_those_of_one_observation():
     assert found.star_flux == "off_mask"
     assert found.star_flux_error == pytest.approx(1e-3)
     assert found.drawn_as == "sums"
-    assert answer(measured, star=None).star_flux == "known"
+    assert answer(measured, star=StarFlux.known(1e6)).star_flux == "known"
 
 
 @pytest.mark.parametrize(
@@ -226,5 +226,5 @@ def test_how_the_images_were_made_stands_beside_the_answer():
     assert found.modelled.tolerance == {"planet_flux": 0.01, "snr": 0.03}
     (row,) = found.modelled.effects
     assert (row.key, row.decision, row.size) == ("summed_frames", "skipped", 0.004)
-    gone = cut_off(Evidence(TASK, MODELLING.whole(), STAR, 0, FrameStatistics(5, 0, 0.0, 0, 100)), 0)
+    gone = answer([*realisations(2), None], story=FrameStatistics(5, 0, 0.0, 0, 100))
     assert (gone.status, gone.drawn_as, gone.modelled.draw) == ("saturated", "frames", "frames")
