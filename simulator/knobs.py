@@ -4,7 +4,7 @@ Albedos that depend on how strongly the star shines on the planet.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, cast, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field
@@ -85,6 +85,20 @@ TOLERANCES: dict[Fidelity, dict[Quantity, float]] = {
 MAX_TOLERANCE = 0.5
 
 
+def checked_tolerance(tolerance: Any) -> float:
+    """Return a tolerance from 0 to 0.5.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    value = check_number("tolerance", tolerance)
+    if not 0.0 <= value <= MAX_TOLERANCE:
+        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
+    return value
+
+
 class Dial(FrozenModel):
     """One setting of speed against accuracy; made by `dial_of`.
 
@@ -128,9 +142,7 @@ def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial
         return Dial(fidelity=tier, tolerance=TOLERANCES[tier], knobs=knobs)
     if fidelity is not None:
         raise InputError("tolerance", tolerance, allowed="without fidelity", hint="they are two names of one dial")
-    if not 0 <= check_number("tolerance", tolerance) <= MAX_TOLERANCE:
-        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
-    if tolerance == 0:
+    if checked_tolerance(tolerance) == 0:
         return Dial(fidelity="reference", tolerance=TOLERANCES["reference"], knobs=FIDELITIES["reference"])
     return Dial(fidelity="custom", tolerance=dict.fromkeys(QUANTITIES, float(tolerance)), knobs=None)
 

@@ -263,8 +263,7 @@ def _field(model: Any, loc: Iterable[int | str]) -> Any:
     for part in loc:
         info = getattr(found, "model_fields", {}).get(part)
         if info is not None:
-            whole = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
-            found = next(_models(info.annotation), whole)
+            found = next(_models(info.annotation), _annotation_of(info))
     return found
 
 
