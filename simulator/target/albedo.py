@@ -160,6 +160,7 @@ def _intensity(
     return np.asarray(many + first + below)
 
 
+_PARAMETRIC = "the parametric albedo"
 PARAMETERS = ("ln_rayleigh_depth", "ln_methane_factor", "deck_logit", "deck_slope", "ln_alkali", "ln_water", "ln_haze")
 """The parameters of a node: ln T, ln M, c, s, ln n, ln w, ln h."""
 
@@ -280,7 +281,7 @@ def parametric_family(log10_mh: float, log10_fsed: float | None, near_au: float 
     if near_au is not None:
         first = int(np.clip(np.searchsorted(grid.insolation_au, near_au) - 1, 0, last - 2))
         last = first + 2
-    corners = _corners(grid, log10_mh, log10_fsed)
+    corners = model_corners(grid.fsed, grid.log10_mh, log10_mh, log10_fsed, _PARAMETRIC)
     family = np.asarray(sum(weight * _node_spectra(fsed, metal, first, last) for fsed, metal, weight in corners))
     family.setflags(write=False)
     return AlbedoFamily(grid.insolation_au[first:last], grid.wavelength_nm, family, grid.documented_to_nm)
@@ -332,7 +333,7 @@ def grid_phase_curve(
     phase, distance = np.broadcast_arrays(checked_phase(phase_deg), np.asarray(insolation_au, dtype=np.float64))
     nodes, weights = parametric_family(log10_mh, log10_fsed).corners(distance)
     result = np.zeros(phase.shape)
-    for fsed, metal, weight in _corners(grid, log10_mh, log10_fsed):
+    for fsed, metal, weight in model_corners(grid.fsed, grid.log10_mh, log10_mh, log10_fsed, _PARAMETRIC):
         curves = phase_curve(grid.phase[fsed, :, metal], phase.ravel()).reshape(-1, *phase.shape)
         for end in (0, 1):
             chosen = np.take_along_axis(curves, nodes[..., end][None], axis=0)[0]
@@ -349,21 +350,54 @@ def _node_spectra(fsed: int, metal: int, first: int, last: int) -> np.ndarray:
     return node_albedo(parameters, metallicity, grid.wavelength_nm, grid.methane_per_km_am)
 
 
-def _corners(grid: ParametricGrid, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
-    """Return the nodes (f_sed, metallicity) around a point and their weights."""
-    metals = _bracket("log10_mh", grid.log10_mh, log10_mh)
+# A logarithm that went through a text file or a power of ten is still the node it was.
+_SAME = 1e-9
+
+
+def model_corners(
+    fsed: np.ndarray, metals_log10: np.ndarray, log10_mh: float, log10_fsed: float | None, models: str
+) -> list[tuple[int, int, float]]:
+    """Return the nodes (f_sed, metallicity) around a point and their weights, linear over both logarithms.
+
+    Parameters
+    ----------
+    fsed, metals_log10 : ndarray
+        Increasing nodes; f_sed 0 is cloud-free.
+    log10_mh : float
+        Metallicity.
+    log10_fsed : float or None
+        Sedimentation efficiency, None for a cloud-free planet; above the last node, that.
+    models : str
+        Whose nodes they are, for refusals.
+
+    Raises
+    ------
+    InputError
+        For a point beyond the nodes.
+    """
+    metals = _bracket("log10_mh", metals_log10, log10_mh, f"the models of {models}")
+    free = int(np.count_nonzero(fsed == 0.0))
     if log10_fsed is None:
+        if not free:
+            raise InputError("log10_fsed", None, allowed=f"a number: {models} has no cloud-free models")
         clouds = [(0, 1.0)]
     else:
-        axis = np.log10(grid.fsed[1:])
-        clouds = [(index + 1, weight) for index, weight in _bracket("log10_fsed", axis, min(log10_fsed, axis[-1]))]
-    pairs = itertools.product(clouds, metals)
-    return [(fsed, metal, a * b) for (fsed, a), (metal, b) in pairs if a * b > 0.0]
+        if fsed.size == free:
+            raise InputError("log10_fsed", log10_fsed, allowed=f"null: {models} has no cloudy models")
+        nodes = np.log10(fsed[free:])
+        words = f"the models of {models}, or null for a cloud-free planet"
+        found = _bracket("log10_fsed", nodes, min(log10_fsed, float(nodes[-1])), words)
+        clouds = [(index + free, weight) for index, weight in found]
+    return [(fsed, metal, a * b) for (fsed, a), (metal, b) in itertools.product(clouds, metals)]
 
 
-def _bracket(name: str, nodes: np.ndarray, value: float) -> list[tuple[int, float]]:
-    if not (math.isfinite(value) and nodes[0] <= value <= nodes[-1]):
-        raise InputError(name, value, allowed=f"{nodes[0]:g} to {nodes[-1]:.4g}")
+def _bracket(name: str, nodes: np.ndarray, value: float, words: str) -> list[tuple[int, float]]:
+    """Return the neighbouring nodes of a value and their weights; a node alone where the value is one."""
+    near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
+    if near.size:
+        return [(int(near[0]), 1.0)]
+    if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
+        raise InputError(name, value, allowed=f"{nodes[0]:.4g} to {nodes[-1]:.4g}, {words}")
     ends, weights = bracket(nodes, value)
     return list(zip(ends.tolist(), weights.tolist(), strict=True))
 
