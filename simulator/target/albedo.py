@@ -44,8 +44,6 @@ stays positive, and smooth in wavelength. f_sed above 6 is taken as 6 and never 
 from __future__ import annotations
 
 import functools
-import itertools
-import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -53,10 +51,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs import Albedo, bracket, load_albedo
+from catalogs import Albedo, load_albedo
 from cpic_core import ArrayLike, InputError, file_state, numeric_context, read_npz, real_array
 from simulator import config
-from simulator.knobs import AlbedoFamily
+from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase, lambert_phase
 
 _NODES = 8
@@ -348,58 +346,6 @@ def _node_spectra(fsed: int, metal: int, first: int, last: int) -> np.ndarray:
     metallicity = np.full(last - first, grid.log10_mh[metal])
     parameters = grid.parameters[fsed, first:last, metal]
     return node_albedo(parameters, metallicity, grid.wavelength_nm, grid.methane_per_km_am)
-
-
-# A logarithm that went through a text file or a power of ten is still the node it was.
-_SAME = 1e-9
-
-
-def model_corners(
-    fsed: np.ndarray, metals_log10: np.ndarray, log10_mh: float, log10_fsed: float | None, models: str
-) -> list[tuple[int, int, float]]:
-    """Return the nodes (f_sed, metallicity) around a point and their weights, linear over both logarithms.
-
-    Parameters
-    ----------
-    fsed, metals_log10 : ndarray
-        Increasing nodes; f_sed 0 is cloud-free.
-    log10_mh : float
-        Metallicity.
-    log10_fsed : float or None
-        Sedimentation efficiency, None for a cloud-free planet; above the last node, that.
-    models : str
-        Whose nodes they are, for refusals.
-
-    Raises
-    ------
-    InputError
-        For a point beyond the nodes.
-    """
-    metals = _bracket("log10_mh", metals_log10, log10_mh, f"the models of {models}")
-    free = int(np.count_nonzero(fsed == 0.0))
-    if log10_fsed is None:
-        if not free:
-            raise InputError("log10_fsed", None, allowed=f"a number: {models} has no cloud-free models")
-        clouds = [(0, 1.0)]
-    else:
-        if fsed.size == free:
-            raise InputError("log10_fsed", log10_fsed, allowed=f"null: {models} has no cloudy models")
-        nodes = np.log10(fsed[free:])
-        words = f"the models of {models}, or null for a cloud-free planet"
-        found = _bracket("log10_fsed", nodes, min(log10_fsed, float(nodes[-1])), words)
-        clouds = [(index + free, weight) for index, weight in found]
-    return [(fsed, metal, a * b) for (fsed, a), (metal, b) in itertools.product(clouds, metals)]
-
-
-def _bracket(name: str, nodes: np.ndarray, value: float, words: str) -> list[tuple[int, float]]:
-    """Return the neighbouring nodes of a value and their weights; a node alone where the value is one."""
-    near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
-    if near.size:
-        return [(int(near[0]), 1.0)]
-    if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
-        raise InputError(name, value, allowed=f"{nodes[0]:.4g} to {nodes[-1]:.4g}, {words}")
-    ends, weights = bracket(nodes, value)
-    return list(zip(ends.tolist(), weights.tolist(), strict=True))
 
 
 def _lorentz(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:

@@ -26,8 +26,7 @@ import numpy as np
 
 from catalogs import Albedo, read_curve
 from cpic_core import NPZ_ERRORS, ArrayLike, InputError, at_home, open_file, open_npz, read_file, refuse_sent
-from simulator.knobs import AlbedoFamily
-from simulator.target.albedo import model_corners
+from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase
 
 LARGEST_ALBEDO = 2.0
