@@ -126,10 +126,6 @@ def test_flawed_pixels_and_limits() -> None:
     bad = (first.mask & (MaskBit.BAD | MaskBit.HOT)) != 0
     assert bad.any()
     assert not frames.usable[:, bad].any()
-    kept = calibrated_frames(seen, keep_hot=True)
-    hot = ((first.mask & MaskBit.HOT) != 0) & ((first.mask & MaskBit.BAD) == 0) & (kept.n_lost == 0)
-    assert hot.any()
-    assert kept.usable[:, hot].all()
     assert not frames.usable[0][first.lost].any()
     lost = sum(seen.frame(index).lost.astype(int) for index in range(10))
     hole = seen.psf.metrics.hole
@@ -212,11 +208,6 @@ def test_near_infrared_frames_are_the_light_again(mode: str) -> None:
 
 def test_refusals(refused) -> None:
     refused("n_frames", calibrated_frames, observed(n_frames=1_000_000))
-    seen = observed(n_frames=1)
-    refused("at least 100 pixels", calibrated_frames, seen, level_pixels=np.zeros(seen.shape, dtype=bool))
-    refused("level_pixels", calibrated_frames, seen, level_pixels=np.ones((3, 3), dtype=bool))
-    still = observed(n_frames=1, switches={"bias_drift": False, "interference": False})
-    assert calibrated_frames(still, level_pixels=np.zeros(seen.shape, dtype=bool)).n_frames == 1
 
 
 def test_register_clock_charge_is_taken_off() -> None:
