@@ -401,5 +401,5 @@ def _reading(raw: RawTable, kind: TableKind, *, strict: bool) -> TableReading:
         made = user_table(raw, strict=strict)
         return TableReading(kind, raw.name, len(raw), len(made.table), made.uses, made.left_out, made.notes)
     _, given = own_rows(raw, strict=strict)
-    notes = given.notes + given.remarks()
-    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
+    left_out = tuple(given.left_out)
+    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, left_out, given.remarks())

@@ -415,7 +415,7 @@ def _with_file(base: str, name: str, strict: bool) -> KnownPlanetTable:
     )
     about += f", {left} rows left out" if left else ""
     about += f", columns not used: {listed(given.unused)}" if given.unused else ""
-    notes = given.notes + given.remarks()
+    notes = given.remarks()
     if table is not None:
         about = f"{about} over {table.provenance}"
         notes += (_overlay_note(below, own, file.name),)

@@ -672,52 +672,54 @@ class Use:
     why: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of a table whose columns were understood.
+    """The rows of a table whose columns were understood; made by `read_rows`.
 
     Parameters
     ----------
-    label : str
-        Name of the file.
+    raw : RawTable
+        The file.
     columns : Columns
         What the table may have.
-    headings : dict of str to str
-        What the file calls each column that it has.
-    rows : list of Row
-        Those that can be used.
     about : str
         Name of the column that says what a row is about.
-    notes : tuple of str
-        Remarks on the reading.
-    unused : tuple of str
-        Headings of the file that were not used.
-    numbers : list of int
-        Number of each row in the file, from 1.
-    uses : tuple of Use
-        What each column of the file is taken for.
-    left_out : list of LeftOut
-        Rows and cells that were not used.
     strict : bool
         Whether the first thing that cannot be used refuses the table.
+    headings : dict of str to str
+        What the file calls each column that it has.
+    uses : tuple of Use
+        What each column of the file is taken for.
+    notes : list of str
+        Remarks on the reading of its columns.
+    rows : list of Row
+        Those that can be used.
+    numbers : list of int
+        Number of each row in the file, from 1.
+    left_out : list of LeftOut
+        Rows and cells that were not used.
     """
 
-    label: str
+    raw: RawTable
     columns: Columns
-    headings: dict[str, str]
-    rows: list[Row]
     about: str
-    notes: tuple[str, ...]
-    unused: tuple[str, ...] = ()
+    strict: bool
+    headings: dict[str, str]
+    uses: tuple[Use, ...]
+    notes: list[str]
+    rows: list[Row] = field(default_factory=list)
     numbers: list[int] = field(default_factory=list)
-    uses: tuple[Use, ...] = ()
     left_out: list[LeftOut] = field(default_factory=list)
-    strict: bool = True
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Headings of the file that were not used."""
+        return tuple(use.heading for use in self.uses if not use.quantity)
 
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
         for number, row in zip(self.numbers, self.rows, strict=True):
-            yield f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
+            yield f"{self.raw.name} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
 
     def make(self, made: Callable[[str, Row], Row]) -> None:
         """Put what is made of each row in its place, and leave out the rows of which nothing can be made.
@@ -759,15 +761,15 @@ class Rows:
     def _refused(self) -> InputError:
         """Return why a table is refused of which nothing is left, for its first row."""
         if not self.left_out:
-            return InputError(self.label, "no rows", allowed="at least one row")
+            return InputError(self.raw.name, "no rows", allowed="at least one row")
         item = self.left_out[0]
         who = f" ({item.name})" if item.name else ""
-        key = f"{self.label} row {item.row}{who} column {item.column}"
+        key = f"{self.raw.name} row {item.row}{who} column {item.column}"
         return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def remarks(self) -> tuple[str, ...]:
-        """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
-        found = []
+        """Return remarks on the reading: on columns, how many rows are left out by which reasons, the first of each."""
+        found = list(self.notes)
         for done, thing in ((ROW_OUT, "row"), (CELL_OUT, "cell")):
             items = [item for item in self.left_out if item.done == done]
             number = len({item.row for item in items}) if done == ROW_OUT else len(items)
@@ -775,7 +777,7 @@ class Rows:
             if more := why[_REASONS:]:
                 why[_REASONS:] = [f"and {len(more)} more reasons: the list of rejects has all"]
             what = f"{number} {thing}{'s' * (number != 1)} {done.removeprefix('row ')}"
-            found += [f"{self.label}: {what}: {'; '.join(why)}"] if items else []
+            found += [f"{self.raw.name}: {what}: {'; '.join(why)}"] if items else []
         return tuple(found)
 
     def refuse_lacking(self, groups: Groups) -> None:
@@ -800,7 +802,7 @@ class Rows:
             names = f": {listed([use.heading for use in self.uses])}"
             hint = f"the file has{names if len(self.headings) > 1 else f' {len(self.uses)} columns'}"
             odd = [f"{use.heading} has a {use.why}" for use in self.uses if use.why.startswith("unit")]
-            raise InputError(f"{self.label} column {wanted}", "missing", allowed=forms, hint="; ".join((*odd, hint)))
+            raise InputError(f"{self.raw.name} column {wanted}", "missing", allowed=forms, hint="; ".join((*odd, hint)))
 
     def refuse_missing(self, where: str, row: Row, groups: Groups) -> None:
         """Refuse a row that has nothing of one of the groups.
@@ -910,12 +912,12 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
         unit is not understood, or a cell is not what its column holds.
     """
     chosen, uses = _chosen(raw, columns, strict)
-    unused = tuple(use.heading for use in uses if not use.quantity)
-    notes = raw.notes + ((f"{raw.name}: columns not used: {listed(unused)}",) if unused else ())
     headings = {name: found[0][0].heading for name, found in chosen.items()}
-    given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
+    given = Rows(raw, columns, about, strict, headings, uses, list(raw.notes))
     given.refuse_lacking(required)
-    reading = _Reading(raw, strict, given.left_out)
+    if given.unused:
+        given.notes.append(f"{raw.name}: columns not used: {listed(given.unused)}")
+    reading = _Reading(given)
     place = chosen["ra_deg"][0][1].convention if "ra_deg" in chosen else ""
     others = [name for group in required[:2] for name in group if columns[name].kind in ("text", "int")]
     numbered = chosen[about][0][0] if about in chosen and columns[about].kind != "text" else None
@@ -941,7 +943,7 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
     if epoch := re.fullmatch(r"j(\d+(?:\.\d+)?)", place):
         for row in given.rows:
             row.setdefault("epoch_yr", float(epoch[1]))
-    return replace(given, notes=notes + tuple(reading.notes))
+    return given
 
 
 _Chosen = dict[str, list[tuple[RawColumn, Meaning]]]
@@ -997,12 +999,10 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
 class _Reading:
     """The cells of a file's columns, in the units of ours and checked; what is not accepted goes on a list."""
 
-    def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
-        self.raw, self.strict, self.left = raw, strict, left
-        self.numbers = raw.numbers
+    def __init__(self, given: Rows) -> None:
+        self.given, self.numbers = given, given.raw.numbers
         self.kept: NDArray[np.bool_] | slice = slice(None)
-        self.names: list[Any] = [None] * len(raw)
-        self.notes: list[str] = []
+        self.names: list[Any] = [None] * len(given.raw)
 
     def keep_default_rows(
         self, column: Column, found: list[tuple[RawColumn, Meaning]], names: Sequence[Hashable]
@@ -1015,7 +1015,7 @@ class _Reading:
         self.kept, self.numbers = kept, self.numbers[kept]
         if dropped := int(np.count_nonzero(~kept)):
             what = f"{dropped} row{'s are' if dropped > 1 else ' is'} not the default solution of a planet"
-            self.notes.append(f"{self.raw.name}: {what}: not read")
+            self.given.notes.append(f"{self.given.raw.name}: {what}: not read")
         return kept
 
     def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
@@ -1031,8 +1031,8 @@ class _Reading:
         for others, (given, _) in read[1:]:
             odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
             if odd:
-                other = f"{given.heading} differs in {odd} row{'s' * (odd > 1)}"
-                self.notes.append(f"{self.raw.name}: {column.name} is that of {first.heading}, from which {other}")
+                same = f"{self.given.raw.name}: {column.name} is that of {first.heading}, from which"
+                self.given.notes.append(f"{same} {given.heading} differs in {odd} row{'s' * (odd > 1)}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
             said = self.cells(given)
@@ -1076,14 +1076,14 @@ class _Reading:
         name = self.names[place]
         unit = (unit or column.unit) if column.kind in ("float", "whole") else ""
         hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
-        if self.strict:
+        if self.given.strict:
             who = "" if name is None else f" ({name})"
             hint += ": leave the cell empty" if fill else ""
-            key = f"{self.raw.name} row {number}{who} column {heading_}"
+            key = f"{self.given.raw.name} row {number}{who} column {heading_}"
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT
-        self.left.append(LeftOut(number, name or "", heading_, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+        self.given.left_out.append(LeftOut(number, name or "", heading_, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
 def _read_numbers(
