@@ -422,21 +422,6 @@ def _joined(
     return np.where(broken, np.nan, angle)
 
 
-class Synonym(NamedTuple):
-    """A name by which one source calls a quantity.
-
-    ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
-    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none; ``beside``
-    is another heading without which a file is not of that source, ``""`` if the heading says enough.
-    """
-
-    heading: str
-    unit: str = ""
-    convention: str = ""
-    source: str = ""
-    beside: str = ""
-
-
 CONVENTIONS = shipped_words("conventions")
 """Conventions of sources on what a number means, beyond its unit."""
 _SPEED_OF_LIGHT_KM_S = 299792.458
@@ -517,14 +502,36 @@ def _plain(text: str) -> str:
 
 
 class Meaning(NamedTuple):
-    """The meaning of a heading: a column, the unit that it names or its source implies, and the source's convention."""
+    """The meaning of a heading of a file, or of one by which a source calls a quantity.
 
-    column: Column | None
+    Attributes
+    ----------
+    column : Column or None
+        What it is; None if it is not known.
+    unit : str
+        That it names, or that its source means where the file names none.
+    convention : str
+        A word of `CONVENTIONS`, ``""`` for none.
+    rank : int
+        Place among the names of the quantity; the first are preferred.
+    beside : str
+        Another heading without which a file is not of that source, ``""`` if the heading says enough.
+    stated : bool
+        Whether the heading itself names the unit.
+    heading : str
+        Reduced as by the function `heading`, and meant as it is written where it has a capital letter.
+    source : str
+        Whose word it is.
+    """
+
+    column: "Column | None"
     unit: str = ""
     convention: str = ""
     rank: int = 0
     beside: str = ""
     stated: bool = False
+    heading: str = ""
+    source: str = ""
 
 
 class Columns(dict[str, Column]):
@@ -548,14 +555,14 @@ class Columns(dict[str, Column]):
         found: dict[str, list[Meaning]] = {heading(name): [Meaning(column)] for name, column in self.items()}
         for column in self.values():
             for rank, form in enumerate(self.synonyms_of(column.name), start=1):
-                meant = Meaning(column, form.unit, form.convention, rank, form.beside)
+                meant = form._replace(column=column, rank=rank)
                 found.setdefault(form.heading, []).insert(0 if form.beside else 99, meant)
         return found
 
-    def synonyms_of(self, name: str) -> Sequence[Synonym]:
+    def synonyms_of(self, name: str) -> Sequence[Meaning]:
         """Return what else people call a column, and whose word each is; of ``""`` what is known to be none of ours."""
         own = self[name].aliases.split() if name else ()
-        return [*map(Synonym, own), *synonyms_of(self._table).get(name, ())]
+        return [*(Meaning(None, heading=form) for form in own), *synonyms_of(self._table).get(name, ())]
 
     def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
@@ -611,21 +618,22 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
 
 
 @functools.cache
-def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
+def synonyms_of(table: str) -> Mapping[str, Sequence[Meaning]]:
     """Return the synonyms of the quantities of a kind of table, as ``data/headings.csv`` has them, in its order.
 
     Parameters
     ----------
     table : {"stars", "planets"}
     """
-    found: dict[str, list[Synonym]] = {}
+    found: dict[str, list[Meaning]] = {}
     for row in shipped_rows("headings.csv"):
         if row["table"] == table:
             words = row["convention"].split()
             beside = next((heading(word[7:]) for word in words if word.startswith("beside:")), "")
             convention = next((word for word in words if not word.startswith("beside:")), "")
+            said = Meaning(None, row["unit"], convention, beside=beside, source=row["source"])
             found.setdefault(row["quantity"], []).extend(
-                Synonym(form, row["unit"], convention, row["source"], beside) for form in row["headings"].split()
+                said._replace(heading=form) for form in row["headings"].split()
             )
     return found
 

@@ -585,6 +585,12 @@ class BlindSearch:
             if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
         ]
 
+    def apart_from(self, places_arcsec: Sequence[tuple[float, float]], geometry: BandGeometry) -> list[Candidate]:
+        """Return the candidates that are no detection of a source at one of some places, offsets on the detector."""
+        reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
+        near = [id(one) for place in places_arcsec for one in self.near(*place, reach)]
+        return [one for one in self.candidates if id(one) not in near]
+
     def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
         """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
 
