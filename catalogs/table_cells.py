@@ -720,6 +720,11 @@ class Rows:
     left_out: list[LeftOut] = field(default_factory=list)
 
     @property
+    def label(self) -> str:
+        """Name of the file."""
+        return self.raw.name
+
+    @property
     def unused(self) -> tuple[str, ...]:
         """Headings of the file that were not used."""
         return tuple(use.heading for use in self.uses if not use.quantity)
@@ -727,7 +732,7 @@ class Rows:
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
         for number, row in zip(self.numbers, self.rows, strict=True):
-            yield f"{self.raw.name} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
+            yield f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
 
     def make(self, made: Callable[[str, Row], Row]) -> None:
         """Put what is made of each row in its place, and leave out the rows of which nothing can be made.
@@ -769,10 +774,10 @@ class Rows:
     def _refused(self) -> InputError:
         """Return why a table is refused of which nothing is left, for its first row."""
         if not self.left_out:
-            return InputError(self.raw.name, "no rows", allowed="at least one row")
+            return InputError(self.label, "no rows", allowed="at least one row")
         item = self.left_out[0]
         who = f" ({item.name})" if item.name else ""
-        key = f"{self.raw.name} row {item.row}{who} column {item.column}"
+        key = f"{self.label} row {item.row}{who} column {item.column}"
         return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def remarks(self) -> tuple[str, ...]:
@@ -785,7 +790,7 @@ class Rows:
             if more := why[_REASONS:]:
                 why[_REASONS:] = [f"and {len(more)} more reasons: the list of rejects has all"]
             what = f"{number} {thing}{'s' * (number != 1)} {done.removeprefix('row ')}"
-            found += [f"{self.raw.name}: {what}: {'; '.join(why)}"] if items else []
+            found += [f"{self.label}: {what}: {'; '.join(why)}"] if items else []
         return tuple(found)
 
     def refuse_lacking(self, groups: Groups) -> None:
@@ -810,7 +815,7 @@ class Rows:
             names = f": {listed([use.heading for use in self.uses])}"
             hint = f"the file has{names if len(self.headings) > 1 else f' {len(self.uses)} columns'}"
             odd = [f"{use.heading} has a {use.why}" for use in self.uses if use.why.startswith("unit")]
-            raise InputError(f"{self.raw.name} column {wanted}", "missing", allowed=forms, hint="; ".join((*odd, hint)))
+            raise InputError(f"{self.label} column {wanted}", "missing", allowed=forms, hint="; ".join((*odd, hint)))
 
     def refuse_missing(self, where: str, row: Row, groups: Groups) -> None:
         """Refuse a row that has nothing of one of the groups.
@@ -1023,7 +1028,7 @@ class _Reading:
         self.kept, self.numbers = kept, self.numbers[kept]
         if dropped := int(np.count_nonzero(~kept)):
             what = f"{dropped} row{'s are' if dropped > 1 else ' is'} not the default solution of a planet"
-            self.given.notes.append(f"{self.given.raw.name}: {what}: not read")
+            self.given.notes.append(f"{self.given.label}: {what}: not read")
         return kept
 
     def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
@@ -1039,7 +1044,7 @@ class _Reading:
         for others, (given, _) in read[1:]:
             odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
             if odd:
-                same = f"{self.given.raw.name}: {column.name} is that of {first.heading}, from which"
+                same = f"{self.given.label}: {column.name} is that of {first.heading}, from which"
                 self.given.notes.append(f"{same} {given.heading} differs in {odd} row{'s' * (odd > 1)}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
@@ -1087,7 +1092,7 @@ class _Reading:
         if self.given.strict:
             who = "" if name is None else f" ({name})"
             hint += ": leave the cell empty" if fill else ""
-            key = f"{self.given.raw.name} row {number}{who} column {heading_}"
+            key = f"{self.given.label} row {number}{who} column {heading_}"
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT

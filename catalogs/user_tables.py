@@ -119,7 +119,7 @@ def keep(rows: Rows) -> Rows:
     """Put a table that is being read beside the others of the question; what is left out of it may grow."""
     asked = _READ.get()
     if asked is not None:
-        asked.tables[rows.raw.name, rows.uses] = rows.left_out
+        asked.tables[rows.label, rows.uses] = rows.left_out
     return rows
 
 
