@@ -83,7 +83,7 @@ def test_level_does_not_see_sources() -> None:
     """Adding a source to a frame leaves its fitted level exactly as it is; particles on the bar move it little."""
     seen = observed(n_frames=1, em_gain=300.0, exposure_s=1.0)
     detector, zero = seen.instrument.detector, np.zeros(seen.shape)
-    level = frame_level(seen, None, flaws=zero.astype(np.uint8), mean_e=zero)
+    level = frame_level(seen, flaws=zero.astype(np.uint8), mean_e=zero)
     assert level is not None
     rng = np.random.default_rng(0)
     rows, columns = np.indices(seen.shape)
