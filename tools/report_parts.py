@@ -19,6 +19,9 @@ from matplotlib.figure import Figure
 from cpic_core import write_bytes
 from cpic_planner.report.drawing import Picture
 
+Cells = Mapping[str, str | Callable[[Any], object]]
+"""By the heading of a column: how the cell of a row is written, as a format or by a function."""
+
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Return rows as a table of Markdown.
@@ -32,7 +35,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
-def columns(rows: Iterable[Any], cells: Mapping[str, str | Callable[[Any], object]]) -> str:
+def columns(rows: Iterable[Any], cells: Cells) -> str:
     """Return rows as a table of Markdown, a column for each heading.
 
     Parameters

@@ -23,12 +23,11 @@ from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import FrameCamera, Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
-from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.signal import ProgrammeLaw, gain_caps, largest_gain, longest_exposure_s
+from simulator.signal import ProgrammeLaw, crest_e, gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -96,11 +95,9 @@ def _endless_output(camera: FrameCamera) -> FrameCamera:
 
 def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
     """Return whether register or converter binds at the output."""
-    converter_only = replace(camera, register_full_well_e=float("inf"), em_gain_max=float("inf"))
-    register_only = replace(camera, converter_e=float("inf"), em_gain_max=float("inf"))
-    by_converter = float(largest_gain(hole, tail, exposure_s, converter_only))
-    by_register = float(largest_gain(hole, tail, exposure_s, register_only))
-    return Reason.ADC_RANGE.value if by_converter < by_register else Reason.REGISTER_FULL_WELL.value
+    own, beside = (float(crest_e(rate * exposure_s, 2.0)) for rate in (hole, tail if camera.blooms else 0.0))
+    by_converter, by_register = own * camera.register_full_well_e, max(own, beside) * camera.converter_e
+    return Reason.ADC_RANGE.value if by_converter > by_register else Reason.REGISTER_FULL_WELL.value
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
@@ -273,16 +270,10 @@ def time_at_rest_s(cases: Cases, visit_time_s: float | None) -> FloatArray | Non
     """
     if cases.motion is None:
         return None
-    rest = replace(cases.search, motion=None)
-
-    def problem(made: Programme) -> FrameProblem:
-        return cases.problem("significance", programme=made)
-
-    visits = spread(cases.programme.visits, cases.contrast.shape)
-    every = Programmes(cases.model, problem, rest, rest.steady, cases.with_modes)
+    rest, visits = cases.at_rest, spread(cases.programme.visits, cases.contrast.shape)
     if visit_time_s is not None:
-        return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
-    return np.asarray(visits * cases.model.time_s(every.solved(visits)[0]))
+        return rest.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
+    return np.asarray(visits * cases.model.time_s(rest.solved(visits)[0]))
 
 
 def programme_floor(cases: Cases, visits: float) -> FloatArray:

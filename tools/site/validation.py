@@ -96,7 +96,6 @@ CHECKS: dict[str, tuple[Check, ...]] = {
         Check("completeness", "brute-force draws", "whatif", "completeness against brute force"),
         Check("share of a circle in the dark hole", "closed form of the squares", "whatif", "share of a circle"),
         Check("one visit of one star", "completeness of the ranking", "whatif", "one visit of one star"),
-        Check("tables after kills", "tables of an undisturbed run", "whatif", "tables after"),
     ),
 }
 

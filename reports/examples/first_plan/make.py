@@ -12,7 +12,9 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from cpic_core import write_bytes, write_text
 from cpic_planner.confirm import make_plan
@@ -20,13 +22,12 @@ from cpic_planner.confirm.plan import prepare_plan
 from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
-from cpic_planner.report.files import hole_edges, limit_curves, panels_of
-from cpic_planner.report.image_figures import panel_picture, snr_figure
-from cpic_planner.report.ranking_figures import contrast_diagram
+from cpic_planner.report.files import panels_of
+from cpic_planner.report.image_figures import panel_picture
 from cpic_planner.report.words import pretty_name, tau_text
-from cpic_planner.results import PlanResult, RankResult, SensitivityResult
+from cpic_planner.results import PlanResult, SensitivityResult
 from simulator.config import load_instrument
-from tools.report_parts import write_picture
+from tools.report_parts import Cells, columns, table, write_picture
 
 HERE = Path(__file__).resolve().parent
 TOP = 5
@@ -49,49 +50,41 @@ def processor_s() -> float:
     return sum(os.times()[:4])
 
 
-def table(plan: PlanResult) -> list[str]:
+def confirmed(plan: PlanResult) -> str:
     """One line per confirmed target and band."""
-    lines = [
-        "| target | band | separation (arcsec) | contrast, true | contrast, recovered | frames x exposure (s) "
-        "| EM gain | wall (h) | SNR predicted | SNR recovered | verdict |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    heads = ["target", "band", "separation (arcsec)", "contrast, true", "contrast, recovered", "frames x exposure (s)"]
+    heads += ["EM gain", "wall (h)", "SNR predicted", "SNR recovered", "verdict"]
+    form = (
+        "{0.true_contrast:.2e}|{0.recovered_contrast:.2e} +- {0.contrast_error:.1e}|{0.n_frames} x {0.exposure_s:.1f}|"
+        "{0.em_gain:.0f}|{1:.2f}|{0.predicted_snr:.1f}|{0.recovered_snr:.1f}|{0.verdict}"
+    )
+    rows = []
     for target in plan.targets:
         for band in target.bands:
             mark = "**" if band.band == target.chosen_band else ""
-            name = f"{mark}{pretty_name(target.name)}{mark}"
-            if band.recovered_snr is None:
-                lines.append(f"| {name} | {band.band} | {band.separation_arcsec:.3f} | | | | | | | | {band.reason} |")
-                continue
-            lines.append(
-                f"| {name} | {band.band} | {band.separation_arcsec:.3f} | {band.true_contrast:.2e} "
-                f"| {band.recovered_contrast:.2e} +- {band.contrast_error:.1e} "
-                f"| {band.n_frames} x {band.exposure_s:.1f} | {band.em_gain:.0f} | {band.time_s / 3600:.2f} "
-                f"| {band.predicted_snr:.1f} | {band.recovered_snr:.1f} | {band.verdict} |"
-            )
-    return lines
+            measured = band.recovered_snr is not None
+            cells = form.format(band, band.time_s / 3600).split("|") if measured else [*[""] * 7, band.reason]
+            rows.append([f"{mark}{pretty_name(target.name)}{mark}", band.band, f"{band.separation_arcsec:.3f}", *cells])
+    return table(heads, rows)
 
 
-def ranking(rank: RankResult) -> list[str]:
-    """The first stars, with what makes their score."""
-    planets = rank.population
-    lines = [
-        f"Score: completeness per hour, for {planets.n_planets} planets of the population `{planets.name}`.",
-        "",
-        "| rank | star | score (1/h) | completeness | band | wall (h) | reference planet: band | margin "
-        "| least time of detection (s) | faintest contrast |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rank.targets[:LISTED]:
-        least = "" if row.detection_time_s is None else f"{row.detection_time_s:.0f}"
-        wall = "" if row.completeness_time_s is None else f"{row.completeness_time_s / 3600:.2f}"
-        limit = "" if row.deepest_limit is None else f"{row.deepest_limit:.1e}"
-        lines.append(
-            f"| {row.rank} | {pretty_name(row.name)} | {row.score:.3g} | {row.completeness:.4f} +- "
-            f"{row.completeness_error:.4f} | {row.completeness_band} | {wall} | {row.band} "
-            f"| {row.detection_margin:.2f} | {least} | {limit} |"
-        )
-    return lines
+def given(form: str, name: str, unit: float = 1.0) -> Callable[[Any], str]:
+    """Write a number of a row where there is one."""
+    return lambda row: "" if getattr(row, name) is None else form.format(getattr(row, name) / unit)
+
+
+RANKED: Cells = {
+    "rank": "{0.rank}",
+    "star": lambda row: pretty_name(row.name),
+    "score (1/h)": "{0.score:.3g}",
+    "completeness": "{0.completeness:.4f} +- {0.completeness_error:.4f}",
+    "band": "{0.completeness_band}",
+    "wall (h)": given("{:.2f}", "completeness_time_s", 3600.0),
+    "reference planet: band": "{0.band}",
+    "margin": "{0.detection_margin:.2f}",
+    "least time of detection (s)": given("{:.0f}", "detection_time_s"),
+    "faintest contrast": given("{:.1e}", "deepest_limit"),
+}
 
 
 def undetected(counts: dict[str, int]) -> str:
@@ -108,25 +101,25 @@ def undetected(counts: dict[str, int]) -> str:
     )
 
 
+def fall(row: Any) -> str:
+    """The star that falls farthest."""
+    if not row.largest_fall:
+        return ""
+    return f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} rank{'s' * (row.largest_fall_ranks > 1)}"
+
+
 def assumptions(firm: SensitivityResult) -> list[str]:
     """The ranking under other assumptions."""
-    lines = [
-        f"| instead | reference planets detected | kept of first {firm.first} | kept of first {firm.top} "
-        "| Kendall's tau-b | stars compared | largest fall |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for row in firm.rows:
-        tau = "" if row.kendall_tau_b is None else f"{row.kendall_tau_b:.2f}"
-        fall = (
-            f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} rank{'s' * (row.largest_fall_ranks > 1)}"
-            if row.largest_fall
-            else ""
-        )
-        lines.append(
-            f"| {row.text} | {row.n_ok} (nominal {firm.n_ok}) | {row.kept_first} | {row.kept} | {tau} "
-            f"| {row.n_compared} | {fall} |"
-        )
-    return [*lines, "", firm.statement, "", f"Tau: {tau_text(firm.top)}."]
+    cells: Cells = {
+        "instead": "{0.text}",
+        "reference planets detected": f"{{0.n_ok}} (nominal {firm.n_ok})",
+        f"kept of first {firm.first}": "{0.kept_first}",
+        f"kept of first {firm.top}": "{0.kept}",
+        "Kendall's tau-b": given("{:.2f}", "kendall_tau_b"),
+        "stars compared": "{0.n_compared}",
+        "largest fall": fall,
+    }
+    return [columns(firm.rows, cells), "", firm.statement, "", f"Tau: {tau_text(firm.top)}."]
 
 
 def main() -> None:
@@ -144,16 +137,13 @@ def main() -> None:
         with open_run_folder(out, kind="plan", config_hash=plan.config_hash) as folder:
             body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
     assert body is not None
-    confirmed = tuple(target.name for target in plan.targets)
-    contrasts = contrast_diagram(rank, limits=limit_curves(plan, model), holes=hole_edges(model), confirmed=confirmed)
-    diagram = write_picture(HERE, "contrast", contrasts)
-    snr = write_picture(HERE, "snr", snr_figure(plan))
     write_picture(HERE, "panels", panel_picture(panels_of(model, SHOWN[1], body), SHOWN[0]))
     cold = {
         "cpic etc 'tau Cet' --snr 5": cold_seconds(["etc", "tau Cet", "--snr", "5"]),
         "cpic rank": cold_seconds(["rank"]),
     }
     ratio, error, count = (plan.calibration[name] for name in ("etc_ratio", "etc_ratio_error", "n_bands"))
+    planets = rank.population
     lines = [
         "# The first plan",
         "",
@@ -168,7 +158,9 @@ def main() -> None:
         "",
         "## Ranking",
         "",
-        *ranking(rank),
+        f"Score: completeness per hour, for {planets.n_planets} planets of the population `{planets.name}`.",
+        "",
+        columns(rank.targets[:LISTED], RANKED),
         "",
         "## What if",
         "",
@@ -176,16 +168,12 @@ def main() -> None:
         "",
         "## Confirmed with images",
         "",
-        *table(plan),
+        confirmed(plan),
         "",
         "Bold: the band to observe in. Recovered numbers are means over the realisations; the error of a contrast is",
         "that of one observation. In brackets: realisations in which the blind search finds the planet.",
         "",
-        f"![contrast against separation]({diagram})",
-        "",
         f"![{SHOWN[0]}, {SHOWN[1]}](panels.png)",
-        "",
-        f"![predicted and recovered SNR]({snr})",
         "",
         "## Times",
         "",

@@ -88,30 +88,3 @@ def images(band: str, contrast: float) -> dict[str, Any]:
 def run() -> list[dict[str, Any]]:
     """All cases."""
     return [images(*case) for case in CASES]
-
-
-def rows(found: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Head and rows of the table."""
-    head = [
-        "band",
-        "contrast, nominal",
-        "contrast, assumed",
-        "error of the mirror (nm)",
-        "predicted over recovered SNR",
-        "worst of eight places",
-        "by scaled light",
-        "its worst",
-    ]
-    return head, [
-        [
-            row["band"],
-            f"{row['nominal']:.1e}",
-            f"{row['contrast']:.0e}",
-            f"{row['mirror_noise_nm']:.3f}",
-            f"{row['ratio']:.2f} ± {row['error']:.2f}",
-            f"{row['worst']:.2f}",
-            f"{row['scaled']:.2f}",
-            f"{row['scaled_worst']:.2f}",
-        ]
-        for row in found
-    ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,7 @@ AVERAGED_NM, LAST_LATITUDE_DEG = 20.0, 75.0
 STAR = "psi Ser"
 REDDER = "table 19 of two digits against equation 22 of the same article"
 REFUSED = "not achievable"
+TOY = Path(__file__).resolve().parents[1] / "instruments/pyedith_toy.json"
 
 
 def peer() -> dict[str, Any]:
@@ -41,15 +44,15 @@ def peer() -> dict[str, Any]:
     from astropy.coordinates import SkyCoord
     from pyEDITH import parse_input
     from pyEDITH.astrophysical_scene import calc_flux_zero_point, calc_zodi_flux
-    from reports.benchmarks.calculators import TOY
 
+    toy = json.loads(TOY.read_text(encoding="utf-8"))
     edith.set_verbosity("error")
-    found: dict[str, Any] = {"times": [], "sky": [], "given_flux": TOY["FstarV_10pc"]}
+    found: dict[str, Any] = {"times": [], "sky": [], "given_flux": toy["FstarV_10pc"]}
     for wavelength in WAVELENGTHS_UM:
         for contrast in CONTRASTS:
             for floor, separation in zip(FLOORS, SEPARATIONS_ARCSEC, strict=True):
                 changed = {"wavelength": wavelength, "Fp/Fs": contrast, "noisefloor_factor": floor}
-                asked = parse_input.parse_parameters(TOY | changed | {"separation": separation, "snr": SNR})
+                asked = parse_input.parse_parameters(toy | changed | {"separation": separation, "snr": SNR})
                 observation, scene, observatory = edith.Observation(), edith.AstrophysicalScene(), edith.Observatory()
                 observation.load_configuration(asked)
                 observation.set_output_arrays()

@@ -25,7 +25,7 @@ from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, save
 from simulator import Observation, load_instrument, load_scene, observe
 from simulator.camera import Frame
 from simulator.config import Instrument, SceneStar
-from tools.report_parts import table, write_picture
+from tools.report_parts import Cells, columns, write_picture
 
 HERE = Path(__file__).resolve().parent
 BAND, EXPOSURES_S, GAINS = "F520", (30.0, 300.0), (1.0, 20.0)
@@ -140,44 +140,21 @@ def figure_of(images: dict[Setting, Seen]) -> Figure:
     return figure
 
 
-def frame_rows(images: dict[Setting, Seen]) -> tuple[list[str], list[list[str]]]:
-    """Head and rows with the numbers of the four frames."""
-    head = [
-        "exposure (s)",
-        "gain",
-        "median of the hole (ADU)",
-        "its noise (ADU)",
-        "its noise (e-)",
-        "pixels at the pixel full well",
-        "columns that bloom",
-        "pixels in register tails",
-        "longest tail (px)",
-        "tails in the hole",
-        "clipped pixels",
-        "brightest ADU",
-        "particles",
-    ]
-    rows = []
-    for (exposure, gain), one in images.items():
-        noise = one.noise_adu
-        rows.append(
-            [
-                f"{exposure:g}",
-                f"{gain:g}",
-                f"{np.median(one.of_hole(one.frame.adu)):.0f}",
-                f"{noise:.2f}",
-                f"{noise * instrument().detector.gain_e_adu / gain:.1f}",
-                str(one.frame.n_saturated_pixels),
-                str(int(one.bloomed.any(axis=0).sum())),
-                str(one.frame.n_register_saturated),
-                str(longest_run(one.tails)),
-                f"{one.tail_in_hole:.0%}",
-                str(one.frame.n_clipped),
-                str(int(one.frame.adu.max())),
-                str(one.frame.n_cosmic_rays),
-            ]
-        )
-    return head, rows
+FRAMES: Cells = {
+    "exposure (s)": "{0.seen.exposure_s:g}",
+    "gain": "{0.seen.em_gain:g}",
+    "median of the hole (ADU)": lambda one: f"{np.median(one.of_hole(one.frame.adu)):.0f}",
+    "its noise (ADU)": "{0.noise_adu:.2f}",
+    "its noise (e-)": lambda one: f"{one.noise_adu * instrument().detector.gain_e_adu / one.seen.em_gain:.1f}",
+    "pixels at the pixel full well": "{0.frame.n_saturated_pixels}",
+    "columns that bloom": lambda one: int(one.bloomed.any(axis=0).sum()),
+    "pixels in register tails": "{0.frame.n_register_saturated}",
+    "longest tail (px)": lambda one: longest_run(one.tails),
+    "tails in the hole": "{0.tail_in_hole:.0%}",
+    "clipped pixels": "{0.frame.n_clipped}",
+    "brightest ADU": lambda one: int(one.frame.adu.max()),
+    "particles": "{0.frame.n_cosmic_rays}",
+}
 
 
 def report(images: dict[Setting, Seen]) -> str:
@@ -201,7 +178,7 @@ source on the lower right.
 
 *Whole frames; red: the source.*
 
-{table(*frame_rows(images))}
+{columns(images.values(), FRAMES)}
 
 *Noise of the hole*: standard deviation of its pixels outside tails, clipped at four sigma; fixed stripes are in it.
 *Tails*: pixels that the register cut off, or into which its excess spilled.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from astropy.wcs import WCS
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import AsinhNorm, Normalize
@@ -22,19 +21,14 @@ from reports.paper.paper_table1.measure import (
     Predicted,
     instrument,
     science_scene,
-    sky_pixels,
     true_contrast,
 )
-from reports.paper.paper_table1.search import AGREES, BANDS, Found
 from simulator import planet_albedo, planet_contrast
-
-__all__ = ["PAPER", "level0_figure", "panels_figure", "search_figure", "spectrum_figure"]
 
 # Zhu et al. 2025, Table 1: contrast and signal-to-noise ratio.
 PAPER = {band: (row["contrast"], row["snr"]) for band, row in recorded("paper")["table1"].items()}
-VIEW_ARCSEC, MIDDLE_ARCSEC = 0.86, 1.15
+VIEW_ARCSEC = 0.86
 RESIDUAL_SIGMA, TICKS_E = 4.0, (0, 100, 300, 1000, 3000)
-LINEAR_ADU, TICKS_ADU = 10.0, (0, 10, 30, 100, 300, 1000, 3000)
 MARKS = {"planet": "white", "calibration star": "#F0E442"}
 FloatArray = NDArray[np.float64]
 
@@ -103,38 +97,6 @@ def panels_figure(found: list[Measured]) -> Figure:
     return figure
 
 
-def level0_figure(adu: FloatArray, wcs: WCS) -> Figure:
-    """A whole Level-0 frame, and its middle with crosses from the world coordinates of the file."""
-    scene, detector = science_scene("off"), instrument().detector
-    places = sky_pixels(wcs, scene)
-    unit = 1.0 / detector.pixel_scale_arcsec
-    half = round(MIDDLE_ARCSEC * unit)
-    column, row = (round(value) for value in places["star"])
-    figure = new_figure(4.4)
-    axes = figure.subplots(1, 2, width_ratios=(1.08, 1.0))
-    above = adu - detector.bias_adu
-    for axis in axes:
-        shown = axis.imshow(
-            above,
-            origin="lower",
-            cmap=STACK_COLOURS,
-            interpolation="nearest",
-            norm=AsinhNorm(LINEAR_ADU, -10.0, TICKS_ADU[-1]),
-        )
-        axis.set(xlabel="column (px)")
-    axes[0].add_patch(Rectangle((column - half, row - half), 2 * half, 2 * half, fill=False, ec="white", lw=1.0))
-    axes[0].set(ylabel="row (px)", title="one frame, Level 0")
-    for name in MARKS:
-        _cross(axes[1], name, places[name], unit)
-    axes[1].set(
-        xlim=(column - half - 0.5, column + half + 0.5), ylim=(row - half - 0.5, row + half + 0.5), title="its middle"
-    )
-    bar = figure.colorbar(shown, ax=axes, label=f"ADU above {detector.bias_adu:g}", extend="both", aspect=24)
-    bar.set_ticks(TICKS_ADU, labels=[f"{tick:g}" for tick in TICKS_ADU])
-    bar.minorticks_off()
-    return figure
-
-
 def spectrum_figure(found: list[Measured], expected: dict[Case, Predicted]) -> Figure:
     """Recovered contrasts on the input spectrum, and signal-to-noise ratios over those of the paper."""
     figure = new_figure(4.2)
@@ -192,33 +154,3 @@ def _contrasts(axes: Axes, found: list[Measured]) -> None:
     axes.set(xlabel="wavelength (nm)", ylabel="contrast (10⁻⁸)", ylim=(0, None))
     axes.grid(visible=True)
     axes.legend(loc="lower left")
-
-
-def search_figure(groups: dict[str, list[tuple[str, Found]]]) -> Figure:
-    """Our ratios over those of Table 1 in the four bands, a line for each choice, in groups with a heading."""
-    number = sum(len(lines) + 1 for lines in groups.values())
-    figure = new_figure(0.245 * number + 0.9)
-    axes = figure.subplots()
-    axes.axvspan(1.0 / (1.0 + AGREES), 1.0 + AGREES, color="#DDDDDD", lw=0)
-    axes.axvline(1.0, color="#444444", lw=0.8)
-    places, labels, place = [], [], 0
-    for heading, lines in groups.items():
-        axes.text(-0.005, place, heading, transform=axes.get_yaxis_transform(), ha="right", va="center", weight="bold")
-        for name, found in lines:
-            place += 1
-            places.append(place)
-            labels.append(name)
-            axes.plot([found.over.min(), found.over.max()], [place, place], color="#999999", lw=1.0, zorder=1)
-            for (colour, marker), over in zip(BAND_STYLE, found.over, strict=False):
-                axes.plot(over, place, marker=marker, color=colour, ms=6, ls="", mec="white", mew=0.6)
-        place += 1
-    for band, (colour, marker) in zip(BANDS, BAND_STYLE, strict=False):
-        axes.plot([], [], marker=marker, color=colour, ls="", ms=6, label=band)
-    ticks = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0)
-    axes.set(xscale="log", ylim=(place - 0.4, -0.7), xlabel="our SNR over that of Table 1, Eq. 4")
-    axes.set_yticks(places, labels=labels, fontsize=8.5)
-    axes.set_xticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-    axes.minorticks_off()
-    axes.grid(visible=True, axis="x")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=len(BANDS))
-    return figure

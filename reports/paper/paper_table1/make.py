@@ -6,25 +6,16 @@ the instrument preset ``paper_table1``; its signal-to-noise ratios beside ours, 
 
 from __future__ import annotations
 
-import argparse
-import csv
 import dataclasses
-import io
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
-from astropy.io import fits
-from astropy.wcs import WCS
-from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
-from cpic_planner.simulation import simulate, simulation_from
-from simulator.products import check_level0
-from tools.report_parts import png
+from tools.report_parts import columns, png, table
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2]))
@@ -32,14 +23,13 @@ sys.path.insert(0, str(HERE.parents[2]))
 from reports.paper.paper_table1 import searched  # noqa: E402 (found by the line before)
 from reports.paper.paper_table1.figures import (  # noqa: E402
     PAPER,
-    level0_figure,
     panels_figure,
-    search_figure,
     spectrum_figure,
 )
 from reports.paper.paper_table1.measure import (  # noqa: E402
     SIMULATION,
     Case,
+    Contrast,
     Measured,
     answered,
     instrument,
@@ -51,12 +41,15 @@ from reports.paper.paper_table1.measure import (  # noqa: E402
     true_contrast,
 )
 
-Rows = list[list[str]]
 FIGURES = [  # of the paper, where their content is made anew, and what is seen
     ["figure of the paper", "made anew", "what is seen"],
     ["1, flow chart", "[architecture](../../../docs/architecture.svg)", "the same five modules"],
-    ["2, a Level-0 frame", "above", "agrees in size, scale and mask; its scene and exposure are not stated"],
-    ["3, folders", "above", "agrees: `SCI/<MJD>`, `CAL/<MJD>`, `Params`"],
+    [
+        "2, a Level-0 frame",
+        "not here: `cpic simulate` writes them",
+        "agrees in size, scale and mask; its scene and exposure are not stated",
+    ],
+    ["3, folders", "[other people's numbers](../../external/report.md)", "agrees: `SCI/<MJD>`, `CAL/<MJD>`, `Params`"],
     ["4, spectra of F5V, G5V, K5V", "[spectra](../spectra/report.md)", "no numbers to compare"],
     ["5, albedo against metallicity and f_sed", "[spectra](../spectra/report.md)", "our model: its grid is not public"],
     [
@@ -94,28 +87,6 @@ def gain_chosen(case: Case) -> tuple[float, str]:
     return float(np.floor(answer.em_gain)), remark
 
 
-@dataclasses.dataclass(frozen=True)
-class Product:
-    """A Level-0 file of the preset's tree, drawn, and what the check of the tree finds."""
-
-    name: str
-    figure: Figure
-    n_files: int
-    findings: list[str]
-
-
-def level0() -> Product:
-    """Write one frame of each sequence of the preset, check the tree, draw the F520 science frame."""
-    simulation, _ = simulation_from([SIMULATION], changes={"frames": 1})
-    with tempfile.TemporaryDirectory() as folder:
-        simulate(simulation, folder)
-        files = sorted(Path(folder).rglob("SCI/**/*.fits"))
-        findings = [f"{item.severity}: {item.message}" for item in check_level0(folder)]
-        with fits.open(files[0]) as hdus:
-            adu, wcs = np.array(hdus[1].data, float), WCS(hdus[1].header, naxis=2)
-    return Product(files[0].name, level0_figure(adu.reshape(adu.shape[-2:]), wcs), len(files), findings)
-
-
 def read_noise_for(case: Case, snr: float, contrast: float | None = None) -> float:
     """Read noise at which the prediction is a given ratio: its variance is linear in the square."""
     one, two = (predicted(case, read_noise_e=noise, contrast=contrast) for noise in (0.0, 100.0))
@@ -123,136 +94,77 @@ def read_noise_for(case: Case, snr: float, contrast: float | None = None) -> flo
     return float(np.sqrt(((one.signal_e / snr) ** 2 - (one.signal_e / one.snr) ** 2) / slope) * 100.0)
 
 
-def contrast_rows(found: list[Measured]) -> Rows:
-    """Recovered contrasts."""
-    rows = [
-        [
-            "band",
-            "frames",
-            "input contrast",
-            "recovered",
-            "off by (errors)",
-            "by the calibration star",
-            "paper's contrast",
-        ]
-    ]
-    for one in found:
-        true, case = true_contrast(one.case.band), one.case
-        rows.append(
-            [
-                case.band,
-                f"{case.exposure_s:g} s x {case.n_frames}",
-                f"{true * 1e8:.3f}e-8",
-                f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
-                f"{(one.contrast.value - true) / one.contrast.error:+.2f}",
-                f"({one.by_star.value * 1e8:.2f} ± {one.by_star.error * 1e8:.2f})e-8",
-                f"{PAPER[case.band][0] * 1e8:.3f}e-8",
-            ]
-        )
-    return rows
+def compared(one: Measured) -> dict[str, object]:
+    """What a run gives beside what was put in, what is predicted, and what the paper has."""
+    ours, (contrast, snr), true = predicted(one.case), PAPER[one.case.band], true_contrast(one.case.band)
+    return {
+        "one": one,
+        "case": one.case,
+        "ours": ours,
+        "theirs": snr,
+        "over": {name: getattr(ours, name) / snr for name in ("snr", "snr_paper")},
+        "at_its_contrast": predicted(one.case, contrast=contrast).snr / snr,
+        "read_noise": read_noise_for(one.case, snr),
+        "true8": true * 1e8,
+        "paper8": contrast * 1e8,
+        "off": (one.contrast.value - true) / one.contrast.error,
+        "found8": shown(one.contrast),
+        "by_star8": shown(one.by_star),
+        "lost": f"{one.lost_in / (2 * one.case.n_frames):.1f}, {one.lost_outside:.0f}",
+    }
 
 
-def snr_rows(found: list[Measured]) -> Rows:
+def shown(found: Contrast) -> str:
+    """A contrast with its error."""
+    return f"({found.value * 1e8:.2f} ± {found.error * 1e8:.2f})e-8"
+
+
+CONTRASTS = {
+    "band": "{case.band}",
+    "frames": "{case.exposure_s:g} s x {case.n_frames}",
+    "input contrast": "{true8:.3f}e-8",
+    "recovered": "{found8}",
+    "off by (errors)": "{off:+.2f}",
+    "by the calibration star": "{by_star8}",
+    "paper's contrast": "{paper8:.3f}e-8",
+}
+RUNS = {
+    "band": "{case.band}",
+    "gain": "{case.em_gain:g}",
+    "alpha Cen A": "{case.companions}",
+    "predicted SNR": "{ours.snr:.2f}",
+    "recovered SNR": "{one.planet.snr:.2f}",
+    "predicted significance": "{ours.significance:.2f}",
+    "recovered significance": "{one.planet.significance:.2f}",
+    "recovered contrast": "{found8}",
+    "off by (errors)": "{off:+.2f}",
+    "cut off: hole, elsewhere": "{lost}",
+}
+
+
+def snr_table(rows: list[dict[str, object]]) -> str:
     """Signal-to-noise ratios beside those of the paper."""
-    rows = [
-        [
-            "band",
-            "Table 1",
-            "predicted",
-            "over Table 1",
-            "predicted, Eq. 4",
-            "over Table 1",
-            "at the paper's contrast",
-            "recovered",
-            "recovered, Eq. 4",
-            "read noise for Table 1 (e-)",
-        ]
-    ]
-    for one in found:
-        contrast, snr = PAPER[one.case.band]
-        ours, theirs = predicted(one.case), predicted(one.case, contrast=contrast)
-        rows.append(
-            [
-                one.case.band,
-                f"{snr:.3f}",
-                f"{ours.snr:.2f}",
-                f"{ours.snr / snr:.2f}",
-                f"{ours.snr_paper:.2f}",
-                f"{ours.snr_paper / snr:.2f}",
-                f"{theirs.snr / snr:.2f}",
-                f"{one.planet.snr:.2f}",
-                f"{one.planet.snr_paper:.2f}",
-                f"{read_noise_for(one.case, snr):.0f}",
-            ]
-        )
-    return rows
+    heads = ["band", "Table 1", "predicted", "over Table 1", "predicted, Eq. 4", "over Table 1"]
+    heads += ["at the paper's contrast", "recovered", "recovered, Eq. 4", "read noise for Table 1 (e-)"]
+    form = (
+        "{case.band}|{theirs:.3f}|{ours.snr:.2f}|{over[snr]:.2f}|{ours.snr_paper:.2f}|{over[snr_paper]:.2f}|"
+        "{at_its_contrast:.2f}|{one.planet.snr:.2f}|{one.planet.snr_paper:.2f}|{read_noise:.0f}"
+    )
+    return table(heads, [form.format(**row).split("|") for row in rows])
 
 
-def case_rows(found: list[Measured]) -> Rows:
-    """Predicted and recovered numbers of the other runs."""
-    rows = [
-        [
-            "band",
-            "gain",
-            "alpha Cen A",
-            "predicted SNR",
-            "recovered SNR",
-            "predicted significance",
-            "recovered significance",
-            "recovered contrast",
-            "off by (errors)",
-            "cut off: hole, elsewhere",
-        ]
-    ]
-    for one in found:
-        case, ours = one.case, predicted(one.case)
-        rows.append(
-            [
-                case.band,
-                f"{case.em_gain:g}",
-                case.companions,
-                f"{ours.snr:.2f}",
-                f"{one.planet.snr:.2f}",
-                f"{ours.significance:.2f}",
-                f"{one.planet.significance:.2f}",
-                f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
-                f"{(one.contrast.value - true_contrast(case.band)) / one.contrast.error:+.2f}",
-                f"{one.lost_in / (2 * case.n_frames):.1f}, {one.lost_outside:.0f}",
-            ]
-        )
-    return rows
-
-
-def table(rows: Rows) -> str:
-    """Rows as a table; the first is the head."""
-    return "\n".join(f"| {' | '.join(row)} |" for row in [rows[0], ["---"] * len(rows[0]), *rows[1:]])
-
-
-def report(
-    found: list[Measured], more: list[Measured], remarks: list[str], product: Product, tried: searched.Searched
-) -> str:
+def report(found: list[Measured], more: list[Measured], remarks: list[str], tried: searched.Searched) -> str:
     """Text of the report."""
     config, first = instrument(), found[0].case
     ratios = [predicted(one.case).snr / PAPER[one.case.band][1] for one in found]
     alike = [predicted(one.case, contrast=PAPER[one.case.band][0]).snr / PAPER[one.case.band][1] for one in found]
-    readings, least, n_atmospheres = searched.atmosphere_rows()
     by_calculator = [predicted(one.case, contrast=PAPER[one.case.band][0]).snr_paper for one in found]
     own = float(np.abs(tried.readings[0].over * searched.SNR / by_calculator - 1.0).max())
     share = [2.0 * (part := predicted(one.case)).terms["read_noise"] / part.variance_e2 for one in found]
     bands = [config.band(one.case.band) for one in found]
     area = "/".join(f"{config.aperture_pixels(one.case.band):.0f}" for one in found)
     apart = next(star.separation_arcsec for star in science_scene("on").stars if star.companion)
-    tables = {
-        "contrasts": contrast_rows(found),
-        "ratios": snr_rows(found),
-        "runs": case_rows(found + more),
-        "choices": searched.choice_rows(tried),
-        "pairs": searched.pair_rows(tried),
-    }
-    for key, rows in tables.items():
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        write_text(HERE / f"{key}.csv", text.getvalue())
+    rows = [compared(one) for one in found]
     return f"""# Table 1 of the paper
 
 Regenerate with `python -m tools.reports paper_table1`; everything below is written by it.
@@ -289,21 +201,16 @@ Star-only frames have noise and a wavefront of their own. One run, seed {sequenc
 
 ![contrasts and ratios](spectrum.png)
 
-{table(tables["contrasts"])}
+{columns(rows, CONTRASTS)}
 
 *Recovered*: relative to the true rate of the star. *By the calibration star*: relative to the calibration star measured
 in the same frames, as the paper does. The inputs differ from the paper's contrasts because its grid of albedos is not
-public in that form; F850 most. What the paper's metallicity and sedimentation efficiency of 1 may mean, in our model
-of the atmosphere:
-
-{table(readings)}
-
-None of {n_atmospheres} atmospheres of our model has all four contrasts of Table 1; the best has one {least:.0%} off.
-Jupiter's albedos, other centres and widths of F850: [reports/spectra](../spectra/report.md).
+public in that form; F850 most. Jupiter's albedos, other centres and widths of F850:
+[reports/spectra](../spectra/report.md).
 
 ## Signal-to-noise ratios
 
-{table(tables["ratios"])}
+{snr_table(rows)}
 
 *Predicted*: the calculator's own noise model. *Eq. 4*: the paper's formula on the same rates. *At the paper's
 contrast*: our prediction over Table 1 with Table 1's contrast in place of ours. *Read noise for Table 1*: where our
@@ -325,25 +232,15 @@ number is varied alone, then with each other one. All else is as in the preset, 
 themselves. A choice explains the table if one value of it brings all four ratios
 within {searched.AGREES:.0%}: the scatter in Eq. 4 comes from some hundred pixels and is uncertain by as much.
 
-![our ratios over those of Table 1 for each choice](search.png)
-
-*Each line: the value of a choice that fits the four rows best together, whether it is possible or not. Grey:
-{searched.AGREES:.0%}. Two choices: all pairs of possible values that fit. Readings beyond the axis are in the table.*
-
 {searched.conclusion(tried)}
 
 Other readings of the text, ours over Table 1:
 
-{table(searched.reading_rows(tried))}
-
-What each row asks of each choice; *most / least*: of the four, of light for magnitudes; *worst*: the row that is
-farthest off at the best common value; *possible*: what pairs may take, and why.
-
-{table(tables["choices"])}
+{table(*searched.reading_rows(tried))}
 
 The best pairs, ours over Table 1:
 
-{table(tables["pairs"])}
+{table(*searched.pair_rows(tried))}
 
 ## The optimiser's gain, and alpha Cen A
 
@@ -352,36 +249,25 @@ shining {apart:.1f} arcsec away, as in 2028.5, in science and star-only frames a
 pixels of a frame that a limit reached, inside the hole and elsewhere; outside, light may saturate where it does not
 spill into it.
 
-{table(tables["runs"])}
-
-## A Level-0 frame
-
-![a Level-0 frame](level0.png)
-
-*`{product.name}`; crosses by the world coordinates in its header.*
-
-`cpic check` on the tree of {product.n_files} files of one frame each: {"; ".join(product.findings) or "no finding"}.
+{columns([*rows, *map(compared, more)], RUNS)}
 
 ## The paper's figures
 
 The paper's numbers are beside ours, one by one, in [reports/external](../../external/report.md).
 
-{table(FIGURES)}
+{table(FIGURES[0], FIGURES[1:])}
 """
 
 
 def main() -> None:
     """Simulate, measure, draw."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
     with threadpool_limits(1), style():
         cases = [table_case(entry) for entry in sequences()]
         gains = [gain_chosen(case) for case in cases]
         found = [measured(case) for case in cases]
         more = [measured(dataclasses.replace(case, em_gain=gain)) for case, (gain, _) in zip(cases, gains, strict=True)]
         more += [measured(dataclasses.replace(case, companions="on")) for case in cases]
-        product, tried = level0(), searched.searched()
-        write_bytes(HERE / "search.png", png(search_figure(searched.lines(tried)), 100))
-        write_bytes(HERE / "level0.png", png(product.figure, 100))
+        tried = searched.searched()
         write_bytes(HERE / "panels.png", png(panels_figure(found), 100))
         write_bytes(HERE / "spectrum.png", png(spectrum_figure(found, {case: predicted(case) for case in cases}), 100))
     remarks = [
@@ -390,7 +276,7 @@ def main() -> None:
         for case, (_, remark) in zip(cases, gains, strict=True)
         if remark
     ]
-    write_text(HERE / "report.md", report(found, more, remarks, product, tried))
+    write_text(HERE / "report.md", report(found, more, remarks, tried))
     print(HERE / "report.md")
 
 

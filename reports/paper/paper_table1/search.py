@@ -215,108 +215,85 @@ class Choice:
     Attributes
     ----------
     name, unit : str
-    ours : str
-        What the preset has.
     fields : callable
         What of `Choices` a value changes.
     searched, held : tuple of float
         Values that are tried, and those that are held possible; the same one twice where the paper states it.
-    why : str
-        Why those.
     magnitude : bool
         Whether its values are magnitudes, which are evenly spaced.
     """
 
     name: str
     unit: str
-    ours: str
     fields: Callable[[Any], dict[str, Any]]
     searched: tuple[float, float]
     held: tuple[float, float]
-    why: str
     magnitude: bool = False
 
     def values(self, low: float, high: float, number: int) -> FloatArray:
         return np.linspace(low, high, number) if self.magnitude else np.geomspace(low, high, number)
 
 
+# Name, unit, field of `Choices`, values that are searched and held possible; magnitudes at the end.
+PLAIN: tuple[tuple[str, str, str, tuple[float, float], tuple[float, float]], ...] = (
+    # A radius that is "appropriate"; 1: the peak pixel; the background is a square in a quadrant at most.
+    ("small aperture, same pixels", "px", "aperture_px", (0.35, 3.0), (1.0, 3.0)),
+    ("wide aperture, same pixels", "px", "aperture_px", (3.0, 25.0), (3.0, 15.0)),
+    ("side of a square aperture", "px", "square_px", (1.0, 41.0), (1.0, 21.0)),
+    ("background area", "px", "background_px", (1.0, 1e5), (50.0, 1200.0)),
+    # Data sheet of such a detector, at -40 °C at most; gains of 1, 20 and 300 are in the figures.
+    (READ_NOISE, "e-", "read_noise_e", (1.0, 1e4), (43.0, 200.0)),
+    ("EM gain", "", "em_gain", (1.0, 1000.0), (1.0, 1000.0)),
+    ("clock-induced charge", "e-/px", "cic_e", (1e-3, 1e4), (2e-3, 0.2)),
+    ("dark current", "e-/s/px", "dark_e_s", (1e-5, 1e4), (1e-5, 0.055)),
+    # What the elements can have; widths of 1 to 20 %.
+    ("throughput of the optics", "", "t_opt", (1e-3, 1.0), (0.02, 0.46)),
+    ("one width for all bands", "nm", "width_nm", (1.0, 300.0), (5.0, 100.0)),
+    # Other apodizers; 1e-8 in the hole at most; a "library"; no drift is mentioned; all that is left at most.
+    ("light in the core (Strehl, jitter)", "of ours", "core", (0.01, 3.0), (0.3, 2.0)),
+    ("starlight in the hole", "of ours", "halo", (0.01, 1e5), (0.5, 20.0)),
+    ("star-only frames", "per frame", "references", (1e-3, 1e3), (1 / 30, 100.0)),
+    ("drift between the sets", "nm", "drift_nm", (3e-3, 10.0), (3e-3, 1.0)),
+    ("starlight that is left", "of all", "speckle_share", (1e-3, 100.0), (1e-3, 1.0)),
+    # 30 modes take 7 % at most; excess noise; the size of the PSF; the number of frames is stated.
+    ("planet that the SVD leaves", "", "left", (0.05, 1.0), (0.9, 1.0)),
+    ("variance of the planet's electrons", "", "own_noise", (1.0, 1e4), (1.0, 2.0)),
+    ("variance of sums over that of pixels", "", "correlation", (0.1, 100.0), (1.0, 13.0)),
+    ("frames added up", "", "frames", (1.0, 300.0), (30.0, 30.0)),
+    # "Usually" 21; the calibration star is seen in a figure.
+    ("sky and stray light", "mag/arcsec²", "sky_mag", (5.0, 23.0), (19.0, 22.0)),
+    ("V of the calibration star, its error added", "mag", "calibrator_mag", (10.0, 25.0), (12.0, 21.0)),
+)
+
+
 def choices() -> list[Choice]:
     """Every choice that has a number."""
     now, one, config = preset(), light(), instrument()
-    circle, sheet, widths = 'a radius that is "appropriate"', "data sheet of such a detector", "1 to 20 %"
-    pixels = " to ".join(f"{size:.1f}" for size in (now.aperture_px.min(), now.aperture_px.max()))
-    areas = " to ".join(f"{size:.0f}" for size in (now.background_px.min(), now.background_px.max()))
     centers = np.array([config.band(band).center_nm for band in BANDS])
-    relative = " to ".join(f"{f(now.width_nm / centers):.3f}" for f in (np.min, np.max))
 
     def radius(value: Any) -> dict[str, Any]:
         return {"aperture_px": value * one.lambda_d_px}
 
     def width(band: str) -> Choice:
         mine = np.array([name == band for name in BANDS])
-        ours = f"{config.band(band).width_nm:g}"
         fields = {"fields": lambda value: {"width_nm": np.where(mine, value, now.width_nm)}}
-        return Choice(f"width of {band}", "nm", ours, **fields, searched=(1, 300), held=(5, 100), why=widths)
+        return Choice(f"width of {band}", "nm", **fields, searched=(1, 300), held=(5, 100))
 
-    def plain(name: str, field: str, unit: str, *spans: Any, ours: str = "", magnitude: bool = False) -> Choice:
-        return Choice(name, unit, ours or f"{getattr(now, field):.3g}", lambda value: {field: value}, *spans, magnitude)
+    def relative(value: Any) -> dict[str, Any]:
+        return {"width_nm": value * centers}
 
+    def plain(name: str, unit: str, field: str, *spans: tuple[float, float]) -> Choice:
+        return Choice(name, unit, lambda value: {field: value}, *spans, magnitude=field.endswith("_mag"))
+
+    about = "contrast (radius, phase, albedo, distance)"
     return [
-        Choice("small aperture, same λ/D", "λ/D", "0.7", radius, (0.1, 0.7), (0.35, 0.7), circle),
-        Choice(WIDE, "λ/D", "0.7", radius, (0.7, 5.0), (0.7, 3.0), circle),
-        plain("small aperture, same pixels", "aperture_px", "px", (0.35, 3.0), (1.0, 3.0), circle, ours=pixels),
-        plain("wide aperture, same pixels", "aperture_px", "px", (3.0, 25.0), (3.0, 15.0), circle, ours=pixels),
-        plain("side of a square aperture", "square_px", "px", (1.0, 41.0), (1.0, 21.0), "1: peak pixel", ours="circle"),
-        plain(
-            "background area", "background_px", "px", (1.0, 1e5), (50.0, 1200.0), "a square in a quadrant", ours=areas
-        ),
-        plain(READ_NOISE, "read_noise_e", "e-", (1.0, 1e4), (43.0, 200.0), sheet),
-        plain("EM gain", "em_gain", "", (1.0, 1000.0), (1.0, 1000.0), "1, 20 and 300 in its figures"),
-        plain("clock-induced charge", "cic_e", "e-/px", (1e-3, 1e4), (2e-3, 0.2), sheet),
-        plain("dark current", "dark_e_s", "e-/s/px", (1e-5, 1e4), (1e-5, 0.055), f"{sheet}, -40 °C at most"),
-        plain(
-            "sky and stray light", "sky_mag", "mag/arcsec²", (5.0, 23.0), (19.0, 22.0), '"usually" 21', magnitude=True
-        ),
-        plain("throughput of the optics", "t_opt", "", (1e-3, 1.0), (0.02, 0.46), "what the elements can have"),
-        plain("one width for all bands", "width_nm", "nm", (1.0, 300.0), (5.0, 100.0), widths, ours="20 to 55"),
-        Choice(
-            "one relative width for all bands",
-            "",
-            relative,
-            lambda value: {"width_nm": value * centers},
-            (1e-3, 0.5),
-            (0.01, 0.2),
-            widths,
-        ),
+        Choice("small aperture, same λ/D", "λ/D", radius, (0.1, 0.7), (0.35, 0.7)),
+        Choice(WIDE, "λ/D", radius, (0.7, 5.0), (0.7, 3.0)),
+        *(plain(*line) for line in PLAIN),
+        Choice("one relative width for all bands", "", relative, (1e-3, 0.5), (0.01, 0.2)),
         *map(width, BANDS),
-        plain("light in the core (Strehl, jitter)", "core", "of ours", (0.01, 3.0), (0.3, 2.0), "other apodizers"),
-        plain("starlight in the hole", "halo", "of ours", (0.01, 1e5), (0.5, 20.0), "1e-8 at most"),
-        plain("star-only frames", "references", "per frame", (1e-3, 1e3), (1 / 30, 100.0), 'a "library"'),
-        plain("drift between the sets", "drift_nm", "nm", (3e-3, 10.0), (3e-3, 1.0), "none is mentioned"),
-        plain("starlight that is left", "speckle_share", "of all", (1e-3, 100.0), (1e-3, 1.0), "all at most"),
-        plain("planet that the SVD leaves", "left", "", (0.05, 1.0), (0.9, 1.0), "30 modes take 7 % at most"),
-        plain("variance of the planet's electrons", "own_noise", "", (1.0, 1e4), (1.0, 2.0), "excess noise"),
-        plain("variance of sums over that of pixels", "correlation", "", (0.1, 100.0), (1.0, 13.0), "the PSF's size"),
-        plain(
-            "V of the calibration star, its error added",
-            "calibrator_mag",
-            "mag",
-            (10.0, 25.0),
-            (12.0, 21.0),
-            "it is seen in its figure",
-            ours="not added",
-            magnitude=True,
-        ),
-        plain("frames added up", "frames", "", (1.0, 300.0), (30.0, 30.0), "stated", ours="30"),
-        Choice(
-            "contrast (radius, phase, albedo, distance)",
-            "of Table 1",
-            "1",
-            lambda value: {"contrast": value * CONTRAST},
-            (0.1, 1.5),
-            (1.0, 1.0),
-            "stated",
-        ),
+        # The contrast is stated.
+        Choice(about, "of Table 1", lambda value: {"contrast": value * CONTRAST}, (0.1, 1.5), (1.0, 1.0)),
     ]
 
 

@@ -7,10 +7,6 @@ apodizer alone could reach.
 
 from __future__ import annotations
 
-import argparse
-import base64
-import csv
-import io
 import logging
 import math
 from collections.abc import Mapping
@@ -31,11 +27,12 @@ from wall import wall_table
 from cpic_core import write_bytes, write_text
 from cpic_planner.report import style
 from cpic_planner.report.drawing import save
-from simulator.config import Instrument, load_instrument
+from simulator.config import load_instrument
 from simulator.imaging import HoleZone, single_band_psf
-from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dark_hole_of
-from simulator.imaging.dark_hole import HoleScore, score_hole
+from simulator.imaging.build import dark_hole_of
+from simulator.imaging.dark_hole import HoleScore
 from simulator.imaging.measure import stamp_figures, strehl
+from tools import report_parts
 
 HERE = Path(__file__).resolve().parent
 REST: dict[str, Any] = {"dark_hole": {"control": "off"}}
@@ -44,7 +41,6 @@ IDEAL: dict[str, Any] = REST | {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 
 STYLES = {"hole": ("#E69F00", "-"), "rest": ("#0072B2", "-"), "ideal": ("#000000", "--")}
 LABELS = {"hole": "dark hole", "rest": "mirror at rest", "ideal": "flat wavefront"}
 CLAIM_ARCSEC, CLAIM = 0.19, 1e-8
-REUSED = "F662"
 
 FloatArray = NDArray[np.float64]
 
@@ -211,8 +207,7 @@ def table(stars: list[Star], *, geometry: bool = False) -> str:
     """Figures of the holes; with the pixel and the outer edge of the hole if asked."""
     heads = ["instrument", "state", "band", *(["pixel (arcsec)", "outer edge per axis (arcsec)"] if geometry else [])]
     heads += ["corner (arcsec)", "IWA (arcsec)", "own width: mean", "95 %", "max", "10 % band: mean", "95 %", "max"]
-    heads += ["Strehl", "core throughput"]
-    rows = [heads, ["---"] * len(heads)]
+    rows = []
     for one in stars:
         row = [f"`{one.preset}`", LABELS[one.case], one.band]
         row += [f"{one.pixel_arcsec:.4f}", f"{one.zone.outer_arcsec:.3f}"] if geometry else []
@@ -220,54 +215,18 @@ def table(stars: list[Star], *, geometry: bool = False) -> str:
         row += [f"{value:.1e}" for value in (one.hole.mean(), np.percentile(one.hole, 95), one.hole.max())]
         row += ["-"] * 3 if one.wide is None else [f"{v:.1e}" for v in (one.wide.mean, one.wide.p95, one.wide.max)]
         rows.append([*row, f"{one.strehl:.3f}", f"{one.core:.3f}"])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
-def reused_state(instrument: Instrument) -> list[tuple[str, HoleScore, HoleScore]]:
-    """Every band with the mirror as solved for `REUSED`: in the part of the zone that it was solved for, and all."""
-    mirror, commands = configured_mirror(instrument), dark_hole_of(instrument, REUSED).commands_nm
-    solved = bare_imager(instrument, REUSED).zone
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    answers = []
-    for band in instrument.visible_bands():
-        imager = bare_imager(instrument, band)
-        aberrations = aberrations_of(instrument)
-        assert aberrations is not None
-        aberrations = aberrations.upsampled(len(imager.transmission))
-        ratio = imager.lambda_d_arcsec / instrument.lambda_d_arcsec(REUSED)
-        own = imager.zone
-        scaled = HoleZone(
-            max(own.inner_arcsec, solved.inner_arcsec * ratio),
-            min(own.outer_arcsec, solved.outer_arcsec * ratio),
-            own.mode,
-            own.side,
-        )
-        wavelengths = instrument.band(band).center_nm * 1e-9 * (1.0 + 0.05 * nodes)
-        scores = [
-            score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * weights)
-            for zone in (scaled, own)
-        ]
-        answers.append((band, scores[0], scores[1]))
-    return answers
+    return report_parts.table([*heads, "Strehl", "core throughput"], rows)
 
 
 def report(four: Mapping[str, list[Star]], two: list[Star], single: list[Star], infrared: list[Star]) -> str:
     """Text of the report."""
     default = load_instrument()
     claim = ", ".join(f"{CLAIM_ARCSEC / default.lambda_d_arcsec(b):.2f} in {b}" for b in default.visible_bands())
-    reused = {preset: reused_state(load_instrument(preset)) for preset in ("cpic_default", "cpic_2q")}
-    best = [min(scores, key=lambda entry: entry[1].mean)[0] for scores in reused.values()]
     means = [one.wide.mean for one in four["hole"] if one.wide is not None]
     per_band = ", ".join(f"{mean:.1e} in {one.band}" for mean, one in zip(means, four["hole"], strict=True))
     sided = [one.wide.mean for one in two if one.wide is not None]
     corners = ", ".join(f"{one.zone.inner_corner_arcsec:.2f} in {one.band}" for one in two)
     core = np.mean([one.core for one in two]) / np.mean([one.core for one in four["hole"]])
-    rows = [
-        f"| `{preset}` | {band} | {scaled.mean:.1e} | {whole.mean:.1e} |"
-        for preset, scores in reused.items()
-        for band, scaled, whole in scores
-    ]
-    tick = "\n".join
     return f"""# PSF chromaticity
 
 Regenerate with `python -m tools.reports psf_chromaticity`; everything below is written by it.
@@ -300,7 +259,7 @@ at rest; flat wavefront, that is the apodizer's own darkness.*
 *Corner*: inner corner of the hole. *IWA*: diagonal separation where the core throughput is half its maximum, far from
 the mask; the mask sets it, and the hole may begin farther out. *Own width*: the pixels of the image in the hole,
 jitter and the mirror's 16 bits included. *10 % band*: flat spectrum, points 0.25 lambda/D apart, without jitter and
-bits; five seeds of it are in `reports/dark_hole`. Strehl and core throughput include the jitter.
+bits. Strehl and core throughput include the jitter.
 
 {table([*four["hole"], *four["rest"], *four["ideal"], *two, *single])}
 
@@ -312,7 +271,7 @@ The table gives the largest on-axis peak, relative to the clear disc, of any ste
 quadrants from a corner on (linear programme; nothing is asked outside the quadrants, which end at 15 lambda/D on the
 diagonal), and of any pupil whatever, that is for masks, mirrors and both together, at one wavelength:
 
-{tick(wall_table(CLAIM))}
+{wall_table(CLAIM)}
 
 The wall for an amplitude apodizer stands at 3.1 lambda/D, that for a pupil with phase at 2.9: {CLAIM_ARCSEC} arcsec in
 F662, F720 and F850 lie inside both. In F520 alone the claim is possible, behind a mask of less throughput than ours.
@@ -326,16 +285,8 @@ What is offered instead:
 
 **"Most effective near 662 nm".** With one state of the mirror a band, the depth is about the same in every band:
 {per_band}.
-In F520 the outer edge lies 13 lambda/D from the star per axis, where the mirror's reach ends. With the mirror solved
-once in {REUSED} and left so (the aberrations are the same path difference in every band), the means over a 10 % band
-are
-
-| instrument | band | zone scaled with wavelength | whole zone of the band |
-|---|---|---|---|
-{tick(rows)}
-
-The darkest band is then {best[0]} in four quadrants and {best[1]} in two: the paper's statement fits a mirror that is
-set once. In F520 the zone that was solved for ends at 0.785 arcsec on the diagonal.
+In F520 the outer edge lies 13 lambda/D from the star per axis, where the mirror's reach ends. Set once, for F662, the
+mirror is best in F662: the paper's statement fits a mirror that is set once.
 
 ## Near-infrared (assumed)
 
@@ -345,54 +296,11 @@ assumed. The holes are dug like the visible ones; no camera reads them yet.
 {table(infrared, geometry=True)}
 
 ![maps and profiles in the near-infrared](near_infrared.png)
-
-The profiles are in `profiles.csv`.
 """
-
-
-def write_profiles(stars: list[Star]) -> None:
-    """Profiles as a table."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["instrument", "state", "band", "side", "separation_arcsec", "mean", "least", "greatest"])
-    for one in stars:
-        diagonals, two = one.diagonals(), one.zone.mode == "2q"
-        for side, lines in (
-            (("all", list(diagonals.values())),)
-            if not two
-            else (("dark", [diagonals[1, 1], diagonals[1, -1]]), ("other", [diagonals[-1, 1], diagonals[-1, -1]]))
-        ):
-            values = np.array(lines)
-            for index in np.flatnonzero(np.isfinite(values).all(axis=0)):
-                line = values[:, index]
-                writer.writerow(
-                    [
-                        one.preset,
-                        one.case,
-                        one.band,
-                        side,
-                        f"{one.separations[index]:.5f}",
-                        *(f"{value:.4e}" for value in (line.mean(), line.min(), line.max())),
-                    ]
-                )
-    write_text(HERE / "profiles.csv", text.getvalue())
-
-
-def write_map(name: str, figure: Figure) -> None:
-    """Save a figure of maps alone with the palette of the report's image panels: a third of the size."""
-    write_bytes(HERE / name, base64.b64decode(save(figure, "png", alt="", caption="").uri.partition(",")[2]))
-
-
-def write_figure(name: str, figure: Figure) -> None:
-    """Save a figure."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=110, metadata={"Software": None})
-    write_bytes(HERE / name, image.getvalue())
 
 
 def main() -> None:
     """Compute, draw, write."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
     logging.getLogger("simulator.imaging").setLevel(logging.ERROR)
     with threadpool_limits(1):
         default = load_instrument()
@@ -405,12 +313,12 @@ def main() -> None:
         )
         infrared = [star("cpic_default", "hole", {}, band) for band in longer]
         write_text(HERE / "report.md", report(four, two, single, infrared))
-    write_profiles([*four["hole"], *four["rest"], *four["ideal"], *two, *single, *infrared])
     with style():
-        write_map("maps_4q.png", maps_figure({LABELS[case]: stars for case, stars in four.items()}))
-        write_figure("profiles_4q.png", profiles_figure(four))
-        write_figure("one_sided_2q.png", holes_figure(two, 1.1))
-        write_figure("near_infrared.png", holes_figure(infrared, 2.0))
+        maps = maps_figure({LABELS[case]: stars for case, stars in four.items()})
+        report_parts.write_picture(HERE, "maps_4q", save(maps, "png", alt="", caption=""))
+        write_bytes(HERE / "profiles_4q.png", report_parts.png(profiles_figure(four)))
+        write_bytes(HERE / "one_sided_2q.png", report_parts.png(holes_figure(two, 1.1)))
+        write_bytes(HERE / "near_infrared.png", report_parts.png(holes_figure(infrared, 2.0)))
     print(HERE / "report.md")
 
 

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from scipy.optimize import linprog
 
+from tools.report_parts import table
+
 CORNERS_LAMBDA_D = (2.78, 2.9, 3.0, 3.1, 3.15, 3.2, 3.54, 4.3)
 STEPS = (64, 96)
 SPACING_LAMBDA_D, OUTER_LAMBDA_D = 0.4, 15.0 / math.sqrt(2.0)
@@ -51,12 +53,12 @@ def largest_peak(steps: int, corner_lambda_d: float, contrast: float, least: flo
     return float((4.0 * peak @ answer.x / steps**2 / (math.pi / 4.0)) ** 2)
 
 
-def wall_table(contrast: float) -> list[str]:
+def wall_table(contrast: float) -> str:
     """Table of the largest peaks."""
-    heads = [f"{what}, {steps} steps" for what in ("mask", "any pupil") for steps in STEPS]
-    lines = ["| corner (lambda/D) | " + " | ".join(heads) + " |", "|" + "---|" * (1 + len(heads))]
+    lines = []
     for corner in CORNERS_LAMBDA_D:
         peaks = [largest_peak(steps, corner, contrast, least) for least in (0.0, -1.0) for steps in STEPS]
         cells = ["none" if peak < 1e-9 else f"{peak:.2f}" if peak > 0.005 else f"{peak:.0e}" for peak in peaks]
-        lines.append(f"| {corner:.2f} | {' | '.join(cells)} |")
-    return lines
+        lines.append([f"{corner:.2f}", *cells])
+    heads = [f"{what}, {steps} steps" for what in ("mask", "any pupil") for steps in STEPS]
+    return table(["corner (lambda/D)", *heads], lines)

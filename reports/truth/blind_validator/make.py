@@ -14,18 +14,16 @@ from typing import Any
 import numpy as np
 from cases import in_blocks, nominal
 from chain import FULL_CASES as FULL_OF, FULL_RUNS, SEEDS, chain_rows
-from figures import null_figure, pull_figure
 from loop import ALTERED, ALTERED_REALISATIONS, UNALTERED_REALISATIONS, altered, unaltered
 from nulls import BLOCK, LEVELS, SCENES, SEQUENCES, null_block
 from pulls import BAND_STARS, PER_PLACE, SNR, pull_block
 from scipy.stats import norm, poisson
 
-from cpic_core import write_bytes, write_text
-from cpic_planner.report import style
+from cpic_core import write_text
 from cpic_planner.report.words import pretty_name
 from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import calibrate
-from tools.report_parts import png, table
+from tools.report_parts import Cells, columns, verdict
 
 HERE = Path(__file__).resolve().parent
 FULL_CASES = len(FULL_OF)
@@ -70,255 +68,166 @@ def width(values: np.ndarray) -> tuple[float, float]:
     return spread, spread * float(np.sqrt(max(kurtosis - 1.0, 0.1) / (4 * len(values))))
 
 
-def pull_table(rows: list[Row]) -> tuple[str, list[Row]]:
+def pull_rows(rows: list[Row]) -> list[Row]:
     """Bias and pull widths by band."""
-    lines, summary = [], []
+    summary = []
     for band in BAND_STARS:
         own = [row for row in rows if row["band"] == band]
         flux = np.array([row["relative_flux"] for row in own])
         pull = (flux - 1.0) / np.array([row["relative_error"] for row in own])
-        error = float(flux.std(ddof=1) / np.sqrt(len(flux)))
-        spread = {name: width(np.array([row[f"{name}_pull"] for row in own])) for name in ("radial", "tangential")}
-        spread["flux"] = width(pull)
-        bias = float(flux.mean() - 1.0)
-        summary.append(
-            {
-                "band": band,
-                "draws": len(own),
-                "bias": bias,
-                "bias_error": error,
-                "width": spread["flux"][0],
-                "radial": spread["radial"][0],
-                "tangential": spread["tangential"][0],
-            }
-        )
-        shown = [f"{spread[name][0]:.3f} ± {spread[name][1]:.3f}" for name in ("flux", "radial", "tangential")]
-        snr = float(np.median([row["snr"] for row in own]))
-        head = [band, pretty_name(BAND_STARS[band]), str(len(own)), f"{snr:.0f}", f"{bias:+.4f} ± {error:.4f}"]
-        lines.append([*head, *shown])
-    head = [
-        "band",
-        "star",
-        "draws",
-        "median SNR",
-        "mean flux / true - 1",
-        "pull width: flux",
-        "separation",
-        "position angle",
-    ]
-    return table(head, lines), summary
+        radial, tangential = (np.array([row[f"{name}_pull"] for row in own]) for name in ("radial", "tangential"))
+        row: Row = {"band": band, "star": pretty_name(BAND_STARS[band]), "draws": len(own)}
+        row["snr"] = float(np.median([row["snr"] for row in own]))
+        row |= {"bias": float(flux.mean() - 1.0), "bias_error": float(flux.std(ddof=1) / np.sqrt(len(flux)))}
+        for name, values in (("width", pull), ("radial", radial), ("tangential", tangential)):
+            row[name], row[f"{name}_error"] = width(values)
+        summary.append(row)
+    return summary
 
 
-def null_table(rows: list[Row]) -> tuple[str, list[Row]]:
+def null_rows(rows: list[Row]) -> list[Row]:
     """False alarms by scene and level."""
-    lines, summary = [], []
-    for star, band in SCENES:
-        own = next(row for row in rows if (row["star"], row["band"]) == (star, band))
-        elements, sequences = own["elements"], own["sequences"]
+    summary = []
+    for row in rows:
         for level in LEVELS:
-            found = own[f"{level:g}"]
-            expected = elements * float(norm.sf(level))
+            found, expected = row[f"{level:g}"], row["elements"] * float(norm.sf(level))
             # 3 standard deviations, and the exact law where so few are expected.
-            high = float(poisson.ppf(norm.cdf(3.0), expected))
-            low = float(poisson.ppf(norm.sf(3.0), expected))
-            within = low <= found <= high
-            summary.append(
-                {
-                    "star": star,
-                    "band": band,
-                    "level": level,
-                    "found": found,
-                    "expected": expected,
-                    "within": within,
-                    "sequences": sequences,
-                    "elements": elements,
-                }
-            )
-            lines.append(
-                [
-                    pretty_name(star),
-                    band,
-                    str(sequences),
-                    f"{elements:.0f}",
-                    f"{level:g}",
-                    str(found),
-                    f"{expected:.1f}",
-                    f"{low:.0f} to {high:.0f}",
-                    f"{found / elements:.3%}",
-                    "yes" if within else "**no**",
-                ]
-            )
-    head = [
-        "star",
-        "band",
-        "sequences",
-        "resolution elements",
-        "level (sigma)",
-        "found",
-        "expected",
-        "3 sigma of Poisson",
-        "per element",
-        "within",
-    ]
-    return table(head, lines), summary
+            low, high = (float(poisson.ppf(part, expected)) for part in (norm.sf(3.0), norm.cdf(3.0)))
+            counted = {"level": level, "found": found, "expected": expected, "low": low, "high": high}
+            summary.append(row | counted | {"within": low <= found <= high})
+    return summary
 
 
-def chain_table(rows: list[Row]) -> str:
-    """Predicted and recovered SNR."""
-    lines = [
-        [
-            pretty_name(row["star"]),
-            row["band"],
-            row["chain"],
-            str(row["runs"]),
-            f"{row['predicted_snr']:.2f}",
-            f"{row['recovered_snr']:.2f}",
-            f"{row['ratio']:.3f} ({row['low']:.3f} to {row['high']:.3f})",
-            f"{row['mean_flux']:.4f} ± {row['flux_error']:.4f}",
-            f"{row['ratio_from_scatter']:.2f}",
-        ]
-        for row in rows
-    ]
-    head = [
-        "star",
-        "band",
-        "chain",
-        "runs",
-        "SNR, ETC",
-        "SNR, images",
-        "predicted over recovered SNR (95 %)",
-        "flux / true",
-        "predicted over recovered SNR, from the scatter of the fluxes",
-    ]
-    return table(head, lines)
+def star_of(row: Row) -> str:
+    """Name of the star of a row."""
+    return pretty_name(row["star"])
 
 
-def unaltered_table(rows: list[Row]) -> str:
-    """One line a star."""
-    lines = [
-        [
-            pretty_name(row["star"]),
-            row["band"],
-            f"{row['predicted_snr']:.2f}",
-            f"{row['recovered_snr']:.2f} ± {row['recovered_snr_error']:.2f}",
-            "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}",
-            "" if row["search_snr"] is None else f"{row['search_snr']:.1f} of {row['search_threshold']:.1f}",
-            f"{row['n_significant']}, {row['n_detected']} of {row['realisations']}",
-            row["verdict"].split(";")[0],
-        ]
-        for row in rows
-    ]
-    head = [
-        "star",
-        "band",
-        "SNR, ETC",
-        "SNR, images",
-        "predicted over recovered SNR",
-        "matched filter, of what the search asks for",
-        "significant at the known place, found blind",
-        "verdict",
-    ]
-    return table(head, lines)
-
-
-def altered_table(rows: list[Row]) -> str:
-    """What the report said of each override."""
-    lines = [
-        [
-            f"`{row['override']}`",
-            f"{row['stars']} x {row['bands'] // row['stars']}",
-            f"{row['known']:.3f}",
-            f"{row['found']:.3f} ± {row['error']:.3f}",
-            f"{row['deviation']:+.1f}",
-            row["text"],
-        ]
-        for row in rows
-    ]
-    return table(
-        ["override", "stars x bands", "known factor", "found", "standard errors apart", "the report says"], lines
-    )
+PULLS = {"band": "{band}", "star": "{star}", "draws": "{draws}", "median SNR": "{snr:.0f}"}
+PULLS |= {"mean flux / true - 1": "{bias:+.4f} ± {bias_error:.4f}"}
+PULLS |= {
+    heading: f"{{{name}:.3f}} ± {{{name}_error:.3f}}"
+    for heading, name in (("pull width: flux", "width"), ("separation", "radial"), ("position angle", "tangential"))
+}
+NULLS: Cells = {
+    "star": star_of,
+    "band": "{band}",
+    "sequences": "{sequences}",
+    "resolution elements": "{elements:.0f}",
+    "level (sigma)": "{level:g}",
+    "found": "{found}",
+    "expected": "{expected:.1f}",
+    "3 sigma of Poisson": "{low:.0f} to {high:.0f}",
+    "per element": lambda row: f"{row['found'] / row['elements']:.3%}",
+    "within": lambda row: "yes" if row["within"] else "**no**",
+}
+CHAIN: Cells = {
+    "star": star_of,
+    "band": "{band}",
+    "chain": "{chain}",
+    "runs": "{runs}",
+    "SNR, ETC": "{predicted_snr:.2f}",
+    "SNR, images": "{recovered_snr:.2f}",
+    "predicted over recovered SNR (95 %)": "{ratio:.3f} ({low:.3f} to {high:.3f})",
+    "flux / true": "{mean_flux:.4f} ± {flux_error:.4f}",
+    "predicted over recovered SNR, from the scatter of the fluxes": "{ratio_from_scatter:.2f}",
+}
+UNALTERED: Cells = {
+    "star": star_of,
+    "band": "{band}",
+    "SNR, ETC": "{predicted_snr:.2f}",
+    "SNR, images": "{recovered_snr:.2f} ± {recovered_snr_error:.2f}",
+    "predicted over recovered SNR": lambda row: (
+        "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}"
+    ),
+    "matched filter, of what the search asks for": lambda row: (
+        "" if row["search_snr"] is None else f"{row['search_snr']:.1f} of {row['search_threshold']:.1f}"
+    ),
+    "significant at the known place, found blind": "{n_significant}, {n_detected} of {realisations}",
+    "verdict": lambda row: row["verdict"].split(";")[0],
+}
+ALTERED_CELLS: Cells = {
+    "override": "`{override}`",
+    "stars x bands": lambda row: f"{row['stars']} x {row['bands'] // row['stars']}",
+    "known factor": "{known:.3f}",
+    "found": "{found:.3f} ± {error:.3f}",
+    "standard errors apart": "{deviation:+.1f}",
+    "the report says": "{text}",
+}
 
 
 def verdict_table(pulls: list[Row], nulls: list[Row], chain: list[Row], mean: Any, altered_rows: list[Row]) -> str:
     """What was asked, and what was found."""
-
-    def met(fine: bool) -> str:
-        return "yes" if fine else "**no**"
-
     worst = max(pulls, key=lambda row: abs(row["bias"]))
     widths = [row["width"] for row in pulls]
     places = [row[name] for row in pulls for name in ("radial", "tangential")]
-    three = [row for row in nulls if row["level"] == 3.0]
-    five = [row for row in nulls if row["level"] == 5.0]
+    three, five = ([row for row in nulls if row["level"] == level] for level in (3.0, 5.0))
     off = max(chain[:-FULL_CASES], key=lambda row: abs(row["ratio"] - 1.0))
     whole = float(np.mean([row["ratio"] for row in chain[-FULL_CASES:]]))
     apart = max(abs(row["deviation"]) for row in altered_rows)
-    sizes = ", ".join(f"{row['found'] / row['elements']:.3%}" for row in three)
-    return table(
-        ["", "asked", "found", "met"],
+    return verdict(
         [
-            [
+            (
                 f"mean flux of injected planets, {sum(row['draws'] for row in pulls)} draws",
                 "within 0.01 and 4 standard errors",
                 f"{worst['bias']:+.4f} ± {worst['bias_error']:.4f} at most",
-                met(all(abs(row["bias"]) < min(0.01, 4 * row["bias_error"]) for row in pulls)),
-            ],
-            [
+                all(abs(row["bias"]) < min(0.01, 4 * row["bias_error"]) for row in pulls),
+            ),
+            (
                 "pull width of fluxes, by band",
                 "1.00 ± 0.08",
                 f"{min(widths):.2f} to {max(widths):.2f}",
-                met(all(abs(w - 1) <= 0.08 for w in widths)),
-            ],
-            [
+                all(abs(w - 1) <= 0.08 for w in widths),
+            ),
+            (
                 "pull width of positions, along and across",
                 "1.0 ± 0.1",
                 f"{min(places):.2f} to {max(places):.2f}",
-                met(all(abs(w - 1) <= 0.1 for w in places)),
-            ],
-            [
+                all(abs(w - 1) <= 0.1 for w in places),
+            ),
+            (
                 "false alarms at 3 sigma-equivalent, per resolution element",
                 "0.135 %, 3 sigma of Poisson",
-                sizes,
-                met(all(row["within"] for row in three)),
-            ],
-            [
+                ", ".join(f"{row['found'] / row['elements']:.3%}" for row in three),
+                all(row["within"] for row in three),
+            ),
+            (
                 "confirmations at 5 sigma-equivalent without a planet",
                 "none",
                 str(sum(row["found"] for row in five)),
-                met(not any(row["found"] for row in five)),
-            ],
-            [
+                not any(row["found"] for row in five),
+            ),
+            (
                 f"ETC against the chain of images, {len(chain) - FULL_CASES} cases as sums of frames",
                 "10 %",
                 f"{off['ratio'] - 1:+.1%} at most ({pretty_name(off['star'])}, {off['band']})",
-                met(abs(off["ratio"] - 1) <= 0.1),
-            ],
-            [
+                abs(off["ratio"] - 1) <= 0.1,
+            ),
+            (
                 f"ETC against every frame with every effect, mean of {FULL_CASES} cases",
                 "10 %",
                 f"{whole - 1:+.1%}",
-                met(abs(whole - 1) <= 0.1),
-            ],
-            [
+                abs(whole - 1) <= 0.1,
+            ),
+            (
                 f"predicted over recovered SNR of {mean.n_bands} stars, nothing altered",
                 "1.00 ± 0.03",
                 f"{mean.etc_ratio:.3f} ± {mean.etc_ratio_error:.3f}",
-                met(abs(mean.etc_ratio - 1) <= 0.03),
-            ],
-            [
+                abs(mean.etc_ratio - 1) <= 0.03,
+            ),
+            (
                 "known factor of an altered simulator",
                 "within 2 standard errors",
                 f"{apart:.1f} standard errors at most",
-                met(apart <= 2),
-            ],
-        ],
+                apart <= 2,
+            ),
+        ]
     )
 
 
 def report(found: dict[str, list[Row]]) -> str:
     """Text of the report."""
-    pulls, pull_rows = pull_table(found["pulls"])
-    nulls, null_rows = null_table(found["nulls"])
+    pulls, nulls = pull_rows(found["pulls"]), null_rows(found["nulls"])
     bands = [
         BandConfirmation.model_validate({k: v for k, v in row.items() if k != "star"}) for row in found["unaltered"]
     ]
@@ -327,7 +236,7 @@ def report(found: dict[str, list[Row]]) -> str:
 
 Regenerate with `python -m tools.reports blind_validator`; everything below is written by it.
 
-{verdict_table(pull_rows, null_rows, found["chain"], mean, found["altered"])}
+{verdict_table(pulls, nulls, found["chain"], mean, found["altered"])}
 
 The first three parts look at one visit with its reference, where speckles are most of the noise: stacks of visits have
 reports of their own, `detection_law` and `programmes`. Nothing altered, and altered, are the programmes of visits that
@@ -339,18 +248,14 @@ Planets at random places of the hole, {PLACES} a band with {PER_PLACE} draws of 
 {SNR:g} asks for; forced photometry over the throughput of the forward model, errors from apertures at the same
 separation; positions fitted, their deviation over their error along and across the separation.
 
-{pulls}
-
-![Deviations over errors](pulls.png)
+{columns(pulls, PULLS)}
 
 ## Stars without planets: false alarms
 
 {SEQUENCES} sequences a scene through the blind search. A level of so many sigma means that noise passes for a planet
 with the probability of a normal law in each resolution element, (lambda/D)^2 of searched area.
 
-{nulls}
-
-![False alarms against the level](nulls.png)
+{columns(nulls, NULLS)}
 
 ## The exposure-time calculator against images
 
@@ -359,20 +264,20 @@ of the camera, calibrated, particles taken out. SNR of the images: mean flux ove
 errors. The last column takes the scatter of the fluxes instead, of one place: residual speckles around one planet are
 brighter or fainter than the mean of the hole at its separation, which is what both the calculator and an observer know.
 
-{chain_table(found["chain"])}
+{columns(found["chain"], CHAIN)}
 
 ## Nothing altered
 
 The {len(bands)} stars of largest predicted margin, best band each, {UNALTERED_REALISATIONS} realisations: {mean.text}.
 
-{unaltered_table(found["unaltered"])}
+{columns(found["unaltered"], UNALTERED)}
 
 ## The simulator altered
 
 The prediction knows the nominal instrument; the images have the override. The known factor is what the calculator says
 of the altered instrument in the same frames, with the weights of the bands. {ALTERED_REALISATIONS} realisations each.
 
-{altered_table(found["altered"])}
+{columns(found["altered"], ALTERED_CELLS)}
 """
 
 
@@ -390,9 +295,6 @@ def main() -> None:
     rows = [{name: row[name] for name in quoted} for row in found["unaltered"]]
     kept = {"unaltered": {"rows": rows}, "chain": {"rows": found["chain"]}}
     write_text(HERE / "results.json", json.dumps(kept, indent=1) + "\n")
-    with style():
-        write_bytes(HERE / "pulls.png", png(pull_figure(found["pulls"], tuple(BAND_STARS))))
-        write_bytes(HERE / "nulls.png", png(null_figure(null_table(found["nulls"])[1])))
     write_text(HERE / "report.md", report(found))
 
 

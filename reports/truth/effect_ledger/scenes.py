@@ -10,8 +10,6 @@ import numpy as np
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.knobs import Quantity
 
-__all__ = ["RandomCase", "random_case"]
-
 TYPES = ("F0V", "F5V", "G2V", "K1V", "K7V", "M0V")
 BANDS = ("F520", "F662", "F720", "F850")
 QUANTITIES: tuple[tuple[Quantity, ...], ...] = (

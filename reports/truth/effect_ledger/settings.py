@@ -25,8 +25,6 @@ from simulator.ledger.visit import Optics
 from simulator.passbands import Passbands
 from simulator.signal import wing
 
-__all__ = ["BANDS", "settings_rows", "wing_rows"]
-
 FloatArray = NDArray[np.float64]
 BANDS = ("F520", "F662", "F720", "F850")
 BEST = Knobs(wavelength_nodes=7, pixel_nodes=5)

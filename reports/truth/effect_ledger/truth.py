@@ -30,8 +30,6 @@ from simulator.ledger.choice import DRIFT_TERMS
 from simulator.observing import Observation
 from simulator.observing.sequence import Light
 
-__all__ = ["Difference", "alone", "measure", "pair_of", "true_difference"]
-
 FloatArray = NDArray[np.float64]
 EPOCHS, PAIRS, PATCH = 6, 8, 11
 CIRCLE = 15  # points a pixel and axis for the overlap of a circle

@@ -13,19 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "FIELDS",
-    "Found",
-    "GainScan",
-    "best_in_visit",
-    "excess2",
-    "inverse_snr2",
-    "largest_gain",
-    "least_time",
-    "longest_exposure",
-    "rows",
-]
-
 FloatArray = NDArray[np.float64]
 SIGMAS = 5.0  # kept free below every limit
 FIELDS = (

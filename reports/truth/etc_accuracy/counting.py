@@ -19,8 +19,6 @@ from cpic_planner.etc import StackNoise, stack_noise
 from cpic_planner.queries import Strategy
 from simulator.detectors.gain import multiply
 
-__all__ = ["EXPOSURE_S", "FRAMES", "Curve", "counted_cases", "predicted_counting", "recover_counts"]
-
 FloatArray = NDArray[np.float64]
 DRAWS, LAST = 1_000_000, 16
 EXPOSURE_S, FRAMES = 10.0, 3000

@@ -12,8 +12,6 @@ from regimes import GAINS, REGIMES
 from cpic_planner.report import new_figure
 from cpic_planner.report.drawing import BAND_STYLE
 
-__all__ = ["limit_figure", "monte_carlo_figure"]
-
 
 def monte_carlo_figure(rows: list[dict[str, Any]], tolerance: float) -> Figure:
     """SNR of the ETC over that of the trials, regime by regime."""

@@ -17,8 +17,6 @@ from cpic_planner.etc.rates import annulus_apertures
 from simulator.config import Drift, Instrument
 from simulator.imaging import PsfMetrics, aperture_sums, build_imager, overlap_weights, visit_frames
 
-__all__ = ["Residual", "scatter", "visit_images"]
-
 FloatArray = NDArray[np.float64]
 EXCLUDED = 1.5  # radii of an aperture around a planet that tell nothing of the background
 

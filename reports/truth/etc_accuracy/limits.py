@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from floors import Residual, scatter, visit_images
@@ -15,8 +14,6 @@ from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator.config import Drift, load_instrument
 from simulator.signal import speckle_law
-
-__all__ = ["LIMIT_BAND", "VISITS", "WALK_FRAMES", "Curve", "FloorRow", "floor_rows", "limit_curves"]
 
 LIMIT_STAR, LIMIT_BAND, LIMIT_ARCSEC, EXPOSURE_S, SIGMA = "tau Cet", "F520", 0.6, 20.0, 5.0
 OFFSETS_NM = (0.0, 0.05, 0.1, 0.5)
@@ -61,13 +58,6 @@ class Curve:
     def last_slope(self) -> float:
         """Logarithmic slope over the last decade of frames."""
         return self._slope(self.n_frames >= self.n_frames[-1] / 10)
-
-    def rows(self) -> list[dict[str, Any]]:
-        """For a table."""
-        return [
-            {"visit_nm": self.visit_nm, "n_frames": int(frames), "contrast_limit": float(limit)}
-            for frames, limit in zip(self.n_frames, self.limit, strict=True)
-        ]
 
 
 @dataclass(frozen=True)

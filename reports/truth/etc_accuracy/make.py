@@ -1,12 +1,13 @@
 """How far the exposure-time calculator can be trusted: ``python -m tools.reports etc_accuracy`` makes this report anew.
 
-Its noise against Monte Carlo, its choice of frames against trying everything, its contrast limit against the imaging
-model, and how long it takes.
+Its noise against Monte Carlo, its choice of frames against trying everything, and its contrast limit against the
+imaging model.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from monte_carlo import recover
 from random_problems import random_problem
 from real_stars import PLANETS, prepared
 from regimes import GAINS, Case, apertures, cases, predicted
-from speed import SpeedRow, speed_rows
 from threadpoolctl import threadpool_limits
 
 from cpic_core import write_bytes, write_text
@@ -27,7 +27,7 @@ from cpic_planner.etc import EtcModel, FrameProblem, build_model, cases_of, leas
 from cpic_planner.report import style
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
-from tools.report_parts import csv_text, machine, png, table
+from tools.report_parts import columns, csv_text, png, verdict
 
 HERE = Path(__file__).resolve().parent
 TRIALS = 20_000
@@ -151,165 +151,74 @@ def _both(name: str, question: str, parts: list[tuple[FrameProblem, float]]) -> 
     }
 
 
+def span(rows: list[Row], name: str) -> str:
+    """Least and largest of a column."""
+    values = [row[name] for row in rows]
+    return f"{min(values):.4f} to {max(values):.4f}"
+
+
 def regime_table(rows: list[Row]) -> str:
     """Worst of all gains and libraries of each regime."""
-    lines = []
-    for regime in dict.fromkeys(row["case"] for row in rows):
-        own = [row for row in rows if row["case"] == regime]
-        snr, significance = ([row[f"{name}_etc_over_mc"] for row in own] for name in ("snr", "significance"))
-        shares = {row["largest_term"] for row in own}
-        lines.append(
-            [
-                regime,
-                str(len(own)),
-                f"{min(snr):.4f} to {max(snr):.4f}",
-                f"{min(significance):.4f} to {max(significance):.4f}",
-                f"{max(abs(row['bias_in_standard_errors']) for row in own):.1f}",
-                ", ".join(sorted(shares)),
-                "yes" if all(row["met"] for row in own) else "**no**",
-            ]
-        )
-    head = ["regime", "cases", "SNR, ETC / trials", "significance, ETC / trials", "largest bias (standard errors)"]
-    return table([*head, "largest term", "met"], lines)
-
-
-def star_table(rows: list[Row]) -> str:
-    """Planets of real stars."""
-    head = ["planet", "gain", "SNR", "SNR, ETC / trials", "significance, ETC / trials", "largest term", "its share"]
-    return table(
-        head,
-        [
-            [
-                row["case"],
-                f"{row['em_gain']:g}",
-                f"{row['snr']:.2f}",
-                f"{row['snr_etc_over_mc']:.4f}",
-                f"{row['significance_etc_over_mc']:.4f}",
-                row["largest_term"],
-                f"{row['its_share']:.0%}",
-            ]
-            for row in rows
-        ],
+    groups = [[row for row in rows if row["case"] == case] for case in dict.fromkeys(row["case"] for row in rows)]
+    return columns(
+        groups,
+        {
+            "regime": "{0[0][case]}",
+            "cases": len,
+            "SNR, ETC / trials": lambda own: span(own, "snr_etc_over_mc"),
+            "significance, ETC / trials": lambda own: span(own, "significance_etc_over_mc"),
+            "largest bias (standard errors)": lambda own: f"{max(abs(r['bias_in_standard_errors']) for r in own):.1f}",
+            "largest term": lambda own: ", ".join(sorted({row["largest_term"] for row in own})),
+            "met": lambda own: "yes" if all(row["met"] for row in own) else "**no**",
+        },
     )
 
 
-def counting_table(rows: list[Row]) -> str:
-    """Photon counting, and what it gains over measured charge."""
-    head = [
-        "pixels",
-        "gain",
-        "SNR, ETC / trials",
-        "significance, ETC / trials",
-        "significance over that of measured charge",
-    ]
-    return table(
-        head,
-        [
-            [
-                row["case"],
-                f"{row['em_gain']:g}",
-                f"{row['snr_etc_over_mc']:.4f}",
-                f"{row['significance_etc_over_mc']:.4f}",
-                f"{row['over_analogue']:.2f}",
-            ]
-            for row in rows
-        ],
-    )
-
-
-def optimiser_table(rows: list[Row]) -> str:
-    """Solver beside brute force."""
-    return table(
-        [
-            "problems",
-            "asked for",
-            "cases",
-            "possible",
-            "possible for one only",
-            "least",
-            "median",
-            "largest",
-            f"above {COST_ASKED:g}",
-            "solver (s)",
-            "brute force (s)",
-        ],
-        [
-            [
-                row["problems"],
-                row["asked for"],
-                str(row["cases"]),
-                str(row["possible"]),
-                str(row["possible for one only"]),
-                f"{row['least']:.5f}",
-                f"{row['median']:.5f}",
-                f"{row['largest']:.6f}",
-                str(row["above"]),
-                f"{row['solver_s']:.3f}",
-                f"{row['brute_force_s']:.1f}",
-            ]
-            for row in rows
-        ],
-    )
-
-
-def floor_table(rows: list[FloorRow]) -> str:
-    """Residual of the ETC beside that of the images."""
-    return table(
-        [
-            "band",
-            "separation (arcsec)",
-            "visit offset (nm)",
-            "walk (nm)",
-            "ETC, per unit star",
-            "images",
-            "ETC / images",
-        ],
-        [
-            [
-                row.band,
-                f"{row.separation_arcsec:g}",
-                f"{row.visit_nm:g}",
-                row.walk,
-                f"{row.said:.3e}",
-                f"{row.measured.rms:.3e}",
-                f"{row.ratio:.3f} ± {row.ratio_error:.3f}",
-            ]
-            for row in rows
-        ],
-    )
+RATIOS = {"SNR, ETC / trials": "{snr_etc_over_mc:.4f}", "significance, ETC / trials": "{significance_etc_over_mc:.4f}"}
+STARS = {"planet": "{case}", "gain": "{em_gain:g}", "SNR": "{snr:.2f}", **RATIOS}
+STARS |= {"largest term": "{largest_term}", "its share": "{its_share:.0%}"}
+COUNTED = {"pixels": "{case}", "gain": "{em_gain:g}", **RATIOS}
+COUNTED |= {"significance over that of measured charge": "{over_analogue:.2f}"}
+OPTIMISED = {
+    **{name: f"{{{name}}}" for name in ("problems", "asked for", "cases", "possible", "possible for one only")},
+    "least": "{least:.5f}",
+    "median": "{median:.5f}",
+    "largest": "{largest:.6f}",
+    f"above {COST_ASKED:g}": "{above}",
+    "solver (s)": "{solver_s:.3f}",
+    "brute force (s)": "{brute_force_s:.1f}",
+}
+FLOORS = {
+    "band": "{0.band}",
+    "separation (arcsec)": "{0.separation_arcsec:g}",
+    "visit offset (nm)": "{0.visit_nm:g}",
+    "walk (nm)": "{0.walk}",
+    "ETC, per unit star": "{0.said:.3e}",
+    "images": "{0.measured.rms:.3e}",
+    "ETC / images": "{0.ratio:.3f} ± {0.ratio_error:.3f}",
+}
 
 
 def slope_table(curves: list[Curve]) -> str:
     """Logarithmic slopes and plateaus."""
-    rows = []
-    for curve in curves:
-        plateau = "none" if curve.model_limit is None else f"{curve.plateau:.3e}"
-        images = "" if curve.model_limit is None else f"{curve.model_limit:.3e} ± {curve.model_error:.1e}"
-        ratio = "" if curve.model_limit is None else f"{curve.plateau / curve.model_limit:.3f}"
-        rows.append(
-            [f"{curve.visit_nm:g}", f"{curve.first_slope:.3f}", f"{curve.last_slope:.4f}", plateau, images, ratio]
-        )
-    return table(
-        [
-            "visit offset (nm)",
-            "slope, 1 to 10 frames",
-            "slope, last decade",
-            "plateau of the ETC",
-            "of the images",
-            "ETC / images",
-        ],
-        rows,
+
+    def ends(form: str, without: str = "") -> Callable[[Curve], str]:
+        """Write what only a curve with a plateau has."""
+        return lambda curve: without if curve.model_limit is None else form.format(curve)
+
+    return columns(
+        curves,
+        {
+            "visit offset (nm)": "{0.visit_nm:g}",
+            "slope, 1 to 10 frames": "{0.first_slope:.3f}",
+            "slope, last decade": "{0.last_slope:.4f}",
+            "plateau of the ETC": ends("{0.plateau:.3e}", "none"),
+            "of the images": ends("{0.model_limit:.3e} ± {0.model_error:.1e}"),
+            "ETC / images": lambda curve: (
+                "" if curve.model_limit is None else f"{curve.plateau / curve.model_limit:.3f}"
+            ),
+        },
     )
-
-
-def speed_table(rows: list[SpeedRow]) -> str:
-    """Times."""
-    lines = []
-    for row in rows:
-        asked = "" if row.asked_s is None else f"{row.asked_s:g}"
-        met = "" if row.asked_s is None else "yes" if row.cpu_s <= row.asked_s else "**no**"
-        lines.append([row.job, f"{row.cpu_s:.3g}", f"{row.wall_s:.3g}", asked, met])
-    return table(["job", "processor time (s)", "wall clock (s)", "asked (s)", "met"], lines)
 
 
 def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], floors: list[FloorRow]) -> str:
@@ -320,35 +229,30 @@ def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], flo
     apart = max(plateaus, key=abs)
     off = max(floors, key=lambda row: abs(row.ratio - 1.0))
     steepest = max(abs(curve.first_slope + 0.5) for curve in curves if not curve.visit_nm)
-
-    def met(fine: bool) -> str:
-        return "yes" if fine else "**no**"
-
-    return table(
-        ["", "asked", "found", "met"],
+    return verdict(
         [
-            [
+            (
                 f"noise against Monte Carlo, {len(trials)} cases",
                 f"{WHITE:.0%} ({SPECKLED:.0%} with speckles) + 4.5 errors",
                 f"{worst:.1%} at most, errors of the trials included",
-                met(all(row["met"] for row in trials)),
-            ],
-            [
+                all(row["met"] for row in trials),
+            ),
+            (
                 f"least time against brute force, {sum(row['cases'] for row in frames)} cases",
                 f"at most {COST_ASKED:g} times",
                 f"{longest:.6f} times at most",
-                met(longest <= COST_ASKED),
-            ],
-            ["cases in which only one of the two finds a solution", "none", str(single), met(not single)],
-            ["slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", met(steepest < 1e-6)],
-            ["plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", met(abs(apart) < 0.1)],
-            [
+                longest <= COST_ASKED,
+            ),
+            ("cases in which only one of the two finds a solution", "none", str(single), not single),
+            ("slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", steepest < 1e-6),
+            ("plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", abs(apart) < 0.1),
+            (
                 "residual in other bands and places, and with walk",
                 "",
                 f"{off.ratio - 1.0:+.1%} at most ({off.band}, {off.separation_arcsec:g} arcsec)",
-                "",
-            ],
-        ],
+                None,
+            ),
+        ]
     )
 
 
@@ -359,10 +263,9 @@ def report(
     frames: list[Row],
     curves: list[Curve],
     floors: list[FloorRow],
-    speeds: list[SpeedRow],
 ) -> str:
     """Text of the report."""
-    return f"""# Accuracy and speed of the exposure-time calculator
+    return f"""# Accuracy of the exposure-time calculator
 
 Regenerate with `python -m tools.reports etc_accuracy`; everything below is written by it.
 
@@ -385,13 +288,13 @@ significance the signal over the scatter without the planet; each carries {trial
 
 Planets of real stars, 30 frames, with the rates of the ETC and the planet's light on the pixels of the images:
 
-{star_table(stars)}
+{columns(stars, STARS)}
 
 Photons counted instead of measured: {FRAMES} frames of {EXPOSURE_S:g} s, a planet of a third of the background. How
 often a pixel passes the threshold is drawn from the register, and the counts of each pixel are inverted by that curve.
 The last column is what counting wins; below 1 it loses, where pixels hold more than one photon.
 
-{counting_table(counted)}
+{columns(counted, COUNTED)}
 
 ## Frames against trying everything
 
@@ -399,7 +302,7 @@ Brute force takes 2000 exposures, every whole number of frames and 1500 gains fo
 saturation written out once more. Time of the solver over that of brute force; below 1 the solver stands between two
 exposures of the grid. The planets of the catalogue are tried in every band, whether or not the place is dark there.
 
-{optimiser_table(frames)}
+{columns(frames, OPTIMISED)}
 
 ## Contrast limit against the number of frames
 
@@ -418,16 +321,7 @@ left out of both. With walk, the image of a visit is the mean of {WALK_FRAMES} m
 annulus to their corners, its mean goes up and down with the circle and takes off more than the mean of the whole hole,
 which the ETC reckons with.
 
-{floor_table(floors)}
-
-## Speed
-
-{machine("numpy")}.
-
-One thread, medians of warm calls. The verdict is by processor time: on one thread it is the wall clock of an idle
-machine.
-
-{speed_table(speeds)}
+{columns(floors, FLOORS)}
 """
 
 
@@ -438,15 +332,11 @@ def main() -> None:
         trials, counted, stars = monte_carlo_rows(), counting_rows(), star_rows(model)
         frames = optimiser_rows(model)
         curves, floors = limit_curves(), floor_rows()
-        speeds = speed_rows()
     write_text(HERE / "monte_carlo.csv", csv_text(trials + stars))
-    write_text(HERE / "counting.csv", csv_text(counted))
-    write_text(HERE / "optimiser.csv", csv_text(frames))
-    write_text(HERE / "limits.csv", csv_text([row for curve in curves for row in curve.rows()]))
     with style():
         write_bytes(HERE / "monte_carlo.png", png(monte_carlo_figure(trials, WHITE)))
         write_bytes(HERE / "contrast_limit.png", png(limit_figure(curves)))
-    write_text(HERE / "report.md", report(trials, counted, stars, frames, curves, floors, speeds))
+    write_text(HERE / "report.md", report(trials, counted, stars, frames, curves, floors))
 
 
 if __name__ == "__main__":

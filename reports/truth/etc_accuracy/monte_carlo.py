@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from simulator.detectors.gain import multiply
 from simulator.imaging import overlap_weights
 
-__all__ = ["Aperture", "Readout", "Recovered", "Stack", "aperture_on", "frame_sums", "recover", "stack_sums"]
-
 FloatArray = NDArray[np.float64]
 
 

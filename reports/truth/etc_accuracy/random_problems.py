@@ -6,8 +6,6 @@ import numpy as np
 
 from cpic_planner.etc import FrameCamera, FrameProblem
 
-__all__ = ["random_problem"]
-
 WAVELENGTHS_NM = np.array([520.0, 662.0, 720.0, 850.0, 940.0, 1265.0, 1425.0, 1542.0])
 WIDTHS = np.array([0.2, 0.1, 0.06, 0.1, 0.1, 0.1, 0.1, 0.1])
 FADING = np.array([1.0, 0.92, 0.68, 0.41, 0.3, 0.3, 0.2, 0.2])  # of the planet against the star

@@ -11,8 +11,6 @@ from cpic_planner.etc import EtcModel, StackNoise, aperture_rates, diagonal, sta
 from cpic_planner.targets import find_target
 from simulator import single_band_psf
 
-__all__ = ["PLANETS", "Planet", "Said", "on_pixels", "prepared"]
-
 FRAMES = 30
 PLACES = ((0.0, 0.0), (0.5, 0.5), (0.25, -0.25), (-0.4, 0.1))  # pixels
 

@@ -13,21 +13,6 @@ from cpic_planner.etc import ApertureRates, FrameCamera, Programme, StackNoise, 
 from cpic_planner.queries import Strategy
 from simulator.signal import ProgrammeLaw, SpeckleLaw
 
-__all__ = [
-    "GAINS",
-    "LIGHTS",
-    "RADIUS_PIXELS",
-    "RATIOS",
-    "REGIMES",
-    "Case",
-    "apertures",
-    "camera_of",
-    "case_of",
-    "cases",
-    "predicted",
-    "rates_of",
-]
-
 GAINS = (1.0, 2.0, 20.0, 300.0, 1000.0)
 RATIOS = (0.5, 1.0, 3.0)
 LIGHTS = ("halo", "sky", "companion", "dark", "exozodi")

@@ -23,6 +23,7 @@ from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 from simulator.knobs import FIDELITIES
 from simulator.ledger import SUM_EPOCHS
+from tools.report_parts import columns, table
 
 HERE = Path(__file__).resolve().parent
 REALISATIONS = 40
@@ -205,12 +206,41 @@ def compared(expected: dict[str, Any], found: list[validation.Measurement]) -> d
     }
 
 
-def summary(rows: list[Case], kind: str) -> str:
-    """Number of cases, mean ratio with its error, and how many are within what is asked."""
+def summary(name: str, rows: list[Case], kind: str) -> list[str]:
+    """Name, number of cases, mean ratio with its error, and how many are within what is asked."""
     ratio, error = (np.array([row[f"{key}_{kind}"] for row in rows]) for key in ("ratio", "error"))
     off, spread = np.abs(ratio - 1.0), ratio.std(ddof=min(len(rows) - 1, 1)) / np.sqrt(len(rows))
     within, widely = int((off <= np.maximum(ASKED_CASE, error)).sum()), int((off <= ASKED_CASE + 2.0 * error).sum())
-    return f"{len(rows)} | {ratio.mean():.3f} ± {spread:.3f} | {within} | {widely}"
+    return [name, str(len(rows)), f"{ratio.mean():.3f} ± {spread:.3f}", str(within), str(widely)]
+
+
+def summaries(rows: list[Case]) -> list[list[str]]:
+    """All cases, and those of each value of some factors."""
+    groups = [("mean of the references", rows, "mean")]
+    for name in ("place", "library", "visits", "common_fraction", "band"):
+        for value in FACTORS[name]:
+            groups.append((f"mean, {name} {value}", [row for row in rows if row[name] == value], "mean"))
+    for k in FACTORS["n_modes"][1:]:
+        groups.append((f"with K = {k} modes", [row for row in rows if row["n_modes"] == k], "modes"))
+    return [summary(*group) for group in groups if group[1]]
+
+
+CELLS = {
+    "star": "{star}",
+    "band": "{band}",
+    "arcsec": "{separation_arcsec:.2f}",
+    "place": "{place}",
+    "V": "{visits}",
+    "R": "{reference_visits}",
+    "library": "{library}",
+    "f": "{common_fraction}",
+    "SNR": "{predicted_snr:.0f}",
+    "ratio, mean": "{ratio_mean:.3f} ± {error_mean:.3f}",
+    "flux, mean": "{flux_mean:.3f}",
+    "K": "{n_modes}",
+    "ratio, K modes": "{ratio_modes:.3f} ± {error_modes:.3f}",
+    "throughput": "{throughput_modes:.3f}",
+}
 
 
 def text_of(rows: list[Case]) -> str:
@@ -231,27 +261,12 @@ def text_of(rows: list[Case]) -> str:
         f"Asked: {1.0 - ASKED_MEAN:.2f} to {1.0 + ASKED_MEAN:.2f} in the mean, each case within {ASKED_CASE:.0%} or "
         "its error.",
         "",
-        "| cases | number | mean ratio | within 5 % or the error | within 5 % and two errors |",
-        "|---|---|---|---|---|",
-        f"| mean of the references | {summary(rows, 'mean')} |",
+        table(
+            ["cases", "number", "mean ratio", "within 5 % or the error", "within 5 % and two errors"], summaries(rows)
+        ),
+        "",
+        columns(sorted(rows, key=lambda one: (one["place"], one["visits"], one["library"])), CELLS),
     ]
-    for name in ("place", "library", "visits", "common_fraction", "band"):
-        for value in FACTORS[name]:
-            some = [row for row in rows if row[name] == value]
-            if some:
-                lines.append(f"| mean, {name} {value} | {summary(some, 'mean')} |")
-    for k in FACTORS["n_modes"][1:]:
-        some = [row for row in rows if row["n_modes"] == k]
-        if some:
-            lines.append(f"| with K = {k} modes | {summary(some, 'modes')} |")
-    head = "star | band | arcsec | place | V | R | library | f | SNR | ratio, mean | flux, mean | K | ratio, K modes"
-    lines += ["", f"| {head} | throughput |", "|" + "---|" * (head.count("|") + 2)]
-    for row in sorted(rows, key=lambda one: (one["place"], one["visits"], one["library"])):
-        cells = [row["star"], row["band"], f"{row['separation_arcsec']:.2f}", row["place"], row["visits"]]
-        cells += [row["reference_visits"], row["library"], row["common_fraction"], f"{row['predicted_snr']:.0f}"]
-        cells += [f"{row['ratio_mean']:.3f} ± {row['error_mean']:.3f}", f"{row['flux_mean']:.3f}", row["n_modes"]]
-        cells += [f"{row['ratio_modes']:.3f} ± {row['error_modes']:.3f}", f"{row['throughput_modes']:.3f}"]
-        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
     return "\n".join(lines) + "\n"
 
 
