@@ -182,7 +182,7 @@ def test_a_library_is_one_entry():
         assert flag_text("master_of_many") == "the stars of the master are not modelled"
         task = prepare_task(model, star, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
         visits = visit_pair(task)
-        assert visits.plan.name == "master"
+        assert visits.strategy.library == "master"
         assert visits.reference.scene.cstar.v_mag == 4.0
         assert visits.scale == pytest.approx(10 ** (-0.4 * (float(star.v_mag[0]) - 4.0)), rel=1e-9)
         reduced = visits.draw(0).reduced
