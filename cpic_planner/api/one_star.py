@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -27,7 +27,6 @@ from cpic_planner.targets import Targets, find_target
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-    from rich.console import Console
 
     from cpic_planner.planets import Planets
     from cpic_planner.ranking import KnownChoice
@@ -599,12 +598,10 @@ class Answered:
         rows = self.result.answers
         return any(row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in rows)
 
-    def print(self, console: Console, *, every_budget: bool = False, explain: bool = False) -> None:
-        """Print the answer, see `cpic_planner.report.print_etc`."""
-        asked = report.question_text(self.question)
-        about: dict[str, Any] = {"asked": asked, "placed": self.placed}
-        report.print_etc(self.result, console, every_budget=every_budget, explain=explain, **about)
-        report.print_fidelity(self.result, console)
+    def blocks(self, *, every_budget: bool = False, explain: bool = False) -> Iterator[report.Block]:
+        """Return the answer as a document, see `cpic_planner.report.etc_blocks`."""
+        about: dict[str, Any] = {"asked": report.question_text(self.question), "placed": self.placed}
+        return report.etc_blocks(self.result, every_budget=every_budget, explain=explain, **about)
 
     def figure(self) -> Figure:
         """Draw SNR against time, the contrast limit against separation, and the noise budgets."""
