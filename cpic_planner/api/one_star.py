@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -263,12 +263,12 @@ def closed_forms(question: EtcQuestion, model: etc.EtcModel, star: Targets) -> l
         Stars in order, bands within each, then separations and planets.
     """
     places = places_of(question, star)
-    if places is not None and question.n_frames is None:
-        return _ask(question, model, star, model.bands, places)
+    # Numbers of frames take another time with each camera.
+    groups = [model.bands] if question.n_frames is None else [(band,) for band in model.bands]
     answers = []
-    for band in model.bands:
-        there = best_places(question, model, star, band) if places is None else places
-        answers += _ask(question, model, star, [band], there)
+    for bands in groups:
+        there = best_places(question, model, star, bands) if places is None else dict.fromkeys(bands, places)
+        answers += _ask(question, model, star, there)
     return answers
 
 
@@ -287,11 +287,11 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
 
 
 def _ask(
-    question: EtcQuestion, model: etc.EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
+    question: EtcQuestion, model: etc.EtcModel, star: Targets, places: Mapping[str, Sequence[float]]
 ) -> list[EtcAnswer]:
     frames = {"exposure_s": question.exposure_s, "em_gain": question.em_gain}
-    common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places)} | frames
-    given: dict[str, Any] = {"exact": question.exact} | questions.times_of(question, model, bands[0])
+    common: dict[str, Any] = {"bands": tuple(places), "separation_arcsec": places} | frames
+    given: dict[str, Any] = {"exact": question.exact} | questions.times_of(question, model, next(iter(places)))
     if question.contrast_limit:
         return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
     planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
@@ -302,7 +302,9 @@ def _ask(
     return questions.signal_to_noise(model, star, **given, **common)
 
 
-def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band: str) -> list[float]:
+def best_places(
+    question: EtcQuestion, model: etc.EtcModel, star: Targets, bands: Sequence[str]
+) -> dict[str, list[float]]:
     """Return the separation of least time, of clearest detection or of faintest limit, for each contrast or planet.
 
     Where the level is out of reach it is the separation that comes nearest to it. Frames need not be whole in this
@@ -313,39 +315,47 @@ def best_places(question: EtcQuestion, model: etc.EtcModel, star: Targets, band:
     question : EtcQuestion
     model : EtcModel
     star : Targets
-    band : str
-        Name of a band of the instrument, such as ``F520``.
+    bands : sequence of str
+        Bands of the model.
+
+    Returns
+    -------
+    dict of str to list of float
+        By band.
     """
-    grid = separation_grid(model, band)
-    fixed = etc.fixed_frames(model, [band], question.exposure_s, question.em_gain)
+    grids = {band: separation_grid(model, band) for band in bands}
+    most = max(len(grid) for grid in grids.values())
+    grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
+    how = {name: getattr(question, name) for name in ("exposure_s", "em_gain", "snr", "sigma")}
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
-    best = []
+    best: dict[str, list[float]] = {band: [] for band in bands}
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        objective: etc.Objective = "significance" if question.snr is None else "snr"
-        them = etc.planets_of(list(grid), planet, contrast)
-        level = question.snr or question.sigma
-        cases = etc.cases_of(model, star, [band], them, fixed, objective=objective, value=level)
-        best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
+        them = {band: etc.planets_of(list(grid), planet, contrast) for band, grid in grids.items()}
+        for cases in etc.cases_by_camera(model, star, bands, them, **how):
+            for band, cost in zip(cases.bands, _cost(question, model, cases), strict=True):
+                best[band].append(float(grids[band][int(np.argmin(cost))]))
     return best
 
 
 def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> FloatArray:
-    """Return what to make small, one number a separation; places outside the field cost ``inf``."""
-    every, given = cases.programmes, model.strategy.visits
+    """Return what to make small, one number a band and separation; places outside the field cost ``inf``."""
+    given = model.strategy.visits
     if not question.asks_time:
         times = questions.times_of(question, model, cases.bands[0])
         return cases.missed_in(etc.Span.of(model, times["time_s"], times["visit_time_s"]))
     fixed = np.full(cases.contrast.shape, float(given or 1))
     if question.visit_time_s is not None:
-        time_s = every.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
+        time_s = cases.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
-        visits = every.quickest() if given is None else fixed
-        time_s = visits * model.time_s(every.solved(visits)[0])
+        visits = cases.quickest() if given is None else fixed
+        time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
     cost = np.where(cases.possible, time_s, np.inf)
-    endless = etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)
-    return cost if np.isfinite(cost).any() else cases.missed_in(endless)
+    answered = np.isfinite(cost).any(axis=(1, 2), keepdims=True)
+    if answered.all():
+        return cost
+    return np.where(answered, cost, cases.missed_in(etc.Span(given or MAX_VISITS, time_s=_ENDLESS_S)))
 
 
 Working: TypeAlias = Callable[[str, int], AbstractContextManager[Advance]]

@@ -10,16 +10,16 @@ from cpic_planner.etc.budget import (
 )
 from cpic_planner.etc.cases import (
     Cases as Cases,
-    FixedFrames as FixedFrames,
+    Prospect as Prospect,
+    Span as Span,
     cases_by_camera as cases_by_camera,
     cases_of as cases_of,
-    fixed_frames as fixed_frames,
-)
-from cpic_planner.etc.chances import (
-    LEAST_PROBABILITY as LEAST_PROBABILITY,
-    Prospect as Prospect,
+    motion_factor as motion_factor,
+    programme_columns as programme_columns,
+    programme_days as programme_days,
+    programme_fields as programme_fields,
     prospect_of as prospect_of,
-    visit_chances as visit_chances,
+    search_motion as search_motion,
 )
 from cpic_planner.etc.detection import (
     MAX_SIGMA as MAX_SIGMA,
@@ -37,6 +37,7 @@ from cpic_planner.etc.detection import (
 )
 from cpic_planner.etc.detection_law import (
     LAW_ERROR as LAW_ERROR,
+    LEAST_PROBABILITY as LEAST_PROBABILITY,
     MAP_VISITS as MAP_VISITS,
     PRIORS as PRIORS,
     SearchLaw as SearchLaw,
@@ -46,6 +47,7 @@ from cpic_planner.etc.detection_law import (
     needed_margin as needed_margin,
     own_share as own_share,
     speckled_share as speckled_share,
+    visit_chances as visit_chances,
 )
 from cpic_planner.etc.fidelity import closed_form_fidelity as closed_form_fidelity
 from cpic_planner.etc.frames import (
@@ -86,15 +88,6 @@ from cpic_planner.etc.photon_counting import (
     CountingLaw as CountingLaw,
     counting_probabilities as counting_probabilities,
     counting_variance as counting_variance,
-)
-from cpic_planner.etc.programmes import (
-    Programmes as Programmes,
-    SearchMotion as SearchMotion,
-    Span as Span,
-    motion_factor as motion_factor,
-    programme_columns as programme_columns,
-    programme_days as programme_days,
-    programme_fields as programme_fields,
 )
 from cpic_planner.etc.questions import (
     TRIAL_CONTRAST as TRIAL_CONTRAST,

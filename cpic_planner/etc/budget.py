@@ -23,7 +23,6 @@ from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import FrameCamera, Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
-from cpic_planner.etc.programmes import Programmes
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.results import LimitText
@@ -273,16 +272,10 @@ def time_at_rest_s(cases: Cases, visit_time_s: float | None) -> FloatArray | Non
     """
     if cases.motion is None:
         return None
-    rest = replace(cases.search, motion=None)
-
-    def problem(made: Programme) -> FrameProblem:
-        return cases.problem("significance", programme=made)
-
-    visits = spread(cases.programme.visits, cases.contrast.shape)
-    every = Programmes(cases.model, problem, rest, rest.steady, cases.with_modes)
+    rest, visits = cases.at_rest, spread(cases.programme.visits, cases.contrast.shape)
     if visit_time_s is not None:
-        return every.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
-    return np.asarray(visits * cases.model.time_s(every.solved(visits)[0]))
+        return rest.fewest(cases.model.visit_s(visit_time_s)) * visit_time_s
+    return np.asarray(visits * cases.model.time_s(rest.solved(visits)[0]))
 
 
 def programme_floor(cases: Cases, visits: float) -> FloatArray:

@@ -1,17 +1,32 @@
-"""Cases of a question: stars x planets in bands of one camera, and the programmes and frames that reach a level."""
+"""Cases of a question: stars x planets in bands of one camera, and the programmes and frames that reach a level.
+
+With ``V`` visits of ``v`` seconds of science frames each, ``o`` of overhead and ``q`` of wall time a second of science,
+
+    1 / SNR^2 = G / (V v) + science(v) / V + reference(v V / R) / R + common,    time = V (o + q v).
+
+Both the noise in a given time and the time for a level fall with the number of visits as long as speckles rule, and
+rise once the overhead eats the time: they have one valley in ``V``, which is found on grids of whole numbers that close
+in on it. In the middle of the valley, with as many references and no walk, a visit takes ``sqrt(G o / (2 q z))``, ``z``
+the residual of one visit. Frames need not be whole in this search.
+
+A blind search goes through orbits of planets that move, and its threshold pays for the trials
+(`cpic_planner.planets.motion`). Where the place of a planet is known its orbit is followed, which costs nothing. It
+asks for more the more of the noise is light of the wavefront's errors, and for less the more visits average it: its
+level depends on the programme (`cpic_planner.etc.detection_law`).
+"""
 
 import copy
 import functools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Reason, Status
-from cpic_planner.etc.chances import Chances
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner.etc.detection import threshold_array
-from cpic_planner.etc.detection_law import SearchLaw, band_law
+from cpic_planner.etc.detection_law import Chances, SearchLaw, band_law, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -19,7 +34,9 @@ from cpic_planner.etc.frames import (
     best_in_visit,
     frame_problem,
     least_time,
+    peak_visit_s,
     shortened,
+    smooth_least_visit_s,
 )
 from cpic_planner.etc.model import (
     ONE_VISIT,
@@ -32,7 +49,6 @@ from cpic_planner.etc.model import (
     usable_range_arcsec,
 )
 from cpic_planner.etc.noise import Objective, StackNoise, residuals, stack_noise, white_term, with_modes
-from cpic_planner.etc.programmes import Programmes, SearchMotion, Span, motion_factor, shortest
 from cpic_planner.etc.rates import (
     NEAREST_ARCSEC,
     QUADRANTS,
@@ -44,9 +60,9 @@ from cpic_planner.etc.rates import (
     reference_distance_au,
     reference_notes,
 )
-from cpic_planner.etc.searches import spread, taken
-from cpic_planner.planets import excluded_by_rv
-from cpic_planner.queries import MAX_VISITS
+from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread, taken
+from cpic_planner.planets import OrbitSearch, excluded_by_rv, span_days, star_masses_msun
+from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
 from simulator.detectors import FrameTerm
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
@@ -57,30 +73,196 @@ _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
 _LEVEL_STEPS, _SAME, _STILL = 60, 1e-10, 1e-10
 _HAIR = 1e-14
-_SHORT, _LONGEST_S = 0.98, 1e15
-_OF_PLACES = ("goal", "search", "motion", "residual_parts", "separation_arcsec", "usable")
+_SHORT, _ENDLESS_S = 0.98, 1e15
+_ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
+_STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
+_SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
+_LONGEST_S = 1e10
+_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_laws", "_averaging", "camera")
+_COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
+_FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
+
+
+def search_motion(
+    model: EtcModel, targets: Targets, band: str, separation_arcsec: ArrayLike, stars: IntArray | None = None
+) -> OrbitSearch:
+    """Return what the motion of planets costs a blind search at places around stars.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+    separation_arcsec : array_like
+        Projected, above 0; its first axis is 1 or that of the stars.
+    stars : ndarray of int, optional
+        Which of the stars each place is at, of the shape of the places.
+    """
+    place, strategy = np.asarray(separation_arcsec, float), model.strategy
+    around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
+    physics = (tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k))
+    masses_msun = _masses_msun(tuple(targets.name.tolist()), *physics)
+    of_star = targets.distance_pc[around], masses_msun[around], model.metrics[band].lambda_d_arcsec
+    # Within the significances that trials are stated for.
+    sigma = min(max(strategy.sigma, 1.0), 20.0)
+    return OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=sigma)
+
+
+@functools.lru_cache(maxsize=64)
+def _masses_msun(names: tuple[str, ...], *physics: tuple[float, ...]) -> FloatArray:
+    return star_masses_msun(names, *physics)
+
+
+def motion_factor(model: EtcModel, motion: OrbitSearch | None, programme: Programme, visit_s: ArrayLike) -> FloatArray:
+    """Return the factor on the significance that a search asks for because planets move; 1 where it follows them.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Says what a visit takes of wall time.
+    motion : OrbitSearch or None
+        Of `search_motion`.
+    programme : Programme
+    visit_s : array_like
+        Length of the science part of its visits.
+    """
+    if motion is None:
+        return np.ones_like(visit_s)
+    return motion.threshold_factor(programme.visits, model.time_s(visit_s))
+
+
+def programme_days(model: EtcModel, visits: ArrayLike, time_s: ArrayLike) -> FloatArray:
+    """Return the days from the begin of the first visit to the end of the last, occultations by the Earth included.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its strategy says what lies between visits.
+    visits, time_s : array_like
+        Number of visits, and wall time of all.
+    """
+    return span_days(time_s, np.maximum(visits, 1.0), model.strategy.visit_gap_h)
+
+
+def programme_columns(
+    model: EtcModel,
+    rates: ApertureRates,
+    motion: OrbitSearch | None,
+    programme: Programme,
+    choice: FrameChoice,
+    time_s: float | None = None,
+    given_s: float | None = None,
+) -> dict[str, FloatArray]:
+    """Return what answers state of programmes and their frames, by the names of columns, in the shape of the frames.
+
+    Parameters
+    ----------
+    model, rates, motion, programme, choice
+        Of the cases.
+    time_s : float, optional
+        Wall time that was given; visits never take more, not even by rounding.
+    given_s : float, optional
+        Wall time that may be used, of which visits of a given length can leave some.
+
+    Returns
+    -------
+    dict of str to ndarray
+        NaN where there is nothing: no time was given, or orbits are followed.
+    """
+    visit_s, visits, wall_s = choice.visit_s, programme.visits, model.time_s(choice.visit_s)
+    if time_s is not None:
+        wall_s = np.minimum(wall_s, time_s / visits)
+    columns = {
+        "exposure_s": choice.exposure_s,
+        "em_gain": choice.em_gain,
+        "visits": visits,
+        "reference_visits": programme.reference_visits,
+        "independent_visits": rates.speckle.independent(visits, programme.gap_s),
+        "frames_per_visit": choice.n_frames,
+        "n_frames": choice.n_frames * visits,
+        "visit_time_s": wall_s,
+        "time_s": wall_s * visits,
+        "unused_s": np.nan if given_s is None else np.maximum(given_s - wall_s * visits, 0.0),
+        "orbits_searched": np.nan if motion is None else motion.n_orbits(visits, model.time_s(visit_s)),
+        "motion_factor": motion_factor(model, motion, programme, visit_s),
+    }
+    return {name: spread(np.asarray(part, float), visit_s.shape) for name, part in columns.items()}
+
+
+def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> dict[str, float | int | None]:
+    """Return the same of one case as plain numbers, with the time on the star and the days that the programme spans.
+
+    All are None where there is no frame.
+
+    Parameters
+    ----------
+    model : EtcModel
+    columns : mapping
+        Of `programme_columns`.
+    case : int or tuple of int
+    """
+    found: dict[str, Any] = dict.fromkeys((*_FLOATS, *_COUNTS, "integration_s", "span_days"))
+    if columns["n_frames"][case] < 1:
+        return found
+    for name in (*_FLOATS, *_COUNTS):
+        value = float(columns[name][case])
+        found[name] = None if not math.isfinite(value) else int(value) if name in _COUNTS else value
+    found["integration_s"] = found["n_frames"] * found["exposure_s"]
+    return found | {"span_days": float(programme_days(model, found["visits"], found["time_s"]))}
 
 
 @dataclass(frozen=True)
-class FixedFrames:
-    """The settings of frames that the user fixes; the rest is optimised."""
+class Span:
+    """Time of a programme: number of visits, wall time of each, and of all; None for what is not given.
 
-    exposure_s: float | None = None
-    em_gain: float | None = None
+    ``given_s`` is the wall time that may be used, of which whole visits of a given length can leave some.
+    """
 
+    visits: int | None = None
+    visit_time_s: float | None = None
+    time_s: float | None = None
+    given_s: float | None = None
 
-def fixed_frames(
-    model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None
-) -> FixedFrames:
-    """Return what is fixed of the frames, refused where a camera of the bands cannot do it."""
-    cameras = [model.camera(band) for band in model.named(bands)]
-    limits: dict[str, Any] = {}
-    if exposure_s is not None:
-        shortest_s = max(camera.exposure_min_s for camera in cameras)
-        limits["exposure_s"] = check_range("exposure_s", exposure_s, shortest_s, 1e6, "s")
-    if em_gain is not None:
-        limits["em_gain"] = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in cameras), "")
-    return FixedFrames(**limits)
+    @classmethod
+    def of(cls, model: EtcModel, time_s: float | None, visit_time_s: float | None, *, asked: bool = False) -> Self:
+        """Return what is given, and what follows from it.
+
+        Parameters
+        ----------
+        model : EtcModel
+            Whose strategy may say the number of visits.
+        time_s, visit_time_s : float, optional
+            Wall time of the programme and of a visit, 1e-3 to 1e9 s.
+        asked : bool
+            The time is what is asked for.
+
+        Raises
+        ------
+        InputError
+            For a value out of range, times that contradict each other, and where no time is given or left open.
+        """
+        visits = model.strategy.visits
+        for name, value in (("time_s", time_s), ("visit_time_s", visit_time_s)):
+            if value is not None:
+                check_range(name, value, 1e-3, 1e9, "s")
+        if asked:
+            check_visits(visits, visit_time_s, time_s, asked=True)
+            return cls(visits, visit_time_s)
+        if visit_time_s is None:
+            if time_s is None:
+                raise InputError("time_s", None, allowed="a wall time, or visits and visit_time_s")
+            return cls(visits, None if visits is None else time_s / visits, time_s, time_s)
+        if visits is None:
+            if time_s is None:
+                raise InputError("visits", None, allowed="a number of visits of visit_time_s, or time_s")
+            visits = min(math.floor(time_s / visit_time_s * (1.0 + 1e-9)), MAX_VISITS)
+            if visits < 1:
+                raise InputError("visit_time_s", visit_time_s, unit="s", allowed=f"at most time_s, {time_s:g} s")
+        else:
+            check_visits(visits, visit_time_s, time_s)
+        each_s = visits * visit_time_s
+        return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +280,8 @@ class Cases:
         Of each band.
     places : tuple of tuple
         Of each band, whether each planet's aperture lies in the controlled zone: status, reason and message.
-    fixed : FixedFrames
+    exposure_s, em_gain : float or None
+        What is fixed of the frames; the rest is chosen.
     x_arcsec, y_arcsec : ndarray
         Offsets of the planets on the detector.
     contrast, threshold : ndarray
@@ -111,6 +294,8 @@ class Cases:
     value : float or None
         How much of it; None for a detection as the strategy searches.
     programme : Programme
+    moving : bool
+        Whether a blind search pays for the motion of planets.
     """
 
     model: EtcModel
@@ -118,7 +303,8 @@ class Cases:
     bands: tuple[str, ...]
     planets: tuple[Planets, ...]
     places: tuple[tuple[tuple[Status, Reason, str], ...], ...]
-    fixed: FixedFrames
+    exposure_s: float | None
+    em_gain: float | None
     x_arcsec: FloatArray
     y_arcsec: FloatArray
     contrast: FloatArray
@@ -128,6 +314,7 @@ class Cases:
     objective: Objective
     value: float | None
     programme: Programme = ONE_VISIT
+    moving: bool = True
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -137,7 +324,7 @@ class Cases:
     @functools.cached_property
     def camera(self) -> FrameCamera:
         """One frame of the camera that all bands share, of the exposure that is fixed."""
-        return _fixed_camera(self.model, self.bands[0], self.fixed)
+        return _fixed_camera(self.model, self.bands[0], self.exposure_s)
 
     @property
     def free_camera(self) -> FrameCamera:
@@ -156,13 +343,16 @@ class Cases:
         return np.asarray(spread(np.hypot(self.x_arcsec, self.y_arcsec), self.shape))
 
     @functools.cached_property
-    def motion(self) -> SearchMotion | None:
-        """Price that a search pays for the motion of the planets; None where it knows their places."""
-        if self.model.strategy.search != "blind":
-            return None
+    def _orbits(self) -> OrbitSearch:
         pairs = zip(self.bands, self.separation_arcsec, strict=True)
-        every = (SearchMotion.of(self.model, self.targets, band, place) for band, place in pairs)
-        return SearchMotion.stacked([one.spread(self.shape[1:]) for one in every])
+        every = [search_motion(self.model, self.targets, band, place) for band, place in pairs]
+        found: OrbitSearch = _together(every, self.shape[1:])
+        return found
+
+    @property
+    def motion(self) -> OrbitSearch | None:
+        """Price that a search pays for the motion of the planets; None where it knows their places."""
+        return self._orbits if self.moving and self.model.strategy.search == "blind" else None
 
     @functools.cached_property
     def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
@@ -175,26 +365,25 @@ class Cases:
         return crossed, light
 
     @functools.cached_property
-    def search(self) -> "Goal":
-        """Level of a detection as the strategy searches."""
-        return Goal.of(self)
+    def _laws(self) -> tuple[SearchLaw, ...]:
+        return tuple(band_law(self.model, band) for band in self.bands)
 
     @functools.cached_property
-    def goal(self) -> "Goal":
-        """Level to reach; 1 where none is defined, which can be solved like others."""
-        goal = self.search if self.value is None else Goal.of(self, self.value)
-        return replace(goal, level=np.where(np.isfinite(goal.level), goal.level, 1.0))
+    def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
+        """Residual that visits average, (e-/s)^2, and two parts of it of one visit: cross term, and errors' light."""
+        crossed, light = (part.averaging().law() for part in self.residual_parts)
+        return self.rates.speckle.averaging().scaled(self.rates.variance_factor), crossed, light
+
+    @property
+    def steady(self) -> bool:
+        """Tell whether the level is the same for all programmes."""
+        return self.value is not None
 
     @property
     def possible(self) -> NDArray[np.bool_]:
         """Cases in the dark hole with a level to reach."""
         defined = np.isfinite(self.threshold) | (self.value is not None)
         return np.asarray(spread(self.usable & defined, self.shape))
-
-    @functools.cached_property
-    def programmes(self) -> Programmes:
-        """All programmes of the cases."""
-        return Programmes(self.model, self.problem_in, self.goal, self.goal.steady, self.with_modes)
 
     @functools.cached_property
     def _single(self) -> dict[Objective, FrameProblem]:
@@ -208,8 +397,24 @@ class Cases:
 
     def in_programme(self, programme: Programme) -> Self:
         """Return the cases in another programme."""
+        return self._with(programme=programme)
+
+    @property
+    def searched(self) -> Self:
+        """The cases with a detection as the strategy searches for their level."""
+        return self._with(objective="significance", value=None)
+
+    @property
+    def at_rest(self) -> Self:
+        """The cases with a detection of planets that stand still for their level."""
+        return self._with(objective="significance", value=None, moving=False)
+
+    def _with(self, **changes: Any) -> Self:
+        """Return the cases with another programme or level; what is known of the light is kept."""
         made = copy.copy(self)
-        object.__setattr__(made, "programme", programme)
+        vars(made).update({"_single": self._single} | changes)
+        if made.objective != self.objective:
+            vars(made).pop("_alone", None)
         return made
 
     def of_contrast(self, contrast: FloatArray) -> Self:
@@ -225,6 +430,62 @@ class Cases:
         peak = self.rates.peak_planet_e_s * factor
         planet_e_s = self.rates.planet_e_s * factor
         return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
+
+    def level(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        """Return the level of a programme: of the length of its visits, and of noise over signal squared.
+
+        It is that of cases with three elements where none is defined, which can be solved like others.
+        """
+        at = self.level_at(programme)
+        if self.steady:
+            return lambda visit_s, inverse: at(np.zeros_like(inverse), visit_s)
+        averaging, signal2 = programme.law(self._averaging[0]), problem.signal_e_s**2
+
+        def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                residual = problem.residual(visit_s)
+                light = self.light_share(visit_s) * averaging.variance(visit_s) / signal2 / residual
+                return at(residual / inverse, visit_s, light)
+
+        return level
+
+    def level_at(self, programme: Programme) -> Callable[..., FloatArray]:
+        """Return the level of a programme: of the share of its variance that frames do not average, and of the visits.
+
+        The arguments are that share, the length of the visits in s, and the share of the errors' light in the former.
+        """
+        known, motion = self.model.strategy.search == "known_place", self.motion
+
+        def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
+            if self.value is not None:
+                shape = np.broadcast_shapes(self.shape, np.shape(speckled))
+                return np.full(shape, float(self.value))
+            visits = programme.effective(self._averaging[0])
+            parts = np.broadcast_arrays(self.separation_arcsec, speckled, light, visits)
+            half = np.empty(parts[0].shape)
+            for i, law in enumerate(self._laws):
+                band = ... if len(self._laws) == 1 else (..., i, slice(None), slice(None))
+                half[band] = law.half(*(part[band] for part in parts), at_place=known)
+            return half if motion is None else half * motion_factor(self.model, motion, programme, visit_s)
+
+        return level
+
+    def light_share(self, visit_s: FloatArray) -> FloatArray:
+        """Return the share of the errors' light in what visits average."""
+        crossed, light = (part.variance(visit_s) for part in self._averaging[1:])
+        whole = light + crossed
+        return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+
+    def chances(self, visit_s: FloatArray, noise: StackNoise) -> Chances:
+        """Return the probabilities of a detection in the programme."""
+        visits, shape = self.programme.effective(self._averaging[0]), noise.significance.shape
+        paid = motion_factor(self.model, self.motion, self.programme, visit_s)
+        parts = self.separation_arcsec, self.light_share(visit_s), visits, paid
+        place, light, visits, paid = (np.broadcast_to(part, shape) for part in parts)
+        every = [
+            Chances.of(law, noise.at(i), place[i], light[i], visits[i], paid[i]) for i, law in enumerate(self._laws)
+        ]
+        return Chances(*map(np.stack, zip(*every, strict=True))).where(np.isfinite(spread(self.threshold, shape)))
 
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
@@ -248,16 +509,38 @@ class Cases:
         shape = np.broadcast_shapes((1, 1), *(np.shape(array) for part in parts for array in vars(part).values()))
         return Programme.stacked([part.spread(shape) for part in parts], axis=-3)
 
-    def programme_of(self, visits: ArrayLike, visit_time_s: ArrayLike, choice: FrameChoice) -> Programme:
-        """Return another number of visits of chosen frames.
+    def programme_of(self, visits: ArrayLike, visit_time_s: ArrayLike, choice: FrameChoice | None = None) -> Programme:
+        """Return another number of visits, with what modes change where they have the frames of a choice.
 
         Parameters
         ----------
         visits, visit_time_s : array_like
-        choice : FrameChoice
+            Number, and wall time of a visit.
+        choice : FrameChoice, optional
+            Where it has no frames, or without it, the modes are those of frames that fill the visits, of the exposure
+            of most SNR per time, and need not be whole.
         """
         programme = Programme.of(self.model.strategy, visits, visit_time_s)
-        return self.with_modes(programme, choice.exposure_s, choice.n_frames, choice.em_gain)
+        if self.model.strategy.n_modes == 0:
+            return programme
+        best_s, gain = self._alone
+        visit_s = self.model.visit_s(visit_time_s)
+        exposure = np.clip(visit_s - self.camera.readout_s, self.camera.exposure_min_s, best_s)
+        if choice is not None:
+            some = choice.n_frames >= 1
+            exposure = np.where(some, choice.exposure_s, best_s)
+            gain = np.where(some, choice.em_gain, gain)
+        n_frames = visit_s / (exposure + self.camera.readout_s)
+        if choice is not None:
+            n_frames = np.where(some, choice.n_frames, n_frames)
+        return self.with_modes(programme, exposure, n_frames, gain)
+
+    @functools.cached_property
+    def _alone(self) -> tuple[FloatArray, FloatArray]:
+        """Exposure and gain of most SNR per time, which depend little on the programme."""
+        problem = self.problem(self.objective, programme=ONE_VISIT)
+        best_s = best_exposure_s(problem)[0]
+        return best_s, problem.frame_noise(best_s)[1]
 
     def problem_in(self, programme: Programme, contrast: FloatArray | None = None) -> FrameProblem:
         """Return the problem of a programme for the cases' own objective; as `problem`."""
@@ -279,7 +562,7 @@ class Cases:
         made, strategy = self.programme if programme is None else programme, self.model.strategy
 
         def framed(made: Programme, rates: ApertureRates = self.rates, white: FrameTerm | None = None) -> FrameProblem:
-            settings: dict[str, Any] = {"objective": objective, "em_gain": self.fixed.em_gain, "white": white}
+            settings: dict[str, Any] = {"objective": objective, "em_gain": self.em_gain, "white": white}
             return frame_problem(rates, self.camera, strategy, programme=made, **settings)
 
         shares = made.frame_ratio(strategy.reference_ratio)
@@ -375,22 +658,205 @@ class Cases:
         if span.visits is not None:
             return np.full(self.shape, float(span.visits))
         assert span.time_s is not None
-        return self.programmes.best_in_time(span.time_s)
+        return self.best_in_time(span.time_s)
 
     def missed_in(self, span: Span) -> FloatArray:
         """Return ``(level / SNR)^2`` of the best programmes in a time, of frames that need not be whole."""
         assert span.time_s is not None
-        cost = self.programmes.missed(self.visits_in(span), span.time_s)[0]
+        cost = self._missed(self.visits_in(span), span.time_s)
         return np.where(self.possible & ~np.isnan(cost), cost, np.inf)
+
+    def best_in_time(self, time_s: ArrayLike) -> FloatArray:
+        """Return the numbers of visits that come nearest to the level, or most above it, in a wall time.
+
+        Parameters
+        ----------
+        time_s : array_like
+            Of the whole programme.
+        """
+        visit_s = float(self.model.time_s(self._shortest_s))
+        most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
+        return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))
+
+    def bottom_s(self, visits: FloatArray, longest_s: FloatArray) -> FloatArray:
+        """Return the length of visits that comes nearest to the level, up to a bit beyond the longest; else ``inf``.
+
+        The noise of long visits is all speckles, in which a search asks for more.
+
+        Parameters
+        ----------
+        visits, longest_s : ndarray
+            Number of the visits, and their longest length.
+        """
+        longest_s = np.maximum(_WIDER * longest_s, self._shortest_s)
+        best, value = self._bottom(visits, longest_s)
+        return np.where(value < self._missed_by(visits, longest_s) * (1.0 - _CLOSE), best, np.inf)
+
+    def _bottom(self, visits: FloatArray, longest_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the length of visits that comes nearest to the level, up to some beyond the longest, and how near."""
+        # The same lengths whatever the longest is: so is the best of them.
+        low, high = (np.full(longest_s.shape, end) for end in (self._shortest_s, _LONGEST_S))
+        grid = np.geomspace(low, high, _MANY_POINTS)
+        values = np.where(grid <= longest_s, self._missed_by(visits, grid), np.inf)
+        return _lowest(lambda length_s: self._missed_by(visits, length_s), *around_lowest(grid, values)[::2])
+
+    def _missed_by(self, visits: FloatArray, length_s: FloatArray) -> FloatArray:
+        """Return ``(level / SNR)^2`` of visits of a length."""
+        return self._missed(visits, visits * self.model.time_s(length_s))
+
+    def quickest(self) -> FloatArray:
+        """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
+        most = np.full(self.shape, float(MAX_VISITS))
+        return lowest_whole(lambda visits: visits * self.model.time_s(self.solved(visits, about=True)[0]), most)
+
+    def fewest(self, visit_s: ArrayLike, most: float = MAX_VISITS) -> FloatArray:
+        """Return the least numbers of visits of a given length that reach the level; ``inf`` where none does.
+
+        Parameters
+        ----------
+        visit_s : array_like
+            Science frames of a visit.
+        most : float
+            Largest number to look at.
+        """
+        low, high = np.zeros(self.shape), np.full(self.shape, float(most))
+        wall_s = self.model.time_s(visit_s)
+        possible = self._missed(high, high * wall_s) <= 1.0 + _CLOSE
+        while np.any(high - low > 1.0):
+            middle = np.ceil(0.5 * (low + high))
+            enough = self._missed(middle, middle * wall_s) <= 1.0 + _CLOSE
+            low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+        return np.where(possible, high, np.inf)
+
+    @property
+    def _shortest_s(self) -> float:
+        """Length of one frame of the shortest exposure."""
+        return self.camera.exposure_min_s + self.camera.readout_s
+
+    def _missed(self, visits: FloatArray, time_s: ArrayLike) -> FloatArray:
+        """Return ``(level / SNR)^2`` of programmes in a wall time."""
+        each_s = np.asarray(time_s, float) / visits
+        programme = self.programme_of(visits, each_s)
+        problem, camera, visit = self.problem_in(programme), self.camera, self.model.visit_s(each_s)
+        exposure = np.minimum(self._alone[0], visit - camera.readout_s)
+        possible = exposure >= camera.exposure_min_s * (1.0 - 1e-12)
+        exposure = np.where(possible, exposure, camera.exposure_min_s)
+        cost, longest_s = _cost(problem, exposure), visit
+        visit = np.minimum(longest_s, peak_visit_s(problem, cost))
+        for _ in range(_ROUNDS):  # where not even one frame of that exposure pays: a shorter one
+            if not np.any(visit < (exposure + camera.readout_s) * (1.0 - _CLOSE)):
+                break
+            exposure = np.minimum(exposure, np.maximum(visit - camera.readout_s, camera.exposure_min_s))
+            cost = _cost(problem, exposure)
+            visit = np.minimum(longest_s, peak_visit_s(problem, cost))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = np.where(possible & np.isfinite(cost), cost / visit + problem.residual(visit), np.inf)
+            return np.asarray(inverse * self.level(programme, problem)(visit, inverse) ** 2)
+
+    def solved(self, visits: ArrayLike, *, about: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Return the shortest visits with which programmes reach the level (``inf`` where none does), and the level.
+
+        Parameters
+        ----------
+        visits : array_like
+        about : bool
+            Modes are those of visits that are nearly as long: enough to compare programmes.
+        """
+        many, modes = np.asarray(visits, float), self.model.strategy.n_modes > 0
+        if modes and not about:
+            return self._solved_with_modes(many)
+        wall_s = np.array(np.inf)
+        for _ in range(4 if modes or self.model.instrument.drift.correlation_time_h > 0.0 else 1):
+            visit, level = self._shortest(many, wall_s)
+            wall_s = self.model.time_s(visit)
+        return visit, level
+
+    @functools.cached_property
+    def _by_mean(self) -> Self:
+        """The cases reduced by the mean of their references."""
+        strategy = self.model.strategy.model_copy(update={"n_modes": 0})
+        return self._with(model=replace(self.model, strategy=strategy), _single={})
+
+    def _solved_with_modes(self, visits: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the shortest visits where modes follow their length, and the level."""
+        # About as long as with the modes of references without noise, or without modes.
+        endless_s = self._shortest(visits, np.array(np.inf))[0]
+        visit_s = np.minimum(endless_s, self._by_mean.solved(visits)[0])
+
+        def reaching(start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+            start_s = np.where(wanted, start_s, 1.0)
+            return np.where(wanted, shortest(lambda each: self._missed_by(visits, each), start_s, wanted), np.inf)
+
+        found = reaching(visit_s, np.isfinite(visit_s))
+        found = np.where(self._missed_by(visits, found) <= 1.0 + _REACHED, found, np.inf)
+        # Shorter ones may do in a narrow range, beyond which modes or a search ask for more than time gains.
+        if not self.steady or np.isinf(found).any():
+            bottom_s, value = self._bottom(visits, found)
+            narrow = (bottom_s < found) & (value <= 1.0 + _REACHED)
+            if narrow.any():
+                shorter = np.where(value > 1.0, bottom_s, reaching(bottom_s, narrow & (value <= 1.0)))
+                found = np.where(narrow, shorter, found)
+        return found, self._shortest(visits, self.model.time_s(found))[1]
+
+    def _shortest(self, visits: FloatArray, wall_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""
+        programme, best_s = self.programme_of(visits, wall_s), self._alone[0]
+        problem, camera = self.problem_in(programme), self.camera
+        shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
+        visit, level = self._reached(programme, problem, _cost(problem, best_s))
+        if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
+            exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
+            other, its_level = self._reached(programme, problem, _cost(problem, exposure))
+            whole = (visit < frame_s) & (other > frame_s)
+            visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
+        return np.maximum(visit, shortest_s), level
+
+    def _reached(self, programme: Programme, problem: FrameProblem, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the shortest visits of the level, and the level, by secants of logarithms from a falling curve's left.
+
+        White noise alone falls with the slope -1, which no step overshoots.
+        """
+        wanted = self.level(programme, problem)
+        if self.steady:
+            most = wanted(np.ones_like(cost), np.zeros_like(cost))
+            return smooth_least_visit_s(problem, most, cost), most
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+
+            def excess(log_visit: FloatArray) -> tuple[FloatArray, FloatArray]:
+                visit = np.exp(log_visit)
+                inverse = cost / visit + problem.residual(visit)
+                level = wanted(visit, inverse)
+                return np.log(inverse) + 2.0 * np.log(level), level
+
+            least = wanted(np.ones_like(cost), np.full(cost.shape, np.inf))
+            x = np.log(cost * least**2)
+            solvable = np.isfinite(x)
+            x = np.where(solvable, x, 0.0)
+            (f, level), slope = excess(x), np.full(cost.shape, -1.0)
+            for _ in range(_STEPS):
+                moving = solvable & (np.abs(f) > _CLOSE) & (slope < -_FLAT) & (x < np.log(_LONGEST_S))
+                if not moving.any():
+                    break
+                new = np.where(moving, x - f / slope, x)
+                g, level = excess(new)
+                slope = np.where(moving, np.clip((g - f) / (new - x), -1.0, -1e-4), slope)
+                x, f = new, g
+            visit = np.where(solvable & (f < 1e-8), np.exp(x), np.inf)
+            # At a known place the level stops growing: longer ones may reach it.
+            most = wanted(np.ones_like(cost), np.zeros_like(cost))
+            longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
+            there = np.where(np.isfinite(longer), longer, np.exp(x))
+            missed, at_end = excess(np.log(there))  # of longer ones the level of a search over orbits is higher
+            return np.where(missed < 1e-8, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
 
     def paying_s(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the length of visits, at most the given one, that comes nearest to the level, or most above it.
 
         It depends on the given one only where that is chosen: more time is never worse.
         """
-        if self.goal.steady:
+        if self.steady:
             return visit_s
-        bottom_s = self.programmes.bottom_s(visits, visit_s)
+        bottom_s = self.bottom_s(visits, visit_s)
         # At the very bottom the length would be arbitrary: the inverse question could not find it again.
         return np.where(np.isfinite(bottom_s), np.minimum(visit_s, bottom_s * _SHORT), visit_s)
 
@@ -398,33 +864,11 @@ class Cases:
         """Return the level that chosen frames have to reach; where there are none, as if visits were short."""
         some = choice.n_frames >= 1
         visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
-        return self.goal(programme, problem)(visit, inverse)
-
-    def filled(
-        self, visits: FloatArray, visit_time_s: ArrayLike, choice: FrameChoice, *, of_choice: bool = False
-    ) -> Programme:
-        """Return a programme with what modes change where its visits are filled with frames like those of a choice.
-
-        Parameters
-        ----------
-        visits, visit_time_s : array_like
-        choice : FrameChoice
-            Where it has no frames, the modes are those of `Programmes.programme`.
-        of_choice : bool
-            As many frames as the choice has, although they may not fill the visits.
-        """
-        programme = Programme.of(self.model.strategy, visits, visit_time_s)
-        if not self.model.strategy.n_modes:
-            return programme
-        camera, best_s, gain = self.programmes._alone
-        some = choice.n_frames >= 1
-        exposure, gain = np.where(some, choice.exposure_s, best_s), np.where(some, choice.em_gain, gain)
-        number = self.model.visit_s(visit_time_s) / (exposure + camera.readout_s)
-        return self.with_modes(programme, exposure, np.where(some & of_choice, choice.n_frames, number), gain)
+        return self.level(programme, problem)(visit, inverse)
 
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FloatArray]:
         """Return the programmes of so many visits in a time, with the length of their science visits."""
-        programme = self.programmes.programme(visits, time_s / visits)
+        programme = self.programme_of(visits, time_s / visits)
         shape = self.problem_in(programme).signal_e_s.shape
         return programme, spread(self.model.visit_s(time_s / visits), shape)
 
@@ -444,7 +888,8 @@ class Cases:
             return found
         if self.model.strategy.n_modes:
             return self.framed(visits, span.time_s / visits)
-        return found.of_choice(shortened(found.problem, found.choice, visit_s))
+        choice = shortened(found.problem, found.choice, visit_s)
+        return replace(found, choice=choice, level=self.level_of(found.cases.programme, found.problem, choice))
 
     def framed(self, visits: FloatArray, visit_time_s: FloatArray, **settings: bool) -> "Solution":
         """Return visits of a wall time with their best frames, and with what modes change where it has those.
@@ -455,33 +900,34 @@ class Cases:
         **settings
             Of `cpic_planner.etc.frames.best_in_visit`.
         """
-        programme = self.programmes.programme(visits, visit_time_s)
+        programme = self.programme_of(visits, visit_time_s)
         problem = self.problem_in(programme)
         visit_s = spread(self.model.visit_s(visit_time_s), problem.signal_e_s.shape)
         choice = best_in_visit(problem, visit_s, **settings)
         for _ in range(_LEVEL_STEPS if self.model.strategy.n_modes else 0):
-            last, programme = choice, self.filled(visits, visit_time_s, choice, of_choice=True)
+            last, programme = choice, self.programme_of(visits, visit_time_s, choice)
             problem = self.problem_in(programme)
             choice = best_in_visit(problem, visit_s, **settings)
             if np.allclose(choice.visit_s, last.visit_s, rtol=_STILL, atol=0.0):
                 break
-        return Solution(self, programme, problem, choice, self.level_of(programme, problem, choice))
+        level = self.level_of(programme, problem, choice)
+        return Solution(self.in_programme(programme), problem, choice, level)
 
     def for_level(self, span: Span) -> "Solution":
         """Return the quickest frames that reach the level, with the number of visits that is given or best."""
-        model, every = self.model, self.programmes
+        model = self.model
         if span.visit_time_s is not None:
             visit_s = float(model.visit_s(span.visit_time_s))
-            visits = np.minimum(every.fewest(visit_s), MAX_VISITS)
+            visits = np.minimum(self.fewest(visit_s), MAX_VISITS)
             return self._in_visits(visits, span.visit_time_s)
         if span.visits is not None:
             return self.at_level(np.full(self.shape, float(span.visits)))
-        best = every.quickest()
+        best = self.quickest()
         near = np.stack([*_beside(best), np.full_like(best, MAX_VISITS)])
         found = self.at_level(near)
         cost = np.where(found.choice.n_frames >= 1, near * model.time_s(found.choice.visit_s), np.inf)
         # Where none reaches it, as many visits as there may be say what forbids it.
-        cost[-1] = _LONGEST_S
+        cost[-1] = _ENDLESS_S
         return found.taken(np.argmin(cost, axis=0))
 
     def _in_visits(self, visits: FloatArray, visit_time_s: float) -> "Solution":
@@ -497,33 +943,46 @@ class Cases:
 
     def at_level(self, visits: FloatArray) -> "Solution":
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
-        if not self.model.strategy.n_modes:
-            return self._at_level_by_mean(visits)
-        visit_s = self.programmes.solved(visits)[0]
+        if self.model.strategy.n_modes:
+            return self._by_length(visits, self.solved(visits)[0])
+        visit_s, level = None, np.full(visits.shape, float(self.value or 1.0))
+        if not self.steady or self.model.instrument.drift.correlation_time_h > 0.0:
+            visit_s, level = self.solved(visits)
+        found = self._by_secants(visits, visit_s, level)
+        if visit_s is None:
+            return found
+        missed = found.choice.inverse_snr2 * found.level**2
+        lost = np.isfinite(visit_s) & ~(missed <= 1.0 + 10.0 * _SAME)
+        if not lost.any():
+            return found
+        # Whole frames make steps of the level that secants may not find together.
+        return self._by_length(visits, np.where(lost, visit_s, np.inf)).where(lost, found)
+
+    def _by_length(self, visits: FloatArray, visit_s: FloatArray) -> "Solution":
+        """Return the frames of the shortest visits that reach the level: the question for a time, turned round.
+
+        Parameters
+        ----------
+        visits : ndarray
+        visit_s : ndarray
+            About as long; ``inf`` where no length reaches it.
+        """
         reachable = np.isfinite(visit_s)
 
         def in_visits(length_s: FloatArray) -> tuple[FloatArray, Solution]:
             found = self.framed(visits, self.model.time_s(length_s))
             return found.choice.inverse_snr2 * found.level**2, found
 
-        # The frames of the shortest visits that reach it: the question for a time, turned round.
-        start_s = np.where(reachable, visit_s, 1.0)
-        taken_s = shortest(lambda length_s: in_visits(length_s)[0], start_s, reachable)
+        taken_s = shortest(lambda length_s: in_visits(length_s)[0], np.where(reachable, visit_s, 1.0), reachable)
         missed, found = in_visits(taken_s * (1.0 + _HAIR))
-        lost = ~reachable | (missed > 1.0 + _SAME)
-        choice = found.choice
+        lost, choice = ~reachable | (missed > 1.0 + _SAME), found.choice
         none = np.zeros_like(choice.n_frames)
         return replace(found, choice=choice.where(~lost, replace(choice, n_frames=none, visit_s=none)))
 
-    def _at_level_by_mean(self, visits: FloatArray) -> "Solution":
-        """Return the same without modes."""
+    def _by_secants(self, visits: FloatArray, visit_s: FloatArray | None, level: FloatArray) -> "Solution":
+        """Return the quickest frames for a level that follows them slowly; ``visit_s``: about as long, None for all."""
         model, last = self.model, None
-        steady = self.goal.steady and model.instrument.drift.correlation_time_h == 0.0
-        if steady:
-            wall_s, level = np.array(np.inf), spread(self.goal.level, visits.shape)
-        else:
-            visit_s, level = self.programmes.solved(visits)
-            wall_s = model.time_s(visit_s)
+        wall_s = np.array(np.inf) if visit_s is None else model.time_s(visit_s)
         for _ in range(_LEVEL_STEPS):
             programme = Programme.of(model.strategy, visits, wall_s)
             problem = self.problem_in(programme)
@@ -532,7 +991,7 @@ class Cases:
             wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
             found = np.where(some, self.level_of(programme, problem, choice), level)
             off = np.subtract(found, level, out=np.zeros_like(level), where=some)
-            if steady or (last is not None and np.all(np.abs(off) <= _SAME * level)):
+            if visit_s is None or (last is not None and np.all(np.abs(off) <= _SAME * level)):
                 break
             # Secants of a fixed point: the level follows the length of the visits slowly.
             slope = np.zeros_like(level)
@@ -541,15 +1000,88 @@ class Cases:
                     slope = np.clip(np.nan_to_num((found - last[1]) / (level - last[0])), -0.9, 0.999)
             last = level, found
             level = level + off / (1.0 - slope)
-        return Solution(self, programme, problem, choice, level)
+        return Solution(self.in_programme(programme), problem, choice, level)
+
+
+def _cost(problem: FrameProblem, exposure_s: FloatArray) -> FloatArray:
+    """Return the white noise over signal squared of one second of every visit, in frames of an exposure."""
+    camera = problem.camera
+    usable = (problem.longest_s >= camera.exposure_min_s * (1.0 - 1e-12)) & (problem.signal_e_s > 0)
+    return np.where(usable, problem.frame_noise(exposure_s)[0] * (exposure_s + camera.readout_s), np.inf)
+
+
+def _lowest(
+    missed: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lengths of visits, between two, of least ``(level / SNR)^2``, and that."""
+    for _ in range(_ROUNDS):
+        grid = np.geomspace(low, high, _POINTS)
+        low, best, high = around_lowest(grid, values := missed(grid))
+    return best, values.min(axis=0)
+
+
+def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+    """Return the shortest visits with which a falling function of their length comes down to 1.
+
+    Parameters
+    ----------
+    missed : callable
+        ``(level / SNR)^2``, of all cases at once; ``inf`` where there is no frame.
+    start_s : ndarray
+        About as long.
+    wanted : ndarray of bool
+        Cases to solve.
+
+    Returns
+    -------
+    ndarray
+        The longest that there is where none reaches 1, and where none is wanted.
+    """
+    low = start_s * 0.99
+
+    def value(_: Any, length_s: FloatArray) -> FloatArray:
+        found = missed(length_s.reshape(start_s.shape))
+        return np.where(wanted, np.clip(found, 1e-300, 1e300), 1.0).ravel()
+
+    # A search asks for more the longer the visits are: a level may be reached in some range of lengths only.
+    high = start_s * np.where(value(None, start_s.ravel()).reshape(start_s.shape) <= 1.0, 1.0, 1.01)
+    for factor, end in ((_WIDER, high), (1.0 / _WIDER, low)):
+        while True:
+            off = value(None, end.ravel()).reshape(end.shape) > 1.0
+            off = wanted & (off if factor > 1.0 else ~off) & (end < _LONGEST_S) & (end > _SHORTEST_S)
+            if not off.any():
+                break
+            if factor > 1.0:
+                low[off] = end[off]
+            else:
+                high[off] = end[off]
+            end[off] *= factor
+    found = first_root(_All(), value, low.ravel(), high.ravel(), np.ones(low.size, bool), tolerance=1e-11)
+    return np.where(wanted, found.reshape(start_s.shape), _LONGEST_S)
+
+
+class _All:
+    """Cases that are never looked at apart."""
+
+    def at(self, _: Any) -> Self:
+        return self
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Programmes and frames that answer for cases; arrays ``(n_band, n_star, n_planet)``."""
+    """Programmes of cases, and frames that answer for them; arrays ``(n_band, n_star, n_planet)``.
+
+    Attributes
+    ----------
+    cases : Cases
+        In the programmes.
+    problem : FrameProblem
+    choice : FrameChoice
+    level : ndarray
+        SNR or significance to reach.
+    """
 
     cases: Cases
-    programme: Programme
     problem: FrameProblem
     choice: FrameChoice
     level: FloatArray
@@ -560,12 +1092,14 @@ class Solution:
         def take(array: FloatArray) -> FloatArray:
             return taken(spread(array, self.level.shape), index)
 
-        programme, problem = self.programme._combined(take), self.problem._combined(take)
-        return Solution(self.cases, programme, problem, self.choice._combined(take), take(self.level))
+        cases = self.cases.in_programme(self.cases.programme._combined(take))
+        return Solution(cases, self.problem._combined(take), self.choice._combined(take), take(self.level))
 
-    def of_choice(self, choice: FrameChoice) -> "Solution":
-        """Return the same programmes with other frames."""
-        return replace(self, choice=choice, level=self.cases.level_of(self.programme, self.problem, choice))
+    def where(self, mask: NDArray[np.bool_], other: "Solution") -> "Solution":
+        """Return this solution where the mask holds, another one of the same cases elsewhere."""
+        pairs = ((one.cases.programme.spread(mask.shape), one.problem, one.choice) for one in (self, other))
+        programme, problem, choice = (one.where(mask, two) for one, two in zip(*pairs, strict=True))
+        return Solution(self.cases.in_programme(programme), problem, choice, np.where(mask, self.level, other.level))
 
 
 def _beside(visits: FloatArray) -> list[FloatArray]:
@@ -584,40 +1118,45 @@ def cases_by_camera(
     targets: Targets,
     bands: Sequence[str] | None,
     planets: Planets | Mapping[str, Planets],
-    fixed: FixedFrames,
+    *,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
     snr: float | None = None,
     sigma: float | None = None,
-    *,
     offsets_arcsec: tuple[float, float] | None = None,
 ) -> list[Cases]:
     """Return the cases of every camera.
 
     Parameters
     ----------
-    model, targets, planets, fixed, offsets_arcsec
+    model, targets, planets, offsets_arcsec
         As of `cases_of`.
     bands : sequence of str, optional
         All of the model by default.
+    exposure_s, em_gain : float, optional
+        As of `cases_of`; refused where a camera of the bands cannot do it.
     snr, sigma : float, optional
         Photometric SNR or plain significance to reach; by default a detection.
     """
     if len(targets) < 1:
         raise InputError("target", len(targets), allowed="at least one star")
-    cameras = {band: _fixed_camera(model, band, fixed) for band in model.named(bands)}
+    names = model.named(bands)
+    own = [model.camera(band) for band in names]
+    if exposure_s is not None:
+        exposure_s = check_range("exposure_s", exposure_s, max(camera.exposure_min_s for camera in own), 1e6, "s")
+    if em_gain is not None:
+        em_gain = check_range("em_gain", em_gain, 1.0, min(camera.em_gain_max for camera in own), "")
+    cameras = {band: _fixed_camera(model, band, exposure_s) for band in names}
     alike = [[band for band in cameras if cameras[band] == one] for one in dict.fromkeys(cameras.values())]
-    level: dict[str, Any] = {
-        "objective": "significance" if snr is None else "snr",
-        "value": sigma if snr is None else snr,
-    }
-    return [cases_of(model, targets, same, planets, fixed, **level, offsets_arcsec=offsets_arcsec) for same in alike]
+    asked: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "offsets_arcsec": offsets_arcsec}
+    asked |= {"objective": "significance" if snr is None else "snr", "value": sigma if snr is None else snr}
+    return [cases_of(model, targets, same, planets, **asked) for same in alike]
 
 
-def _fixed_camera(model: EtcModel, band: str, fixed: FixedFrames) -> FrameCamera:
+def _fixed_camera(model: EtcModel, band: str, exposure_s: float | None) -> FrameCamera:
     """Return one frame of a band's camera, of the exposure that is fixed."""
     camera = model.camera(band)
-    if fixed.exposure_s is None:
-        return camera
-    return replace(camera, exposure_min_s=fixed.exposure_s, exposure_max_s=fixed.exposure_s)
+    return camera if exposure_s is None else replace(camera, exposure_min_s=exposure_s, exposure_max_s=exposure_s)
 
 
 def cases_of(
@@ -625,8 +1164,9 @@ def cases_of(
     targets: Targets,
     bands: Sequence[str],
     planets: Planets | Mapping[str, Planets] | Sequence[Planets],
-    fixed: FixedFrames | None = None,
     *,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
     objective: Objective = "snr",
     value: float | None = None,
     offsets_arcsec: tuple[float, float] | None = None,
@@ -640,7 +1180,7 @@ def cases_of(
     bands : sequence of str
     planets : Planets, mapping or sequence of it
         Of all bands, or as many of each, by name or in their order.
-    fixed : FixedFrames, optional
+    exposure_s, em_gain : float, optional
         What is fixed of the frames.
     objective : {"snr", "significance"}
     value : float, optional
@@ -657,7 +1197,7 @@ def cases_of(
     shape = len(targets), len(own[0])
     x, y, contrast, threshold = (_together(column, shape) for column in columns)
     rates, programme = _together(by_band, shape), Programme.of(model.strategy)
-    head = model, targets, tuple(bands), tuple(own), places, fixed or FixedFrames()
+    head = model, targets, tuple(bands), tuple(own), places, exposure_s, em_gain
     return Cases(*head, x, y, contrast, threshold, rates, by_band, objective, value, programme)
 
 
@@ -748,113 +1288,85 @@ def _together(parts: Sequence[Any], shape: tuple[int, ...]) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Goal:
-    """SNR or significance that cases have to reach; arrays ``(n_band, n_star, n_planet)``.
-
-    A search asks for more the more of the noise is light of the wavefront's errors, and for less the more visits
-    average it: its level depends on the programme (`cpic_planner.etc.detection_law`).
+class Prospect:
+    """The expected signals of planets; arrays of stars x planets, made by `prospect_of`.
 
     Attributes
     ----------
-    level : ndarray
-        What is to be reached, or small-sample thresholds; infinite where none is defined.
-    laws : tuple of SearchLaw
-        Law of detections of each band; without any the level is all.
-    at_place : bool
-        Whether the place of a planet is known.
-    residual, averaging : ProgrammeLaw, optional
-        What frames do not average, (e-/s)^2, and what of it visits do.
-    crossed, light : SpeckleLaw, optional
-        Two parts of the latter, of one visit: the cross term with the static field, and the light of the errors.
-    separation_arcsec : ndarray, optional
-    motion : SearchMotion, optional
-        What the search pays for the motion of planets; nothing without.
+    programme : Programme
+        With the modes that are projected out at each place.
+    noise : StackNoise
+        Of the frames of all visits.
+    threshold : ndarray
+        Small-sample threshold of the significance.
+    chances : Chances
+        Probabilities of a detection.
+    motion : ndarray
+        Factor by which a blind search asks for more because planets may move.
+    at_level : callable
+        The same of a search at another level (sigma).
     """
 
-    level: FloatArray
-    laws: tuple[SearchLaw, ...] = ()
-    at_place: bool = False
-    averaging: ProgrammeLaw | None = None
-    crossed: SpeckleLaw | None = None
-    light: SpeckleLaw | None = None
-    separation_arcsec: FloatArray | None = None
-    motion: SearchMotion | None = None
+    programme: Programme
+    noise: StackNoise
+    threshold: FloatArray
+    chances: Chances
+    motion: FloatArray
+    at_level: "Callable[[float], Prospect]"
 
     @property
-    def steady(self) -> bool:
-        """Tell whether the level is the same for all programmes."""
-        return not self.laws and self.motion is None
+    def margin(self) -> FloatArray:
+        """Predicted significance over threshold."""
+        return np.asarray(self.noise.significance / self.threshold)
 
-    @classmethod
-    def of(cls, cases: Cases, value: float | None = None) -> Self:
-        """Return the level of cases: a given value, or that of a detection as the strategy searches."""
-        shape = cases.contrast.shape
-        if value is not None:
-            return cls(np.full(shape, float(value)))
-        model, laws = cases.model, tuple(band_law(cases.model, band) for band in cases.bands)
-        thresholds = spread(cases.threshold, shape)
-        averaging = cases.rates.speckle.averaging().scaled(cases.rates.variance_factor)
-        crossed, light = (part.averaging().law() for part in cases.residual_parts)
-        at_place = model.strategy.search == "known_place"
-        place = cases.separation_arcsec
-        return cls(thresholds, laws, at_place, averaging, crossed, light, place, cases.motion)
 
-    def __call__(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
-        """Return the level of a programme: of the length of its visits, and of noise over signal squared."""
-        at = self.at_speckles(programme)
-        if not self.laws or self.averaging is None:
-            return lambda visit_s, inverse: at(np.zeros_like(inverse), visit_s)
-        averaging, signal2 = programme.law(self.averaging), problem.signal_e_s**2
+def prospect_of(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    x_arcsec: FloatArray,
+    y_arcsec: FloatArray,
+    contrast: FloatArray,
+    frames: tuple[float, float, float],
+    programme: Programme,
+    *,
+    moving: bool = True,
+) -> Prospect:
+    """Return what given frames promise of planets.
 
-        def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                residual = problem.residual(visit_s)
-                light = self.light_share(visit_s) * averaging.variance(visit_s) / signal2 / residual
-                return at(residual / inverse, visit_s, light)
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    x_arcsec, y_arcsec, contrast : ndarray, shape (n, k)
+        Offsets on the detector, and planet-to-star ratios of detected rates.
+    frames : tuple of float
+        Exposure (s), number of frames of a visit, EM gain.
+    programme : Programme
+        Visits that are reduced together.
+    moving : bool
+        Whether a blind search pays for the motion of planets, as `cpic_planner.contrast_limit` counts it; images show
+        planets that stand still.
+    """
+    separation = np.hypot(x_arcsec, y_arcsec)
+    rates = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
+    made = with_modes(model, band, separation, rates, programme, *frames)
+    camera = model.camera(band)
+    noise = stack_noise(rates, *frames, camera, model.strategy, made)
+    elements = model.metrics[band].resolution_elements(separation)
+    visit_s = np.asarray(frames[1] * (frames[0] + camera.readout_s))
+    visits = made.effective(rates.speckle)
+    here = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast, at_place=True)
+    seen = stack_noise(here, *frames, camera, model.strategy, made)
 
-        return level
+    def at_level(sigma: float) -> Prospect:
+        own = replace(model, strategy=model.strategy.model_copy(update={"sigma": sigma}))
+        search = search_motion(own, targets, band, separation) if moving else None
+        motion = np.broadcast_to(motion_factor(own, search, made, visit_s), separation.shape)
+        chances = visit_chances(own, band, separation, visit_s, seen, visits, motion=motion)
+        return Prospect(made, noise, threshold_array(elements, sigma), chances, motion, at_level)
 
-    def at_speckles(self, programme: Programme) -> Callable[..., FloatArray]:
-        """Return the level of a programme: of the share of its variance that frames do not average, and of the visits.
-
-        The arguments are that share, the length of the visits in s, and the share of the errors' light in the former.
-        """
-        own, motion, laws, place = self.level, self.motion, self.laws, self.separation_arcsec
-
-        def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
-            if not laws or place is None or self.averaging is None:
-                at_rest = np.broadcast_arrays(own, speckled)[0]
-            else:
-                parts = np.broadcast_arrays(place, speckled, light, programme.effective(self.averaging))
-                half = np.empty(parts[0].shape)
-                for i, law in enumerate(laws):
-                    band = ... if len(laws) == 1 else (..., i, slice(None), slice(None))
-                    where = [part[band] for part in parts]
-                    half[band] = law.half(where[0], where[1], where[2], where[3], at_place=self.at_place)
-                at_rest = np.where(np.isfinite(own), half, np.inf)
-            return at_rest if motion is None else at_rest * motion.factor(programme, visit_s)
-
-        return level
-
-    def light_share(self, visit_s: FloatArray) -> FloatArray:
-        """Return the share of the errors' light in what visits average."""
-        assert self.light is not None
-        assert self.crossed is not None
-        light = self.light.variance(visit_s)
-        whole = light + self.crossed.variance(visit_s)
-        return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
-
-    def chances(self, programme: Programme, visit_s: FloatArray, noise: StackNoise) -> Chances:
-        """Return the probabilities of a detection in a programme."""
-        assert self.separation_arcsec is not None  # of a detection
-        assert self.averaging is not None
-        visits, paid = programme.effective(self.averaging), motion_factor(self.motion, programme, visit_s)
-        shape = noise.significance.shape
-        light, place, visits, paid = (
-            np.broadcast_to(part, shape) for part in (self.light_share(visit_s), self.separation_arcsec, visits, paid)
-        )
-        every = [
-            Chances.of(law, noise.at(i), place[i], light[i], visits[i], paid[i]) for i, law in enumerate(self.laws)
-        ]
-        found = Chances(*(np.stack([getattr(one, name) for one in every]) for name in ("blind", "known_place")))
-        return found.where(np.isfinite(self.level))
+    return at_level(model.strategy.sigma)

@@ -1,22 +1,30 @@
 """The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once.
 
 An observation is a programme of visits that are reduced together. Where the strategy does not say how many, the best
-number is chosen for every case (`cpic_planner.etc.programmes`), and frames are whole.
+number is chosen for every case (`cpic_planner.etc.cases`), and frames are whole.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from cpic_core import FloatArray, InputError, NDArray, Reason, Status
 from cpic_planner.etc import budget
-from cpic_planner.etc.cases import Cases, Goal, Solution, cases_by_camera, fixed_frames
+from cpic_planner.etc.cases import (
+    Cases,
+    Solution,
+    Span,
+    cases_by_camera,
+    motion_factor,
+    programme_columns,
+    programme_fields,
+)
 from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.fidelity import etc_fidelity, speckle_error_extrapolated
-from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
+from cpic_planner.etc.frames import FrameChoice, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import EtcModel, Programme, check_range
 from cpic_planner.etc.noise import (
     MODES_LIMITED,
@@ -25,10 +33,8 @@ from cpic_planner.etc.noise import (
     modes_obstacle,
     own_noise,
     snr_paper,
-    stack_noise,
 )
-from cpic_planner.etc.programmes import Programmes, Span, motion_factor, programme_columns, programme_fields
-from cpic_planner.etc.rates import planets_of
+from cpic_planner.etc.rates import Planets, planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import EtcAnswer, EtcResult, Question, ReferencePlanetRecord
@@ -58,29 +64,21 @@ _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "cont
 
 
 @dataclass(frozen=True, eq=False)
-class _Answers:
+class _Answers(Solution):
     """Frames that answer a question in bands of one camera; they become answers, planets within stars within bands.
 
     Attributes
     ----------
-    cases, problem, choice
-        What was asked, in the programmes and with the frames that answer it.
     question : str
     value : ndarray
         The answers; ``inf`` where a contrast limit lies above 1.
     span : Span
         Times and visits that were given.
-    level : ndarray, optional
-        SNR or significance to reach.
     """
 
-    cases: Cases
-    problem: FrameProblem
-    choice: FrameChoice
     question: Question
     value: FloatArray
     span: Span
-    level: FloatArray | None = None
 
     @property
     def with_planet(self) -> bool:
@@ -105,6 +103,8 @@ class _Answers:
         visits, used = columns["visits"], spread(programme.n_modes, choice.visit_s.shape)
         left_s = 0.0 * visits if time_s is None else model.visit_s(time_s / visits) - choice.visit_s
         shown = {"snr": noise.snr, "significance": noise.significance, "snr_paper": paper}
+        undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
+        levels = np.where(undefined, math.inf, self.level)
         lost = (choice.n_frames < 1) & cases.usable
         most = self._most(lost)
         still_s = budget.time_at_rest_s(cases, self.span.visit_time_s) if self.searched and lost.any() else None
@@ -115,7 +115,7 @@ class _Answers:
             band = cases.bands[case[0]]
             head = cases.head(*case) | {"question": question, "unit": _UNIT[question]}
             head["contrast"] = None if limit else float(cases.contrast[case])
-            level = None if self.level is None else float(self.level[case])
+            level = None if question == "signal_to_noise" else float(levels[case])
             head["level"] = level if level is not None and math.isfinite(level) else None
             status, reason, message = self._standing(most, case, level)
             if still_s is not None and reason in _FLOORS and still_s[case] <= budget.LONGEST_TIME_S:
@@ -174,12 +174,12 @@ class _Answers:
             if not math.isfinite(self.value[index]):
                 return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME, "no contrast below 1 is detected in this time"
             return Status.OK, Reason.NONE, ""
-        camera, fixed = self.problem.camera, self.cases.fixed
+        camera, fixed = self.problem.camera, self.cases.exposure_s
         gain = self.problem.fixed_gain() or 1.0
         saturated = frame_limit(*self.problem.peaks_e_s(index), camera.exposure_min_s, gain, camera)
         if saturated is not Reason.NONE:
             longest = float(most["longest_s"][index])
-            shorter = fixed.exposure_s is not None or longest > 0
+            shorter = fixed is not None or longest > 0
             advice = f"up to {longest:.3g} s does not" if shorter else "no exposure does"
             text = f"a frame of {camera.exposure_min_s:g} s at EM gain {gain:g} saturates; {advice}"
             return Status.SATURATED, saturated, text
@@ -226,8 +226,8 @@ class _Answers:
         part = problem.at(lost)
         cost = best_exposure_s(part)[1]
         most["longest_s"][lost], most["cost"][lost] = part.longest_s, cost
-        if self.question == "exposure_time" and self.level is not None:
-            wanted = np.where(np.isfinite(self.level), self.level, 1.0)[lost]
+        if self.question == "exposure_time":
+            wanted = self.level[lost]
             best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
             errors = error_noise(cases.rates, problem.camera, cases.model.strategy, programme)
             if self.with_planet:
@@ -236,7 +236,7 @@ class _Answers:
             own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
             # A search asks for less where nothing is speckles, and its visits can be short.
             none = np.zeros_like(self.level), np.ones_like(self.level)
-            least = cases.search.at_speckles(programme)(*none)[lost] if self.searched else wanted
+            least = cases.searched.level_at(programme)(*none)[lost] if self.searched else wanted
             most["visit_s"][lost] = smooth_least_visit_s(part, wanted, cost)
             most["snr"][lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
             most["endless"][lost] = spread(budget.programme_floor(cases, _ENDLESS), lost.shape)[lost]
@@ -247,14 +247,14 @@ class _Answers:
     def _detection(self, noise: StackNoise) -> dict[str, Any]:
         """Return whether planets are detected, how likely, and what would make it so: arrays by name."""
         cases, choice, programme = self.cases, self.choice, self.cases.programme
-        model, strategy, goal = cases.model, cases.model.strategy, cases.search
+        model, strategy, searched = cases.model, cases.model.strategy, cases.searched
         possible = (choice.n_frames >= 1) & cases.usable & np.isfinite(cases.threshold)
         with np.errstate(invalid="ignore", divide="ignore"):
             inverse = np.where(possible, noise.significance**-2.0, np.inf)
         visit = np.where(possible, choice.visit_s, 1.0)
-        level = goal(programme, self.problem)(visit, inverse)
+        level = searched.level(programme, self.problem)(visit, inverse)
         detected = possible & (noise.significance >= level * (1.0 - _ROUNDING))
-        chances = goal.chances(programme, visit, noise)
+        chances = searched.chances(visit, noise)
         calm, common, dark, moving = np.zeros((4, *level.shape), bool)
         lost, required = possible & ~detected, {}
         if lost.any():
@@ -266,15 +266,15 @@ class _Answers:
             each = spread(model.visit_s(total_s / visits), level.shape)
             whole = spread(model.visit_s(total_s), level.shape) if chosen else each
             own = spread(own_noise(cases.rates, problem.camera, programme), lost.shape)[lost]
-            least = goal.at_speckles(programme)(np.zeros_like(level), visit)
+            least = searched.level_at(programme)(np.zeros_like(level), visit)
             errors = spread(error_noise(cases.rates, problem.camera, strategy, programme), lost.shape)[lost]
             calm[lost] = budget.reached(budget.without_speckles(alone.at(lost), errors), whole[lost], least[lost])
             dark[lost] = budget.reached(budget.without_background(problem.at(lost), own), each[lost], level[lost])
             floor = spread(budget.programme_floor(cases, _ENDLESS), level.shape)
             common = calm & (floor <= least)
-            paid = motion_factor(cases.motion, programme, visit)
+            paid = motion_factor(model, cases.motion, programme, visit)
             moving = noise.significance >= level / paid * (1.0 - _ROUNDING)
-            required = _required(cases, choice, noise, goal, level, lost)
+            required = _required(searched, choice, noise, level, lost)
         changes = {"without_speckles": calm, "common": common, "without_background": dark, "without_motion": moving}
         whether = {"search": strategy.search, "detected": detected, "chances": chances, "required": required}
         return whether | changes | {"longest_s": float(model.visit_s(budget.LONGEST_TIME_S))}
@@ -308,36 +308,27 @@ def _detection_fields(
 
 
 def _required(
-    cases: Cases,
-    choice: FrameChoice,
-    noise: StackNoise,
-    goal: Goal,
-    level: FloatArray,
-    lost: NDArray[np.bool_],
+    cases: Cases, choice: FrameChoice, noise: StackNoise, level: FloatArray, lost: NDArray[np.bool_]
 ) -> dict[str, FloatArray]:
     """Return the changes that would make planets detected, one at a time; ``inf`` where no value does."""
-    model, programme, required = cases.model, cases.programme, {}
+    visits = spread(cases.programme.visits, level.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         brighter = level / noise.significance
-        required["contrast_factor"] = np.where(brighter * cases.contrast <= 1.0, brighter, np.inf)
-    required["drift_factor"] = _calmer(cases, choice, noise, goal)
-    required["visits"] = _more_visits(cases, choice, goal)
-
-    def problem(made: Programme) -> FrameProblem:
-        return cases.problem("significance", programme=made)
-
-    every = Programmes(model, problem, goal, modes=cases.with_modes)
-    visits = spread(programme.visits, level.shape)
-    required["time_s"] = visits * model.time_s(every.solved(visits)[0])
+    required = {
+        "contrast_factor": np.where(brighter * cases.contrast <= 1.0, brighter, np.inf),
+        "drift_factor": _calmer(cases, choice, noise),
+        "visits": _more_visits(cases, choice),
+        "time_s": visits * cases.model.time_s(cases.solved(visits)[0]),
+    }
     return {name: np.where(lost, value, np.inf) for name, value in required.items()}
 
 
-def _calmer(cases: Cases, choice: FrameChoice, noise: StackNoise, goal: Goal) -> FloatArray:
+def _calmer(cases: Cases, choice: FrameChoice, noise: StackNoise) -> FloatArray:
     """Return the largest factor on the drift at which the same frames detect the planet; ``inf`` if not even 0 does."""
     programme, laws = cases.programme, cases.residual_parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
-    level = goal.at_speckles(programme)
+    level = cases.level_at(programme)
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = noise.speckle + noise.terms["common_speckle"]
         lit, averaged = np.nan_to_num(whole * light / (crossed + light)), np.nan_to_num(noise.speckle / whole)
@@ -354,19 +345,17 @@ def _calmer(cases: Cases, choice: FrameChoice, noise: StackNoise, goal: Goal) ->
     return np.where(reached(np.zeros_like(low)) & (low > 0.0), np.sqrt(low), np.inf)
 
 
-def _more_visits(cases: Cases, choice: FrameChoice, goal: Goal) -> FloatArray:
+def _more_visits(cases: Cases, choice: FrameChoice) -> FloatArray:
     """Return the fewest visits of these frames that detect the planet, to 0.3 % beyond some 300, or ``inf``."""
-    model, camera = cases.model, cases.free_camera
-    wall_s = model.time_s(choice.visit_s)
-    frames = choice.exposure_s, choice.n_frames, choice.em_gain, camera, model.strategy
+    wall_s = cases.model.time_s(choice.visit_s)
 
     def enough(visits: FloatArray) -> NDArray[np.bool_]:
-        programme = cases.programme_of(visits, wall_s, choice)
-        level = goal(programme, cases.problem("significance", programme=programme))
-        significance = stack_noise(cases.rates, *frames, programme).significance
+        made = cases.in_programme(cases.programme_of(visits, wall_s, choice))
+        significance = made.noise(choice).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
-        return np.asarray(significance >= level(choice.visit_s, inverse) * (1.0 - _ROUNDING))
+        level = made.level(made.programme, made.problem_in(made.programme))(choice.visit_s, inverse)
+        return np.asarray(significance >= level * (1.0 - _ROUNDING))
 
     grid = _FEW_OR_MANY
     reached = enough(grid)
@@ -383,13 +372,24 @@ TRIAL_CONTRAST = 1e-8
 """Contrast of the planet that stands for all where a faintest one is looked for."""
 
 
+Places: TypeAlias = float | Sequence[float] | Mapping[str, Sequence[float]]
+"""Separations in arcsec, in all bands or by band, as many in each."""
+
+
+def _planets(places: Places, planet: Any, contrast: Any) -> Planets | dict[str, Planets]:
+    """Return the planets of a question, in all bands or by band."""
+    if isinstance(places, Mapping):
+        return {band: planets_of(of_band, planet, contrast) for band, of_band in places.items()}
+    return planets_of(places, planet, contrast)
+
+
 def signal_to_noise(
     model: EtcModel,
     target: Targets,
     *,
     time_s: float | None = None,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
     contrast: float | Sequence[float] | None = None,
@@ -411,8 +411,8 @@ def signal_to_noise(
         where number and time of the visits are given.
     visit_time_s : float, optional
         Wall time of one visit.
-    separation_arcsec : float or sequence of float
-        Projected separation, on the diagonal of a quadrant, 0 to 120.
+    separation_arcsec : float, sequence of float, or mapping of str to these
+        Projected separation, on the diagonal of a quadrant, 0 to 120; in all bands or by band.
     bands : sequence of str, optional
         All of the model by default.
     planet : ReferencePlanet or sequence, optional
@@ -439,8 +439,8 @@ def signal_to_noise(
         For values out of range, sequences of different lengths, and times that contradict each other.
     """
     span = Span.of(model, time_s, visit_time_s)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    every = cases_by_camera(model, target, bands, planets, fixed, 1.0, offsets_arcsec=offsets_arcsec)
+    fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "offsets_arcsec": offsets_arcsec}
+    every = cases_by_camera(model, target, bands, _planets(separation_arcsec, planet, contrast), snr=1.0, **fixed)
     solved = [cases.in_time(span, exact) for cases in every]
     with np.errstate(divide="ignore"):
         values = [1.0 / np.sqrt(one.choice.inverse_snr2) for one in solved]
@@ -455,7 +455,7 @@ def exposure_time(
     sigma: float | None = None,
     detect: bool = False,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
     contrast: float | Sequence[float] | None = None,
@@ -493,10 +493,10 @@ def exposure_time(
         raise InputError("snr", " and ".join(given) or None, allowed="one of snr, sigma, detect")
     check_levels(snr, sigma)
     span = Span.of(model, None, visit_time_s, asked=True)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, planet, contrast)
-    every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
+    how: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "snr": snr, "sigma": sigma}
+    every = cases_by_camera(model, target, bands, _planets(separation_arcsec, planet, contrast), **how)
     solved = [cases.for_level(span) for cases in every]
-    values = [one.programme.visits * model.time_s(one.choice.visit_s) for one in solved]
+    values = [one.cases.programme.visits * model.time_s(one.choice.visit_s) for one in solved]
     return _answers(solved, "exposure_time", values, span, model.named(bands))
 
 
@@ -506,7 +506,7 @@ def contrast_limit(
     *,
     time_s: float | None = None,
     visit_time_s: float | None = None,
-    separation_arcsec: float | Sequence[float],
+    separation_arcsec: Places,
     bands: Sequence[str] | None = None,
     sigma: float | None = None,
     snr: float | None = None,
@@ -535,8 +535,8 @@ def contrast_limit(
     if sigma is not None and snr is not None:
         raise InputError("sigma", sigma, allowed="one of sigma, snr")
     span = Span.of(model, time_s, visit_time_s)
-    fixed, planets = fixed_frames(model, bands, exposure_s, em_gain), planets_of(separation_arcsec, None, _START)
-    every = cases_by_camera(model, target, bands, planets, fixed, snr, sigma)
+    how: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "snr": snr, "sigma": sigma}
+    every = cases_by_camera(model, target, bands, _planets(separation_arcsec, None, _START), **how)
     limits = [_limit(cases, span, exact) for cases in every]
     solved = [_at_limit(cases, limit, exact) for cases, limit in zip(every, limits, strict=True)]
     values = [np.where(limit.contrast < 1.0, limit.contrast, math.inf) for limit in limits]
@@ -564,9 +564,10 @@ def contrast_limits(
         By band, as many in each.
     """
     bands, span = tuple(separation_arcsec), Span.of(model, time_s, None)
-    planets = {band: planets_of(place.tolist(), None, _START) for band, place in separation_arcsec.items()}
-    fixed, found = fixed_frames(model, bands, exposure_s, em_gain), dict[str, FloatArray]()
-    for cases in cases_by_camera(model, target, bands, planets, fixed, snr, sigma):
+    planets = _planets({band: place.tolist() for band, place in separation_arcsec.items()}, None, _START)
+    how: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "snr": snr, "sigma": sigma}
+    found: dict[str, FloatArray] = {}
+    for cases in cases_by_camera(model, target, bands, planets, **how):
         limit = _limit(cases, span, exact=False)
         reached = cases.possible & (limit.choice.n_frames >= 1) & (limit.contrast < 1.0)
         value = np.where(reached, limit.contrast, np.nan)
@@ -621,13 +622,12 @@ def _limit(cases: Cases, span: Span, exact: bool) -> _Limit:
     if span.visits is None and cases.objective == "snr":
         # The planet's own noise counts: the best number of visits is that at the limit.
         ratio = np.minimum(contrast, 1.0)
-        at_limit = replace(cases.programmes, problem=lambda made: cases.problem_in(made, ratio))
-        visits = at_limit.best_in_time(span.time_s)
+        visits = cases.of_contrast(ratio).best_in_time(span.time_s)
         programme, longest_s = cases.spread(visits, span.time_s)
         visit_s = longest_s
         contrast, choice = _limits(cases, programme, visit_s, exact)
     for _ in range(_MODE_ROUNDS if cases.model.strategy.n_modes else 0):
-        programme, last = cases.filled(visits, span.time_s / visits, choice, of_choice=True), contrast
+        programme, last = cases.programme_of(visits, span.time_s / visits, choice), contrast
         contrast, choice = _limits(cases, programme, visit_s, exact)
         if np.allclose(contrast, last, rtol=_STILL, atol=0.0):
             break
@@ -648,8 +648,8 @@ def _at_limit(cases: Cases, limit: _Limit, exact: bool) -> Solution:
         use = stopped & (again.choice.n_frames > 0) & (again.choice.visit_s <= limit.visit_s)
         choice, level = again.choice.where(use, choice), np.where(use, again.level, level)
         if cases.model.strategy.n_modes:
-            programme = again.programme.spread(use.shape).where(use, programme.spread(use.shape))
-    return Solution(there, programme, problem, choice, level)
+            programme = again.cases.programme.spread(use.shape).where(use, programme.spread(use.shape))
+    return Solution(there.in_programme(programme), problem, choice, level)
 
 
 def _limits(cases: Cases, programme: Programme, visit_s: FloatArray, whole: bool) -> tuple[FloatArray, FrameChoice]:
@@ -686,12 +686,8 @@ def _answers(
     """Return the answers of the programmes and frames of every camera: bands in a given order, planets in bands."""
     rows: dict[tuple[int, str, int], EtcAnswer] = {}
     for one, value in zip(found, values, strict=True):
-        cases, level = one.cases, None
-        if question != "signal_to_noise":
-            undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
-            level = np.where(undefined, math.inf, one.level)
-        made = cases.in_programme(one.programme)
-        answers = _Answers(made, one.problem, one.choice, question, value, span, level).answers()
+        cases = one.cases
+        answers = _Answers(**vars(one), question=question, value=value, span=span).answers()
         for (band, star, planet), answer in zip(np.ndindex(*cases.shape), answers, strict=True):
             rows[star, cases.bands[band], planet] = answer
     stars, planets = map(range, found[0].cases.shape[1:])

@@ -517,7 +517,7 @@ class _Counts:
         visits, visit_s, many = (
             np.broadcast_to(part, x.shape)[here] for part in (effective, visit_s, programme.visits)
         )
-        search = etc.SearchMotion.of(model, targets, band, separation, here[0]).search
+        search = etc.search_motion(model, targets, band, separation, here[0])
         moving = search.threshold_factor(many, model.time_s(visit_s))
         found = etc.visit_chances(model, band, separation, visit_s, seen, visits, motion=moving, at_place=at_place)
         for row, part in zip(chance, (found.blind, found.known_place), strict=False):

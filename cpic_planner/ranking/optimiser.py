@@ -18,6 +18,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner import etc
+from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
 from cpic_planner.targets import Targets
@@ -62,7 +63,7 @@ class Outlook(etc.CaseArrays):
         Wings of a companion that the references do not share, over signal squared.
     searched : bool
         Whether the level is a threshold, which the law of detections raises.
-    motion : SearchMotion, optional
+    motion : OrbitSearch, optional
         What the search pays for the motion of planets; nothing without.
     """
 
@@ -77,7 +78,7 @@ class Outlook(etc.CaseArrays):
     light: ProgrammeLaw
     wings: FloatArray
     searched: bool
-    motion: etc.SearchMotion | None = None
+    motion: OrbitSearch | None = None
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
@@ -152,7 +153,7 @@ class Outlook(etc.CaseArrays):
         place = self.separation_arcsec
         needed = etc.needed_margin(self.model, self.band, place, speckled, light, effective, self.level)
         level = self.level * needed
-        return level if self.motion is None else level * self.motion.factor(programme, visit_s)
+        return level if self.motion is None else level * etc.motion_factor(self.model, self.motion, programme, visit_s)
 
     def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
@@ -364,7 +365,7 @@ class Places(etc.CaseArrays):
     contrast: FloatArray
     threshold: FloatArray
     rates: etc.ApertureRates
-    motion: etc.SearchMotion | None
+    motion: OrbitSearch | None
 
     def picked(self, stars: IntArray, columns: IntArray) -> Self:
         """Return some of the separations of some stars; parameters as of `picked`."""
@@ -401,7 +402,7 @@ class Places(etc.CaseArrays):
         columns = level, place, white, errors, exposure_s + camera.readout_s, parts, of_star, wings
         level, place, white, errors, frame_s, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
         crossed, light = (part.scaled(of_star) for part in parts)
-        motion = self.motion.at((..., None)) if searched and self.motion is not None else None
+        motion = etc.mapped(lambda part: part[..., None], self.motion) if searched else None
         found = level, place, white, errors, frame_s, crossed, light, wings
         return Outlook(model, self.band, *found, searched, motion)
 
@@ -422,7 +423,7 @@ class Places(etc.CaseArrays):
         visits = programme.effective(self.rates.speckle)
         shares = speckled, etc.lit_share(seen, light)
         at_rest = etc.needed_margin(model, band, place, *shares, visits, self.threshold)
-        return at_rest * etc.motion_factor(self.motion, programme, choice.visit_s)
+        return at_rest * etc.motion_factor(model, self.motion, programme, choice.visit_s)
 
 
 @dataclass(frozen=True)
@@ -843,7 +844,7 @@ class _Search:
         threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
         blind, everywhere = model.strategy.search == "blind", np.broadcast_to(place, contrast.shape)
-        motion = etc.SearchMotion.of(model, self.targets, band, everywhere) if blind else None
+        motion = etc.search_motion(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
     def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:

@@ -600,7 +600,7 @@ def etc_curves(
     objective: etc.Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
     several = len(answers) > len({answer.band for answer in answers})
     drawn = [answer for answer in answers if answer.band == best_band or not several]
-    times = _against_time(model, star, drawn, time_s, objective, etc.FixedFrames(**fixed), several)
+    times = _against_time(model, star, drawn, time_s, objective, fixed, several)
     bands = dict.fromkeys(answer.band for answer in answers)
     ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
     grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
@@ -619,7 +619,7 @@ def _against_time(
     answers: Sequence[EtcAnswer],
     time_s: float,
     objective: etc.Objective,
-    fixed: etc.FixedFrames,
+    fixed: dict[str, Any],
     several: bool,
 ) -> tuple[TimeCurve, ...]:
     """Return the lines of SNR against time; none of planets that are outside the field or send no light."""
@@ -638,7 +638,7 @@ def _against_time(
     for camera in dict.fromkeys(cameras):
         mine = np.flatnonzero([one == camera for one in cameras])
         many, visit_time_s = visits[mine, None, None], (grid / visits[:, None])[mine, None]
-        alike = etc.cases_of(model, star, [shown[i].band for i in mine], [planets[i] for i in mine], fixed)
+        alike = etc.cases_of(model, star, [shown[i].band for i in mine], [planets[i] for i in mine], **fixed)
         threshold[mine] = alike.threshold[:, 0, 0]
         cases = alike.in_programme(etc.Programme.of(model.strategy, many, visit_time_s))
         choice = etc.best_in_visit(cases.problem(objective), model.visit_s(visit_time_s))

@@ -203,7 +203,8 @@ def pair_signals(
             rates = etc.aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
             noise = etc.stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
             elements = metrics.resolution_elements(separation[at])
-            motion = etc.SearchMotion.of(model, rolls, band, separation[at]).factor(made, _visit_s(model, setting))
+            search = etc.search_motion(model, rolls, band, separation[at])
+            motion = etc.motion_factor(model, search, made, _visit_s(model, setting))
             margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
             snr[put] = noise.snr[real]
             light = etc.light_share(model, band, separation[at], _visit_s(model, setting))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Sizes: TypeAlias = "dict[Quantity, float]"
 Case: TypeAlias = Any
-"""A `simulator.ledger.case.CameraCase`, for which the size of an effect is worked out: the ledger imports effects."""
+"""A `simulator.ledger.visit.Visit`, for which the size of an effect is worked out: the ledger imports effects."""
 KERNELS = "simulator.detectors.kernels"
 
 

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_number, load_kernels, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, load_kernels, stream
 from simulator.config import CosmicRayConfig, PaperTracks, PhysicalTracks, TemplateTracks
 from simulator.effects.sky import decimal_year
 from simulator.imaging import array_number, header_number, read_maps
@@ -544,7 +544,6 @@ def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:
 
 MAX_EVENTS = 1e7
 _MAX_THROWN = 1e8
-_MAX_SIDE = 20000
 _CHUNK_EVENTS = 50_000
 _CHUNK_POINTS = 1_000_000
 _CM_PER_UM = 1e-4
@@ -654,7 +653,7 @@ def draw_cosmic_rays(
     Raises
     ------
     InputError
-        For an argument out of range, or more than 1e7 expected events (1e8 with the margin below).
+        For more than 1e7 expected events (1e8 with the margin below).
 
     Notes
     -----
@@ -663,30 +662,25 @@ def draw_cosmic_rays(
     (6e-5 of it) is moved inside. Random numbers are drawn in chunks, so that memory does not grow with the exposure
     beyond 56 bytes an event and 24 bytes a pixel.
     """
-    rows, columns = _checked_shape(shape)
-    pixel = _in_range("pixel_um", pixel_um, 1.0, 1000.0, "um")
-    exposure = _in_range("exposure_s", exposure_s, 0.0, 1e6, "s")
-    rate = _in_range("rate_per_s_cm2", rate_per_s_cm2, 0.0, 1e12, "1/s/cm2")
-    if not isinstance(rng, np.random.Generator):
-        raise InputError("rng", type(rng).__name__, allowed="a numpy.random.Generator")
-    model = track_model(config, pixel)
+    rows, columns = shape
+    model = track_model(config, pixel_um)
     margin = model.reach_pixels
-    per_pixel = rate * exposure * (pixel * _CM_PER_UM) ** 2
+    fluence = rate_per_s_cm2 * exposure_s
+    per_pixel = fluence * (pixel_um * _CM_PER_UM) ** 2
     mean = per_pixel * (rows + 2.0 * margin) * (columns + 2.0 * margin)
     excess = max(per_pixel * rows * columns / MAX_EVENTS, mean / _MAX_THROWN)
     if excess > 1.0:
         events = f"{MAX_EVENTS:g} events, {_MAX_THROWN:g} with its margin"
-        allowed = f"at most {rate * exposure / excess:.4g} for this array and model: {events}"
-        raise InputError("rate_per_s_cm2 x exposure_s", f"{rate * exposure:.4g}", unit="1/cm2", allowed=allowed)
+        allowed = f"at most {fluence / excess:.4g} for this array and model: {events}"
+        raise InputError("rate_per_s_cm2 x exposure_s", f"{fluence:.4g}", unit="1/cm2", allowed=allowed)
     return _drawn(model, (rows, columns), int(rng.poisson(mean)), rng)
 
 
 def _drawn(model: TrackModel, shape: tuple[int, int], n: int, rng: np.random.Generator) -> CosmicRays:
-    canvas = Canvas(shape) if n else None
+    canvas = Canvas(shape)
     parts: list[tuple[NDArray[Any], ...]] = []
     for first in range(0, n, _CHUNK_EVENTS):
         for tracks, row, column, azimuth in _placed(model, shape, min(_CHUNK_EVENTS, n - first), rng):
-            assert canvas is not None
             charge = model.charges(tracks, rng)
             left = canvas.add(tracks, model.points(tracks, rng), row, column, azimuth, charge)
             kept = left > 0
@@ -695,8 +689,8 @@ def _drawn(model: TrackModel, shape: tuple[int, int], n: int, rng: np.random.Gen
     floats, integers = np.empty(0), np.empty(0, dtype=np.int64)
     columns = zip(*parts, strict=True) if parts else ([floats],) * 5 + ([integers],) * 2
     row, column, length, projected, azimuth_deg, charge, left = (np.concatenate(list(part)) for part in columns)
-    pixels = np.flatnonzero(canvas.image) if canvas is not None else integers
-    electrons = canvas.image.reshape(-1)[pixels] if canvas is not None else integers
+    pixels = np.flatnonzero(canvas.image)
+    electrons = canvas.image.reshape(-1)[pixels]
     lost = int(charge.sum() - left.sum())
     return CosmicRays(shape, pixels, electrons, lost, row, column, length, projected, azimuth_deg, charge, left)
 
@@ -719,21 +713,3 @@ def _placed(
     for low, high in itertools.pairwise(edges):
         part = slice(low, high)
         yield tracks[part], row[part], column[part], azimuth[part]
-
-
-def _checked_shape(shape: Any) -> tuple[int, int]:
-    try:
-        rows, columns = shape
-        whole = all(isinstance(side, int | np.integer) and not isinstance(side, bool) for side in (rows, columns))
-    except (TypeError, ValueError):
-        whole = False
-    if not whole or not all(1 <= side <= _MAX_SIDE for side in (rows, columns)):
-        raise InputError("shape", shape, allowed=f"rows and columns, 1 to {_MAX_SIDE} each")
-    return int(rows), int(columns)
-
-
-def _in_range(name: str, value: Any, low: float, high: float, unit: str) -> float:
-    number = check_number(name, value, unit)
-    if not low <= number <= high:
-        raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
-    return number

@@ -24,7 +24,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray
 from simulator.config import Drift, Timing
 from simulator.imaging.imager import FocalGrid, Imager
 
@@ -368,16 +368,7 @@ def visit_frames(
     -------
     ndarray
         Fraction of the energy on the clear disc in every pixel.
-
-    Raises
-    ------
-    InputError
-        If ``n_frames`` or ``cadence_s`` is out of range.
     """
-    if n_frames < 1:
-        raise InputError("n_frames", n_frames, allowed="at least 1")
-    if not (math.isfinite(cadence_s) and cadence_s > 0):
-        raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
     grid = optics
     if not isinstance(grid, FocalGrid):
         imager = grid if isinstance(grid, Imager) else grid.imager

@@ -84,12 +84,9 @@ def render_extended(
     Raises
     ------
     InputError
-        If the step or reach is not above 0, the grid would have more than 6001 points a side, or an image cannot be
+        If the grid would have more than 6001 points a side, or an image cannot be
         read, has no pixel scale, or is not finite and non-negative.
     """
-    for name, value in (("step_arcsec", step_arcsec), ("reach_arcsec", reach_arcsec)):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(name, value, unit="arcsec", allowed="above 0")
     limit = math.inf if reach_arcsec is None else math.sqrt(2.0) * reach_arcsec + source.center_separation_arcsec
     if isinstance(source, ImageSource):
         picture = _read(source)

@@ -27,7 +27,7 @@ is misplaced by up to 2 mas per axis (up to 5 % of its peak), and a source behin
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -97,11 +97,6 @@ class BandTransfer:
     """
 
     imager: Imager
-
-    @property
-    def native_pixel_arcsec(self) -> None:
-        """Any pixel can be integrated over."""
-        return
 
     @property
     def reach_arcsec(self) -> float:
@@ -182,32 +177,10 @@ class KernelTransfer:
         Light in every pixel for a source of unit flux on the central pixel, not negative.
     pixel_scale_arcsec : float
         Pixel of the kernel, which must be that of the detector.
-
-    Raises
-    ------
-    InputError
-        If the kernel is not a finite, non-negative square map of odd side, or the pixel scale is not positive.
     """
 
     kernel: FloatArray
     pixel_scale_arcsec: float
-
-    def __post_init__(self) -> None:
-        """Check the kernel."""
-        kernel = np.asarray(self.kernel, dtype=np.float64)
-        if kernel.ndim != 2 or kernel.shape[0] != kernel.shape[1] or kernel.shape[0] % 2 == 0:
-            raise InputError("kernel", f"shape {kernel.shape}", unit="px", allowed="a square of odd side")
-        if not np.isfinite(kernel).all() or (kernel < 0).any():
-            bad = int(np.count_nonzero(~(np.isfinite(kernel) & (kernel >= 0))))
-            raise InputError("kernel", f"{bad} bad pixels", allowed="finite values >= 0")
-        if not (math.isfinite(self.pixel_scale_arcsec) and self.pixel_scale_arcsec > 0):
-            raise InputError("pixel_scale_arcsec", self.pixel_scale_arcsec, unit="arcsec", allowed="> 0")
-        object.__setattr__(self, "kernel", kernel)
-
-    @property
-    def native_pixel_arcsec(self) -> float:
-        """The pixel that the kernel was integrated over."""
-        return self.pixel_scale_arcsec
 
     @property
     def reach_arcsec(self) -> float:
@@ -351,29 +324,7 @@ GROUP_SAMPLES = 10_000.0  # of the transfer function that take as long as what a
 
 
 @dataclass(frozen=True, eq=False)
-class _Sources:
-    """Positions and light as given, and the same as checked arrays."""
-
-    x_arcsec: ArrayLike
-    y_arcsec: ArrayLike
-    flux: ArrayLike
-    arrays: tuple[FloatArray, FloatArray, FloatArray] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        x, y = (_vector(name, getattr(self, name)) for name in ("x_arcsec", "y_arcsec"))
-        flux = self._checked_flux(x, y)
-        bad = ~(np.isfinite(flux) & (flux >= 0))
-        if bad.any():
-            raise InputError("flux", float(flux[bad][0]), allowed="finite numbers >= 0")
-        object.__setattr__(self, "arrays", (x, y, flux))
-
-    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the light as an array, its shape checked against the positions."""
-        raise NotImplementedError
-
-
-class PointSources(_Sources):
+class PointSources:
     """Point sources at any position.
 
     Attributes
@@ -382,21 +333,19 @@ class PointSources(_Sources):
         Positions on the detector relative to the star; x grows with the column, y with the row.
     flux : array_like, shape (s,)
         Light of each on the clear pupil disc, >= 0; the image has the same unit per pixel.
-
-    Raises
-    ------
-    InputError
-        If shapes differ, a value is not finite, or a flux is negative.
     """
 
-    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        flux = _vector("flux", self.flux)
-        if not x.size == y.size == flux.size:
-            raise InputError("sources", f"{x.size} x, {y.size} y, {flux.size} flux", allowed="equal numbers")
-        return flux
+    x_arcsec: ArrayLike
+    y_arcsec: ArrayLike
+    flux: ArrayLike
+
+    @functools.cached_property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """Positions and light as arrays."""
+        return tuple(np.asarray(part, dtype=np.float64) for part in (self.x_arcsec, self.y_arcsec, self.flux))
 
 
-class SourceGrid(_Sources):
+class SourceGrid(PointSources):
     """An extended source as point sources on a grid along the axes of the detector.
 
     Light between the points is not invented: the grid should be finer than lambda/2D for a source that is smooth.
@@ -407,18 +356,7 @@ class SourceGrid(_Sources):
         Columns and rows of the grid, relative to the star.
     flux : array_like, shape (k, m)
         Light of every point on the clear pupil disc, >= 0.
-
-    Raises
-    ------
-    InputError
-        If shapes differ, a value is not finite, or a flux is negative.
     """
-
-    def _checked_flux(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        flux = np.asarray(self.flux, dtype=np.float64)
-        if flux.shape != (y.size, x.size):
-            raise InputError("flux", f"shape {flux.shape}", allowed=f"{(y.size, x.size)}: rows of y, columns of x")
-        return flux
 
 
 def scene_image(
@@ -457,17 +395,9 @@ def scene_image(
     Raises
     ------
     InputError
-        If centres are not finite and ascending, a width is out of range, the kernel has another pixel, or one extended
-        source spans more than the memory can hold.
+        If one extended source spans more than the memory can hold.
     """
-    y, x = checked_centres("y_centres_arcsec", y_centres_arcsec), checked_centres("x_centres_arcsec", x_centres_arcsec)
-    if not (math.isfinite(pixel_arcsec) and pixel_arcsec > 0):
-        raise InputError("pixel_arcsec", pixel_arcsec, unit="arcsec", allowed="> 0")
-    if not (math.isfinite(mask_half_width_arcsec) and mask_half_width_arcsec >= 0):
-        raise InputError("mask_half_width_arcsec", mask_half_width_arcsec, unit="arcsec", allowed=">= 0")
-    native = transfer.native_pixel_arcsec
-    if native is not None and abs(pixel_arcsec - native) > 1e-6 * native:
-        raise InputError("pixel_arcsec", pixel_arcsec, unit="arcsec", allowed=f"the pixel of the kernel, {native}")
+    y, x = np.asarray(y_centres_arcsec, dtype=np.float64), np.asarray(x_centres_arcsec, dtype=np.float64)
     rows = pixel_axis(y, pixel_arcsec, 1, mask_half_width_arcsec)
     columns = pixel_axis(x, pixel_arcsec, 1, mask_half_width_arcsec)
     image = np.zeros((y.size, x.size))
@@ -509,7 +439,7 @@ class _Window:
 Component = tuple[FloatArray, FloatArray, FloatArray]  # x, y, flux; flux is (s,) or (k, m)
 
 
-def _groups(transfer: Transfer, window: _Window, parts: Sequence[_Sources]) -> list[list[Component]]:
+def _groups(transfer: Transfer, window: _Window, parts: Sequence[PointSources]) -> list[list[Component]]:
     """Yield the sources with light in them, tile by tile: a synthesis's period grows with its sources' extent.
 
     Tiles are of the size that takes the fewest samples: small for a few sources far apart, large for a dense field.
@@ -536,7 +466,7 @@ def _samples(transfer: Transfer, window: _Window, group: list[Component]) -> flo
     return 0.0 if axes is None else axes[0].count * axes[1].count + GROUP_SAMPLES
 
 
-def _tiles(window: _Window, parts: Sequence[_Sources], larger: float) -> list[list[Component]]:
+def _tiles(window: _Window, parts: Sequence[PointSources], larger: float) -> list[list[Component]]:
     groups: dict[tuple[int, int], list[Component]] = {}
     for part in parts:
         x, y, flux = part.arrays
@@ -646,23 +576,6 @@ def _add_product(total: ComplexArray, real: FloatArray, values: ComplexArray) ->
     total.view(np.float64)[...] += np.ascontiguousarray(real) @ pairs
 
 
-def _vector(name: str, values: ArrayLike) -> FloatArray:
-    array = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    if array.ndim != 1:
-        raise InputError(name, f"shape {array.shape}", allowed="one dimension")
-    if not np.isfinite(array).all():
-        raise InputError(name, float(array[~np.isfinite(array)][0]), allowed="finite numbers")
-    return array
-
-
-def checked_centres(name: str, values: ArrayLike) -> FloatArray:
-    """Return centres of pixels along an axis; refuse what does not increase."""
-    centres = _vector(name, values)
-    if centres.size == 0 or (np.diff(centres) <= 0).any():
-        raise InputError(name, f"{centres.size} values", unit="arcsec", allowed="at least one, ascending")
-    return centres
-
-
 CELLS = 4  # per pixel and axis (paper, section on imaging)
 CELL_NODES = 2  # Gauss nodes per cell: the kernel is exact to 1e-6, the grid is the only error
 ROWS_AT_A_TIME = 64  # on either side of the axis
@@ -689,17 +602,9 @@ def paper_scene_image(
     -------
     ndarray, shape (n, m)
         Light per pixel in the unit of the fluxes.
-
-    Raises
-    ------
-    InputError
-        If the centres are not one pixel apart, or the kernel has no size.
     """
-    if kernel_half_pixels < 1:
-        raise InputError("kernel_half_pixels", kernel_half_pixels, unit="px", allowed=">= 1")
     pixel, reach = imager.pixel_scale_arcsec, kernel_half_pixels
-    rows = _lattice("y_centres_arcsec", y_arcsec, pixel)
-    columns = _lattice("x_centres_arcsec", x_arcsec, pixel)
+    rows, columns = np.asarray(y_arcsec, dtype=np.float64), np.asarray(x_arcsec, dtype=np.float64)
     image = np.zeros((rows.size, columns.size))
     places = [_cell(part, axis[0], pixel) for part, axis in zip(sources.arrays[1::-1], (rows, columns), strict=True)]
     inside = np.ones(places[0].shape, dtype=np.bool_)
@@ -749,10 +654,3 @@ def _binned_kernels(optics: Keyed[Imager], reach: int) -> FloatArray:
 def _cell(positions: FloatArray, first_centre: float, pixel: float) -> FloatArray:
     """Return the index of the cell that holds each position, cell 0 being the first of the first pixel."""
     return np.floor((positions - (first_centre - pixel / 2.0)) * (CELLS / pixel))
-
-
-def _lattice(name: str, values: ArrayLike, pixel: float) -> FloatArray:
-    centres = checked_centres(name, values)
-    if np.abs(np.diff(centres) - pixel).max(initial=0.0) > 1e-6 * pixel:
-        raise InputError(name, "centres", allowed=f"one pixel of {pixel} arcsec apart")
-    return centres

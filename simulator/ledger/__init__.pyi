@@ -1,4 +1,3 @@
-from simulator.ledger.case import NOT_IN_SUMS as NOT_IN_SUMS, CameraCase as CameraCase, PlanetPlace as PlanetPlace
 from simulator.ledger.choice import (
     SUM_EPOCHS as SUM_EPOCHS,
     Choice as Choice,
@@ -17,4 +16,9 @@ from simulator.ledger.inventory import (
     not_modelled as not_modelled,
     sky_ledger as sky_ledger,
 )
-from simulator.ledger.visit import MAX_EPOCHS as MAX_EPOCHS, Forecast as Forecast, forecast as forecast
+from simulator.ledger.visit import (
+    MAX_EPOCHS as MAX_EPOCHS,
+    NOT_IN_SUMS as NOT_IN_SUMS,
+    Forecast as Forecast,
+    forecast as forecast,
+)

@@ -14,9 +14,8 @@ from cpic_core import InputError, Outcome, Reason, Status, check_number
 from simulator.config import Instrument, Scene
 from simulator.detectors import VISIBLE, Sizes, rows_of
 from simulator.knobs import FIDELITIES, MAX_TOLERANCE, Dial, Knobs, Quantity
-from simulator.ledger.case import NOT_IN_SUMS
 from simulator.ledger.inventory import EffectRow
-from simulator.ledger.visit import MAX_EPOCHS, Forecast, forecast
+from simulator.ledger.visit import MAX_EPOCHS, NOT_IN_SUMS, Forecast, forecast
 
 FRAME_S = {effect.switch: effect.frame_s for effect in rows_of(VISIBLE) if effect.frame_s}
 """Seconds a frame of each effect on the window around the hole (137 x 137)."""

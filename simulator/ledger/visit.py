@@ -1,6 +1,11 @@
-"""An observation as the ledger sees it, noise of an aperture sum in it, and sizes of settings of its optics.
+"""An observation as the ledger sees it: its pixels and their noise, and the size of everything that may be left out.
 
-Everything comes from known tables alone. What numerical settings cost are remainders of the quadratures, and rounding.
+Everything comes from known tables alone. A pixel above its full well passes the excess on along its column, the
+register above its own along the row, to what is read next. Nothing arrives at a place exactly if every run of pixels
+that ends there holds less than its wells do: the light of a run is compared with them, five sigma of noise included,
+however far away it begins.
+
+What numerical settings cost are remainders of the quadratures, and rounding.
 A Gauss-Legendre rule of n nodes misses of a wave ``cos(phi s)``, -1 <= s <= 1, at most
 
     E_n(phi) = 2^(2n) (n!)^4 / ((2n + 1) ((2n)!)^3) phi^(2n)
@@ -12,71 +17,186 @@ that the remainder follows the differences that were measured between the images
 wavelengths and six nodes a pixel, in the four visible bands (`reports/truth/effect_ledger`).
 """
 
-import dataclasses
+from __future__ import annotations
+
 import functools
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from catalogs import luminosity_from_v, radius_from_luminosity, stellar_parameters
-from cpic_core import FloatArray, InputError, NDArray, Outcome
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Outcome, Reason, Status
 from simulator.camera import FrameNoise, aperture_loss_per_s
 from simulator.config import Drift, Instrument, Scene, SceneStar, Timing
-from simulator.detectors import FrameTerm, Sizes, rows_of, sizes, sizes as sizes_of
-from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
+from simulator.detectors import INFRARED, VISIBLE, FrameTerm, Sizes, in_sums, rows_of, sizes
+from simulator.effects import cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.imaging import PsfMetrics, aperture_sums, centred_axis, overlap_weights, psf_metrics
 from simulator.knobs import Knobs
-from simulator.ledger.case import (
-    CameraCase,
-    PlanetPlace,
-    SceneLight,
-    SourceLight,
-    Spill,
-    largest_speckles,
-    pixel_hits,
-    scene_light,
-    stamp_flaws,
-    sums_possible,
-)
 from simulator.ledger.inventory import LEFT_OUT, EffectRow, effect_ledger
+from simulator.ledger.light import Flaw, PlanetPlace, SceneLight, SourceLight, pixel_hits, stamp_flaws
 from simulator.passbands import Passbands
-from simulator.signal import INTERLEAVED, drift_halo, overflow, programme_law, sky_pixel_e_s
+from simulator.signal import INTERLEAVED, drift_halo, overflow, pixel_saturated, programme_law, sky_pixel_e_s
 from simulator.target import Source, extended_rates, scene_sources
 
+_FLOW_SIGMA, _SIGMA = 5.0, 8.0
+# Radius of the Gaussian that stands for the core of a planet, lambda/D.
+_CORE_SIGMA = 0.66
+_SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
+# Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
+# stamp by so many times that.
+_SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
 _PIXEL_REACH, _WAVE_REACH = 3, 2
 # Sources off the axis in single precision: of their light on a pixel, and of their peak anywhere.
 _OTHERS_RELATIVE, _OTHERS_NOISE = 4e-6, 4e-8
 # What a planet behind the edge of the mask adds to the error of its colour, for as much as the mask hides of it.
 _HIDDEN = 0.5
+MAX_EPOCHS = 12
+"""Epochs of a visit without a ledger."""
+_CM_PER_UM = 1e-4
+_SUN_AT_10_PC_MAS = 0.46505  # angular radius: 695 700 km (IAU 2015) at 10 pc
+# A single place in the hole against the rms of its separation.
+_FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
+_BEAT = 1.4
+_ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatter counts
+# What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
+NOT_IN_SUMS = tuple(dict.fromkeys(in_sums((*VISIBLE, *INFRARED), "left_out", "moves_charge", "not_additive")))
 
 
-class Lasting(NamedTuple):
-    """Variances of aperture sums over that of a pair of visits alone, as if each visit of the programme had them.
+class Spill:
+    """Blooming and tails of the register on the stamp of a visit; ``full`` where the frame around it counts too."""
 
-    Attributes
-    ----------
-    common : float
-        Of the screen that science visits have in common: times their number.
-    orbital : float
-        Of what swings with the orbit: what stays in every visit, times their number, and what averages.
+    def __init__(self, case: Visit, *, full: bool) -> None:
+        self.case, self.full = case, full
+        detector, factor2 = case.detector, case.noise.factor2
+        self._pixel, self._register = detector.blooming_e, detector.trailing_e / case.em_gain
+        self._factor2 = factor2
+        self._known: dict[tuple[str, int], tuple[FloatArray, float]] = {}
+        # Where even the brightest pixel stays below its limit nothing flows.
+        top = float(case.most_e.max()) + case.noise.dark_e + case.noise.clock_e
+        if top + _FLOW_SIGMA * math.sqrt(top) <= self._pixel:
+            self._pixel = np.inf
+        if top + _FLOW_SIGMA * math.sqrt(factor2 * top) <= self._register:
+            self._register = np.inf
+
+    @functools.cached_property
+    def _charge_e(self) -> FloatArray:
+        """Electrons of the pixels of the stamp at the register, with the light of other sources at most."""
+        case = self.case
+        side = len(case.charge_e)
+        return case.most_e[: side * side].reshape(side, side) + case.noise.dark_e + case.noise.clock_e
+
+    def blooms_into(self, rows: slice, columns: slice) -> bool:
+        """Return whether charge flows along the columns into a part of the stamp, or is too much there.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            The part of the stamp.
+        """
+        if not np.isfinite(self._pixel):
+            return False
+        return self._over(rows, columns, self._pixel, 1.0) or bool(self._blooming_columns(rows)[columns].any())
+
+    def trails_into(self, rows: slice, columns: slice) -> bool:
+        """Return whether charge of the register flows along the rows into a part of the stamp, or is too much there.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            The part of the stamp.
+        """
+        if not np.isfinite(self._register):
+            return False
+        if self._over(rows, columns, self._register, self._factor2):
+            return True
+        charge = self._charge_e[rows]
+        # No pixel hands on more than it holds; what blooms across these rows fills its pixels there.
+        most = self.case.detector.blooming_e
+        charge = np.minimum(charge, most)
+        if np.isfinite(self._pixel):
+            charge = np.where(self._blooming_columns(rows), most, charge)
+        before = charge[:, : columns.start][:, ::-1]
+        parts = [(before, 1.0)]
+        if self.full:
+            light, pixels = self._lanes("x", -1)
+            parts.append((np.minimum(light[rows], most), pixels))
+        return bool(_arrives(parts, self._register, self._factor2).any())
+
+    def _over(self, rows: slice, columns: slice, well_e: float, factor2: float) -> bool:
+        """Return whether a pixel in there holds too much itself."""
+        top = float(self._charge_e[rows, columns].max(initial=0.0))
+        return top + _FLOW_SIGMA * math.sqrt(factor2 * top) > well_e
+
+    def _blooming_columns(self, rows: slice) -> BoolArray:
+        """Return the columns of the stamp along which charge arrives at some rows."""
+        charge, found = self._charge_e.T, np.zeros(len(self._charge_e), dtype=np.bool_)
+        # Half of the excess goes up, first; the other half down, where the first may have taken its room.
+        for sign, run, part in ((-1, charge[:, : rows.start][:, ::-1], 0.5), (1, charge[:, rows.stop :], 1.0)):
+            parts = [(run, 1.0)]
+            if self.full:
+                parts.append(self._lanes("y", sign))
+            found |= _arrives(parts, self._pixel, 1.0, part)
+        return found
+
+    def _lanes(self, axis: Literal["x", "y"], sign: int) -> tuple[FloatArray, float]:
+        """Return the charge beyond the stamp along all its rows or columns, and the pixels of a box."""
+        if (axis, sign) not in self._known:
+            case = self.case
+            light, pixels = case.light.lanes(axis, sign)
+            self._known[axis, sign] = light * case.exposure_s + case.noise.dark_e + case.noise.clock_e, pixels
+        return self._known[axis, sign]
+
+
+def _arrives(parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0) -> BoolArray:
+    """Return whether any run of each line, nearest pixel first, holds more than its wells; shape (lines,).
+
+    ``share`` of what is above the well of a pixel goes this way.
     """
+    charge = np.concatenate([levels * pixels for levels, pixels in parts], axis=1)
+    length = np.concatenate([np.full(levels.shape[1], pixels) for levels, pixels in parts])
+    if not charge.shape[1]:
+        return np.zeros(len(charge), dtype=np.bool_)
+    over = charge - well_e * length
+    passed = np.cumsum(np.where(over > 0, share * over, over), axis=1)
+    return np.asarray((passed + _FLOW_SIGMA * share * np.sqrt(factor2 * np.cumsum(charge, axis=1)) > 0).any(axis=1))
 
-    common: float
-    orbital: float
 
+class Visit:
+    """An observation with the inputs of all its sizes: the case that effects of the camera work theirs out for.
 
-@dataclass(frozen=True, eq=False)
-class VisitCase:
-    """An observation with the inputs of all its sizes; made by `visit_of`.
+    Parameters
+    ----------
+    scene : Scene
+    instrument : Instrument
+    band : str
+    exposure_s, n_frames, em_gain
+        Of the sequence.
+    roll_deg, star_offset_arcsec, start_utc, switches
+        As `simulator.observing.observation.observe`.
+    planets : sequence of str, optional
+        Names of the planets that are measured; all of the scene by default.
+    reduced : bool
+        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
+        particles rejected.
+    full : bool
+        Whole frames, or the window around the hole.
+    max_epochs : int
+        Epochs of the visit without a ledger.
+    visits : int
+        Of the programme, with as many references: the SNR is that of all of them. What averages over visits is weighed
+        as in one of them; what all have in common stands in ``variances`` times their number (``common``), so that the
+        rest counts the less the more of them there are.
+    timing : Timing
+        Where in the orbit references are taken.
 
     Attributes
     ----------
-    instrument, switched : Instrument
-        As configured, and with what is switched off.
-    band, start_utc : str
+    switched : Instrument
+        With what is switched off.
     sources : tuple of Source
         The central star first.
     measured : tuple of str
@@ -85,118 +205,359 @@ class VisitCase:
     sky : SkyLevel
     stray : mapping of str to ndarray
         By origin, on the stamp; electrons per second and pixel.
-    camera : CameraCase
-        Pixels, planets and their noise.
+    detector : Detector or InfraredDetector
+    first_pixel : tuple of int
+        Of the stamp on the frame.
+    light : SceneLight
+    noise : FrameNoise
     optics : Optics
     visit_s : float
         Length of the visit.
     n_epochs : int
         At which the drift is sampled without the ledger.
-    timing : Timing
-        Where in the orbit the visit is taken.
-    speckle_share, walk_share : tuple of float
-        Of every measured planet, the largest part of the variance of its aperture sum that speckles make, and the walk
-        alone.
-    lasting : tuple of Lasting
-        Of every measured planet, what speckles of a programme have besides those of its visits alone.
     moved : bool
         Whether the star stands off the mask.
+    hits_per_s : float
+        Tracks a second and pixel.
+    hits : PixelHits
+    lost_per_s : float
+        Rate of tracks that touch an aperture.
+    variances : list of dict
+        Of every measured planet, by origin (`visit_variance_e2`), with the least light of other sources.
+    speckle_share, walk_share : list of float
+        Of every measured planet, the largest part of the variance of its aperture sum that speckles make, and the walk
+        alone.
+    lasting : list of tuple of float
+        Of every measured planet, what speckles of a programme have besides those of its visits alone (`_lasting`).
+    column_peak_e_s : float
+        Brightest pixel in the columns of the hole or of a source on the frame.
+    radius_pixels, lambda_d_pixels : float
+        Of the aperture; lambda/D.
+    edge_arcsec : float
+        Separation from an axis below which an aperture meets the mask.
     star_radius_mas : float
         Angular radius of the central star.
+
+    Raises
+    ------
+    InputError
+        If a planet that is named is not in the scene, or as `simulator.target.sources.scene_sources`.
     """
 
-    instrument: Instrument
-    switched: Instrument
-    band: str
-    start_utc: str
-    sources: tuple[Source, ...]
-    measured: tuple[str, ...]
-    metrics: PsfMetrics
-    sky: SkyLevel
-    stray: Mapping[str, NDArray[Any]]
-    camera: CameraCase
-    optics: "Optics"
-    visit_s: float
-    n_epochs: int
-    timing: Timing
-    speckle_share: tuple[float, ...]
-    walk_share: tuple[float, ...]
-    lasting: tuple[Lasting, ...]
-    moved: bool
-    star_radius_mas: float
+    overflow = staticmethod(overflow)
+
+    def __init__(
+        self,
+        scene: Scene,
+        instrument: Instrument,
+        *,
+        band: str,
+        exposure_s: float,
+        n_frames: int,
+        em_gain: float,
+        roll_deg: float = 0.0,
+        star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
+        start_utc: str | None = None,
+        switches: Mapping[str, bool] | None = None,
+        planets: Sequence[str] | None = None,
+        reduced: bool = False,
+        full: bool = False,
+        max_epochs: int = MAX_EPOCHS,
+        visits: int = 1,
+        timing: Timing = INTERLEAVED,
+    ) -> None:
+        self.instrument, self.band, self.drift = instrument, band, instrument.drift
+        self.exposure_s, self.n_frames, self.em_gain = exposure_s, n_frames, em_gain
+        self.reduced, self.full, self.visits, self.timing = reduced, full, visits, timing
+        self.moved, self.n_epochs = any(star_offset_arcsec), min(n_frames, max_epochs)
+        self.start_utc = instrument.mission.start_utc if start_utc is None else start_utc
+        self.switched = instrument.switched(switches, camera=instrument.band(band).camera)
+        self.detector: Any = self.switched.detector_of(band)
+        self.sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
+        self.star_e_s, self.measured = self.sources[0].rate_e_s, _measured(self.sources, planets)
+        self.metrics = metrics = psf_metrics(instrument, band)
+        star, side, detector, drift = scene.cstar, len(metrics.raw_contrast), self.detector, self.drift
+        place: dict[str, Any] = {"ra_deg": star.ra_deg, "dec_deg": star.dec_deg, "start_utc": self.start_utc}
+        self.sky = sky_rate_e_s_arcsec2(instrument, band, **place)
+        self.first_pixel = detector.star_row - side // 2, detector.star_column - side // 2
+        window: dict[str, Any] = {"first_pixel": self.first_pixel, "window": (side, side)}
+        self.stray = stray_light_parts(instrument, band, detector.shape, **window)
+        self.visit_s = n_frames * (exposure_s + detector.readout_s)
+        orbital_nm = drift.orbital_nm * (drift.orbital_orders == "all")
+        walk_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0)
+        self.light = light = SceneLight(
+            instrument,
+            band,
+            metrics,
+            self.sources,
+            measured=self.measured,
+            full=full,
+            star_offset_arcsec=star_offset_arcsec,
+            sky_e_s_arcsec2=self.sky.rate_e_s_arcsec2,
+            stray_e_s=_mean_stray(self.stray),
+            drift_nm=math.hypot(drift.visit_nm, drift.common_nm, walk_nm, orbital_nm),
+        )
+        self.noise = FrameNoise.of(detector, em_gain, exposure_s)
+        self.variances: list[dict[str, float]] = []
+        self.speckle_share: list[float] = []
+        self.walk_share: list[float] = []
+        self.lasting: list[tuple[float, float]] = []
+        for planet in light.planets:
+            speckle = _speckles(metrics, drift, planet, self.star_e_s, self.visit_s, still=self.moved)
+            variance = visit_variance_e2(
+                planet,
+                light,
+                self.noise,
+                source_noise_fraction=metrics.source_noise_fraction,
+                exposure_s=exposure_s,
+                n_frames=n_frames,
+                speckle_e_s=speckle[0],
+                line_shift_s=detector.line_shift_s if exposure_s > 0 else 0.0,
+                flaws_e=0.0 if reduced else _flaws_e(detector, self.first_pixel, side, planet) * exposure_s,
+            )
+            shares = _shares(variance, speckle, n_frames * exposure_s)
+            self.speckle_share.append(shares[0])
+            self.walk_share.append(shares[1])
+            self.lasting.append(_lasting(metrics, drift, planet, self.visit_s, visits, timing))
+            self.variances.append(variance | {"common": variance["speckle"] * sum(self.lasting[-1])})
+        rays = instrument.cosmic_rays
+        rate = cosmic_ray_rate(rays, self.start_utc) if detector.switches.cosmic_rays else 0.0
+        self.hits_per_s = rate * (detector.pixel_um * _CM_PER_UM) ** 2
+        self.hits = pixel_hits(rays, detector.pixel_um)
+        self.lost_per_s = aperture_loss_per_s(self.switched, band, start_utc=self.start_utc)
+        # Its overflow may reach the hole along its column or row.
+        peak = metrics.peak_off_axis if self.moved else metrics.peak_on_axis_columns
+        stars = (source.peak_e_s for source in light.sources if source.kind == "star")
+        self.column_peak_e_s = max([self.star_e_s * peak, *stars])
+        self.pixel_arcsec = pixel = metrics.pixel_scale_arcsec
+        self.radius_pixels, self.lambda_d_pixels = (
+            metrics.aperture_radius_arcsec / pixel,
+            metrics.lambda_d_arcsec / pixel,
+        )
+        self.edge_arcsec = metrics.mask_half_width_arcsec + metrics.aperture_radius_arcsec + pixel
+        passbands = Passbands.from_instrument(instrument)
+        low, high = passbands.bands[passbands.index(band)].support_nm
+        jitter_arcsec = instrument.wavefront.jitter_mas * 1e-3
+        self.optics = Optics((high - low) / (0.5 * (high + low)), metrics.lambda_d_arcsec, pixel, jitter_arcsec)
+        self.star_radius_mas = _radius_mas(star)
+
+    @functools.cached_property
+    def charge_e(self) -> FloatArray:
+        """Electrons of light, and of hot pixels and bad columns, on the stamp in a frame."""
+        return self._charged(self.light.total_e_s)
+
+    @functools.cached_property
+    def light_e(self) -> FloatArray:
+        """The same of every level of light, the stamp first."""
+        return np.concatenate([self.charge_e.ravel(), self.light.outside_e_s * self.exposure_s])
 
     @property
-    def drift(self) -> Drift:
-        """Drift of the wavefront."""
-        return self.instrument.drift
+    def counted_e(self) -> FloatArray:
+        """Of light and dark current, the electrons that are drawn as counts."""
+        return (self.light_e + self.noise.dark_e) * self.noise.photons
+
+    def struck(self) -> float:
+        """Return the size of the charge of particles on the variance of a pixel."""
+        hits = self.hits_per_s * self.exposure_s * self.hits.square_e2
+        return self.variance_change(self.noise.factor2 * hits, inside=False)
+
+    @functools.cached_property
+    def most_e(self) -> FloatArray:
+        """The same with the light of other sources and of speckles at most."""
+        speckles = largest_speckles(self.light.star_e_s, self.light.scattered_e_s)
+        stamp = self._charged(self.light.most_e_s + speckles)
+        return np.concatenate([stamp.ravel(), self.light.outside_e_s * self.exposure_s])
+
+    def _charged(self, light_e_s: FloatArray) -> FloatArray:
+        charge, switches = light_e_s * self.exposure_s, self.detector.switches
+        for key in ("bad_pixels", "bad_columns"):
+            if getattr(switches, key, False):
+                flaw = self.flaws[key]
+                charge = np.where(flaw.response > 0, 0.0, charge) + flaw.dark_e_s * (self.exposure_s * switches.dark)
+        return charge
+
+    @functools.cached_property
+    def spill(self) -> Spill:
+        """Where charge beyond the limits flows."""
+        return Spill(self, full=self.full)
+
+    def behind_e_s(self, planet: PlanetPlace) -> float:
+        """Return the light of others on a pixel of the aperture of a planet, at most, e-/s."""
+        return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.light.aperture_pixels
+
+    def spilled_on(
+        self, planet: PlanetPlace, well_e: float, factor2: float, flows_into: Callable[[slice, slice], object]
+    ) -> float:
+        """Return whether charge beyond a limit may reach a planet: 1, or what of its own is cut off.
+
+        Parameters
+        ----------
+        planet : PlanetPlace
+        well_e : float
+            The limit, e- at the register input.
+        factor2 : float
+            Squared excess noise factor of what it cuts off.
+        flows_into : callable
+            Whether charge of others flows into rows and columns of the stamp.
+        """
+        if not planet.weights.size:  # off the stamp: from the brightest pixel of all
+            return float(overflow(self.column_peak_e_s * self.exposure_s, well_e, factor2) > 1e-9)
+        level = (self.behind_e_s(planet) + planet.peak_e_s) * self.exposure_s
+        return max(float(bool(flows_into(*planet.place))), float(overflow(level, well_e, factor2)))
 
     @property
-    def star_e_s(self) -> float:
-        """Rate of the central star."""
-        return self.sources[0].rate_e_s
+    def largest_stripe_adu(self) -> float:
+        """Largest stripe of the bias in what is read."""
+        return float(stamp_flaws(self.detector, self.first_pixel, len(self.light.total_e_s))[1][1 if self.full else 0])
+
+    @property
+    def flaws(self) -> dict[str, Flaw]:
+        """Flaws of the calibration set on the stamp."""
+        return stamp_flaws(self.detector, self.first_pixel, len(self.light.total_e_s))[0]
+
+    @functools.cached_property
+    def sigma_e(self) -> FloatArray:
+        """Standard deviation of these pixels, with the light that is certain."""
+        least = self._charged(self.light.least_e_s).ravel()
+        light = np.concatenate([least, self.light.outside_e_s * self.exposure_s])
+        return np.sqrt(np.maximum(self.noise.variance_e2(light), 1e-30))
+
+    @functools.cached_property
+    def spills(self) -> tuple[bool, bool]:
+        """Whether pixels overflow into their column, and the register into its row."""
+        peak = float(self.most_e.max(initial=0.0)) + self.noise.dark_e
+        register = self.detector.trailing_e / self.em_gain
+        bloom = bool(overflow(peak, self.detector.blooming_e, 1.0) > _SPILLED)
+        return bloom, bool(overflow(peak, register, self.noise.factor2) > _SPILLED)
+
+    def mean_change(self, change_e: FloatArray | float) -> float:
+        """Return the largest change of mean and standard deviation in a pixel whose mean changes so.
+
+        Where charge spills, the last pixel that it reaches sees the changes of a whole column or row.
+        """
+        change = np.abs(np.broadcast_to(np.asarray(change_e, dtype=np.float64), self.sigma_e.shape))
+        spread = 0.5 * self.noise.factor2 * self.noise.photons / self.sigma_e
+        worst = float(np.max(change / self.sigma_e * np.maximum(1.0, spread), initial=0.0))
+        if any(self.spills):
+            side = len(self.charge_e)
+            stamp = change[: side * side].reshape(side, side)
+            sums = [float(stamp.sum(axis=axis).max()) for axis in (0, 1) if self.spills[axis]]
+            more = (max(self.detector.n_rows, self.detector.n_columns) - side) * self.full
+            beyond = float(change[side * side :].mean()) * more if more else 0.0
+            rounded = float(change.max(initial=0.0) > 0)  # of whole electrons a half goes each way
+            worst = max(worst, (max(sums) + beyond + rounded) / float(self.sigma_e.min()))
+        return worst
+
+    def variance_change(self, variance_e2: FloatArray | float, *, inside: bool = True) -> float:
+        """Return the largest share of a pixel's variance, halved; ``inside`` where it is part of the noise already."""
+        part = np.broadcast_to(np.asarray(variance_e2, dtype=np.float64), self.sigma_e.shape)
+        whole = self.sigma_e**2 if inside else self.sigma_e**2 + part
+        return 0.5 * min(float(np.max(part / whole, initial=0.0)), 1.0)
+
+    def light_variance_e2(self, aperture_e_s: float) -> float:
+        """Return the variance over the visit of an aperture sum of even light."""
+        noise, fraction = self.noise, self.light.noise_pixels / self.light.aperture_pixels
+        return self.n_frames * noise.factor2 * noise.photons * self.exposure_s * fraction * aperture_e_s
+
+    def snr_share(self, *origins: str, factor: float = 1.0) -> float:
+        """Return half of the share of some origins in the variance of an aperture sum, the largest of all planets.
+
+        Light of other sources counts as much as it may be; what adds no variance is no origin.
+        """
+        most = 0.0
+        for variances, planet in zip(self.variances, self.light.planets, strict=True):
+            other = self.light_variance_e2(planet.other_most_e_s)
+            more = other - variances["other"] if "other" in origins else 0.0
+            part = sum(variances.get(name, 0.0) for name in origins) + more
+            most = max(most, 0.5 * factor * part / max(sum(variances.values()) + more, 1e-300))
+        return most
+
+    def snr_added(self, variance_e2: Iterable[float]) -> float:
+        """Return the same of a variance that is not among the origins, one a planet."""
+        totals = (max(sum(variances.values()), 1e-300) for variances in self.variances)
+        return max((0.5 * part / total for part, total in zip(variance_e2, totals, strict=True)), default=0.0)
+
+    def over_planets(self, size: Callable[[PlanetPlace], float]) -> float:
+        """Return the largest of all planets."""
+        return max((size(planet) for planet in self.light.planets), default=0.0)
+
+    @functools.cached_property
+    def cores(self) -> tuple[tuple[tuple[slice, slice], FloatArray], ...]:
+        """Part of the stamp under the core of each planet, inside its aperture, and the weights there."""
+        n, reach, found = len(self.light.total_e_s), math.ceil(self.radius_pixels + 1.0), []
+        for planet in self.light.planets:
+            spans, offsets = [], []
+            for place in (planet.y_arcsec, planet.x_arcsec):
+                middle = n // 2 + place / self.pixel_arcsec
+                low, high = max(math.floor(middle) - reach, 0), min(math.ceil(middle) + reach + 1, n)
+                spans.append(slice(low, max(high, low)))
+                offsets.append(np.arange(low, max(high, low)) - middle)
+            distance = np.hypot(offsets[0][:, None], offsets[1])
+            weight = np.exp(-0.5 * (distance / (_CORE_SIGMA * self.lambda_d_pixels)) ** 2)
+            weight *= distance <= self.radius_pixels + 0.5
+            found.append(((spans[0], spans[1]), weight / max(float(weight.sum()), 1e-300)))
+        return tuple(found)
 
     @functools.cached_property
     def _around_mean(self) -> FloatArray:
         """Starlight of a pixel, or the mean around it where that is brighter."""
-        star = self.camera.light.star_e_s
+        star = self.light.star_e_s
         return np.maximum(star, _box(star, _WAVE_REACH, largest=False))
 
     @functools.cached_property
     def _around_most(self) -> FloatArray:
         """Brightest starlight around a pixel."""
-        return _box(self.camera.light.star_e_s, _PIXEL_REACH, largest=True)
+        return _box(self.light.star_e_s, _PIXEL_REACH, largest=True)
 
     def _around(self, planet: PlanetPlace) -> float:
         """Return the starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
         if not planet.weights.size:
             return 1.0
         around = float((planet.weights * self._around_mean[planet.place]).sum())
-        own = float((planet.weights * self.camera.light.star_e_s[planet.place]).sum())
+        own = float((planet.weights * self.light.star_e_s[planet.place]).sum())
         return around / own if own > 0 else 1.0
 
     def wavelength_nodes(self, n_nodes: int) -> Sizes:
         """Return the size of taking so many wavelengths a band."""
-        case, t = self.camera, self.camera.exposure_s
-        change = self.optics.wavelength_error(n_nodes, case.light.radius_arcsec) * self._around_mean * t
+        t = self.exposure_s
+        change = self.optics.wavelength_error(n_nodes, self.light.radius_arcsec) * self._around_mean * t
         peak = self.optics.wavelength_peak_error(n_nodes)
-        for source in case.light.sources:
+        for source in self.light.sources:
             # With one wavelength the wings of a star are another pattern; with more it has as many as it needs.
             wings = float(self.optics.wavelength_error(1, 1.0 + source.distance_arcsec)) if n_nodes == 1 else 0.0
             level = source.peak_e_s * (min(wings, 1.0) if source.distance_arcsec > 1.0 else peak + 1e-3 * wings)
             change = change + (level if source.kind == "star" else source.peak_e_s * peak) * t
         halos, speckles = [], []
-        for planet in case.light.planets:
+        for planet in self.light.planets:
             separation = math.hypot(planet.x_arcsec, planet.y_arcsec)
             halos.append(self.optics.wavelength_halo_error(n_nodes, separation, planet.inside) * self._around(planet))
             speckles.append(self.optics.wavelength_speckle_error(n_nodes, separation, planet.inside))
-        hidden = case.over_planets(lambda planet: planet.hidden)
+        hidden = self.over_planets(lambda planet: planet.hidden)
         found = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos, speckles)
         if n_nodes == 1:
-            stars = [source.aperture_e_s for source in case.light.sources if source.kind == "star"]
-            others = sum(stars, np.zeros(len(case.variances)))
-            found["snr"] += case.snr_added(self._white(others))
+            stars = [source.aperture_e_s for source in self.light.sources if source.kind == "star"]
+            others = sum(stars, np.zeros(len(self.variances)))
+            found["snr"] += self.snr_added(self._white(others))
         return found
 
     def pixel_nodes(self, n_nodes: int) -> Sizes:
         """Return the size of taking so many nodes a pixel and axis; all sources but the star are in closed form."""
-        case = self.camera
-        planets = case.light.planets
+        planets = self.light.planets
         halos = [self.optics.pixel_halo_error(n_nodes, planet.inside) * self._around(planet) for planet in planets]
         error = min(self.optics.pixel_error(n_nodes), LARGEST)
         speckles = [self.optics.pixel_speckle_error(n_nodes)] * len(planets)
-        return self._of(error * self._around_most * case.exposure_s, 0.0, halos, speckles)
+        return self._of(error * self._around_most * self.exposure_s, 0.0, halos, speckles)
 
     def precision(self) -> Sizes:
         """Return the size of taking fields in single precision."""
-        case = self.camera
         peak = self.star_e_s * self.metrics.peak_off_axis
-        change = precision_error_e_s(case.light.star_e_s, peak) + _OTHERS_RELATIVE * case.light.total_e_s
-        change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in case.light.sources)
-        halos, pixels = [], case.light.aperture_pixels
-        for planet in case.light.planets:
+        change = precision_error_e_s(self.light.star_e_s, peak) + _OTHERS_RELATIVE * self.light.total_e_s
+        change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in self.light.sources)
+        halos, pixels = [], self.light.aperture_pixels
+        for planet in self.light.planets:
             error = float(precision_error_e_s(planet.halo_e_s / pixels, peak))
             halos.append(error * pixels / max(planet.halo_e_s, 1e-300))
-        return self._of(change * case.exposure_s, 1e-7, halos, halos)
+        return self._of(change * self.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
         """Return the size of taking fewer epochs of the walk and of the swing with the orbit.
@@ -217,7 +578,7 @@ class VisitCase:
         """Return the largest change of the swing in a frame by taking fewer epochs, at whatever phase it begins."""
         if self.drift.orbital_nm == 0:
             return 0.0
-        turns, frames = self.visit_s / self.drift.orbital_period_s, self.camera.n_frames
+        turns, frames = self.visit_s / self.drift.orbital_period_s, self.n_frames
         ours, theirs = (self.timing.phasors(np.linspace(0.0, turns, n + 1)) for n in (self.n_epochs, n_epochs))
         # Frames of one epoch lie in at most two of the longer ones: those of its first and of its last.
         first = -(-np.arange(self.n_epochs + 1) * frames // self.n_epochs)
@@ -231,28 +592,28 @@ class VisitCase:
 
     def no_common(self) -> Sizes:
         """Return the size of science visits without the screen that references have not."""
-        return sizes(self._speckles(self.drift.common_nm), snr=self._left([part.common for part in self.lasting]))
+        return sizes(self._speckles(self.drift.common_nm), snr=self._left(0))
 
     def no_orbit(self) -> Sizes:
         """Return the size of a wavefront that does not swing with the orbit."""
         # Low orders leave less than a screen in the hole, and as much around the mask.
         largest = math.sqrt(2.0) * self.drift.orbital_nm
-        return sizes(self._speckles(largest), snr=self._left([part.orbital for part in self.lasting]))
+        return sizes(self._speckles(largest), snr=self._left(1))
 
-    def _left(self, ratios: list[float]) -> float:
-        """Return the size of parts of the variance of speckles: half their share of all that the programme has."""
-        parts = zip(self.speckle_share, self.lasting, ratios, strict=True)
-        return max((0.5 * share * ratio / (1.0 + share * sum(every)) for share, every, ratio in parts), default=0.0)
+    def _left(self, term: int) -> float:
+        """Return the size of a part of the variance of speckles: half its share of all that the programme has."""
+        parts = zip(self.speckle_share, self.lasting, strict=True)
+        return max((0.5 * share * every[term] / (1.0 + share * sum(every)) for share, every in parts), default=0.0)
 
     def _speckles(self, rms_nm: float) -> float:
         """Return the largest change of a pixel by a wavefront error."""
-        case, t = self.camera, self.camera.exposure_s
+        t = self.exposure_s
         peak = self.star_e_s * self.metrics.peak_off_axis
-        radius, slope = case.light.radius_arcsec, self.drift.psd_slope
-        lit = (case.light.total_e_s > 0) & (not self.moved)
+        radius, slope = self.light.radius_arcsec, self.drift.psd_slope
+        lit = (self.light.total_e_s > 0) & (not self.moved)
         halo = drift_halo(self.metrics, radius, rms_nm, slope, self.instrument.band(self.band).center_nm) * lit
-        change = largest_speckles(case.light.star_e_s * t, halo * peak * t)
-        return case.mean_change(self._padded(change))
+        change = largest_speckles(self.light.star_e_s * t, halo * peak * t)
+        return self.mean_change(self._padded(change))
 
     def source(self, source: SourceLight, *, measured: bool) -> Sizes:
         """Return the size of a source left out.
@@ -263,11 +624,10 @@ class VisitCase:
         measured : bool
             Whether it is one of the planets that are measured.
         """
-        case = self.camera
-        pixel = case.mean_change(source.peak_e_s * case.exposure_s)
+        pixel = self.mean_change(source.peak_e_s * self.exposure_s)
         if measured:
             return sizes(pixel, 1.0)
-        return sizes(pixel, snr=case.snr_added(self._white(source.aperture_e_s)))
+        return sizes(pixel, snr=self.snr_added(self._white(source.aperture_e_s)))
 
     def spread_light(self, pixel_e_s: float, aperture_e_s: float) -> Sizes:
         """Return the size of light spread over many pixels.
@@ -277,24 +637,36 @@ class VisitCase:
         pixel_e_s, aperture_e_s : float
             On a pixel and in an aperture.
         """
-        case = self.camera
-        added = self._white(np.full(len(case.variances), aperture_e_s))
-        return sizes(case.mean_change(pixel_e_s * case.exposure_s), snr=case.snr_added(added))
+        added = self._white(np.full(len(self.variances), aperture_e_s))
+        return sizes(self.mean_change(pixel_e_s * self.exposure_s), snr=self.snr_added(added))
 
     def _white(self, aperture_e_s: FloatArray) -> list[float]:
-        return [self.camera.light_variance_e2(float(light)) for light in aperture_e_s]
+        return [self.light_variance_e2(float(light)) for light in aperture_e_s]
 
     def _padded(self, change: FloatArray) -> FloatArray:
         """Return a change on the stamp, nothing on the pixels around it."""
-        return np.concatenate([change.ravel(), np.zeros(self.camera.light.outside_e_s.size)])
+        return np.concatenate([change.ravel(), np.zeros(self.light.outside_e_s.size)])
 
     def _of(self, change_e: FloatArray, flux: float, halo_errors: list[float], speckle_errors: list[float]) -> Sizes:
         """Return sizes from changes of the star's pixels and the planet, and relative errors of light and speckles."""
-        parts, shares = [], zip(self.camera.variances, self.speckle_share, strict=True)
+        parts, shares = [], zip(self.variances, self.speckle_share, strict=True)
         for halo, speckle, (variances, share) in zip(halo_errors, speckle_errors, shares, strict=True):
             part = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
             parts.append(min(halo, LARGEST) * part + min(speckle, LARGEST) * share)
-        return sizes(self.camera.mean_change(self._padded(change_e)), flux, flux + max(parts, default=0.0))
+        return sizes(self.mean_change(self._padded(change_e)), flux, flux + max(parts, default=0.0))
+
+
+def largest_speckles(light: FloatArray, scattered: FloatArray) -> FloatArray:
+    """Return the largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there.
+
+    Parameters
+    ----------
+    light : ndarray
+        That is there without the error.
+    scattered : ndarray
+        Mean light that the error scatters, in the same units.
+    """
+    return _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * light * scattered + scattered**2)
 
 
 def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:
@@ -511,168 +883,6 @@ def visit_variance_e2(
     return {name: float(value) for name, value in found.items()} | {"speckle": speckle}
 
 
-MAX_EPOCHS = 12
-"""Epochs of a visit without a ledger."""
-_CM_PER_UM = 1e-4
-_SUN_AT_10_PC_MAS = 0.46505  # angular radius: 695 700 km (IAU 2015) at 10 pc
-# A single place in the hole against the rms of its separation.
-_FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
-_BEAT = 1.4
-_ANNULUS_LAMBDA_D = 1.5  # half width of the annulus around a planet whose scatter counts
-
-
-def visit_of(
-    scene: Scene,
-    instrument: Instrument,
-    *,
-    band: str,
-    exposure_s: float,
-    n_frames: int,
-    em_gain: float,
-    roll_deg: float = 0.0,
-    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
-    start_utc: str | None = None,
-    switches: Mapping[str, bool] | None = None,
-    planets: Sequence[str] | None = None,
-    reduced: bool = False,
-    full: bool = False,
-    max_epochs: int = MAX_EPOCHS,
-    visits: int = 1,
-    timing: Timing = INTERLEAVED,
-) -> VisitCase:
-    """Return the light, noise and optics of an observation.
-
-    Parameters
-    ----------
-    scene : Scene
-    instrument : Instrument
-    band : str
-    exposure_s, n_frames, em_gain
-        Of the sequence.
-    roll_deg, star_offset_arcsec, start_utc, switches
-        As `simulator.observing.observation.observe`.
-    planets : sequence of str, optional
-        Names of the planets that are measured; all of the scene by default.
-    reduced : bool
-        Sizes after a full reduction: flat, bias structure and flaws calibrated out, non-linearity and smear undone,
-        particles rejected.
-    full : bool
-        Whole frames, or the window around the hole.
-    max_epochs : int
-        Epochs of the visit without a ledger.
-    visits : int
-        Of the programme, with as many references: the SNR is that of all of them.
-    timing : Timing
-        Where in the orbit references are taken.
-
-    Raises
-    ------
-    InputError
-        If a planet that is named is not in the scene, or as `simulator.target.sources.scene_sources`.
-    """
-    switched = instrument.switched(switches, camera=instrument.band(band).camera)
-    start = instrument.mission.start_utc if start_utc is None else start_utc
-    sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    measured = _measured(sources, planets)
-    figures = psf_metrics(instrument, band)
-    detector = switched.detector_of(band)
-    star = scene.cstar
-    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=star.ra_deg, dec_deg=star.dec_deg, start_utc=start)
-    side = len(figures.raw_contrast)
-    corner = (detector.star_row - side // 2, detector.star_column - side // 2)
-    stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=(side, side))
-    visit_s = n_frames * (exposure_s + detector.readout_s)
-    drift = instrument.drift
-    light = scene_light(
-        instrument,
-        band,
-        figures,
-        sources,
-        measured=measured,
-        full=full,
-        star_offset_arcsec=star_offset_arcsec,
-        sky_e_s_arcsec2=sky.rate_e_s_arcsec2,
-        stray_e_s=_mean_stray(stray),
-        drift_nm=math.hypot(
-            drift.visit_nm,
-            drift.common_nm,
-            drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0),
-            drift.orbital_nm * (drift.orbital_orders == "all"),
-        ),
-    )
-    noise = FrameNoise.of(detector, em_gain, exposure_s)
-    star_e_s = sources[0].rate_e_s
-    moved = any(star_offset_arcsec)
-    speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in light.planets]
-    lasting = [_lasting(figures, drift, planet, visit_s, visits, timing) for planet in light.planets]
-    variances, speckle_shares, walk_shares = [], [], []
-    for planet, speckle, more in zip(light.planets, speckles, lasting, strict=True):
-        variance = visit_variance_e2(
-            planet,
-            light,
-            noise,
-            source_noise_fraction=figures.source_noise_fraction,
-            exposure_s=exposure_s,
-            n_frames=n_frames,
-            speckle_e_s=speckle[0],
-            line_shift_s=detector.line_shift_s if exposure_s > 0 else 0.0,
-            flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s,
-        )
-        speckle_share, walk_share = _shares(variance, speckle, n_frames * exposure_s)
-        variance["common"] = variance["speckle"] * (more.common + more.orbital)
-        variances.append(variance)
-        speckle_shares.append(speckle_share)
-        walk_shares.append(walk_share)
-    rays = instrument.cosmic_rays
-    rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
-    pixel, radius = figures.pixel_scale_arcsec, figures.aperture_radius_arcsec
-    case = CameraCase(
-        detector=detector,
-        light=light,
-        noise=noise,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        reduced=reduced,
-        first_pixel=corner,
-        full=full,
-        hits_per_s=rate * (detector.pixel_um * _CM_PER_UM) ** 2,
-        hits=pixel_hits(rays, detector.pixel_um),
-        lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
-        variances=tuple(variances),
-        column_peak_e_s=_column_peak(figures, light, star_e_s, moved=moved),
-        radius_pixels=radius / pixel,
-        lambda_d_pixels=figures.lambda_d_arcsec / pixel,
-        pixel_arcsec=pixel,
-        edge_arcsec=figures.mask_half_width_arcsec + radius + pixel,
-        visits=visits,
-    )
-    passbands = Passbands.from_instrument(instrument)
-    low, high = passbands.bands[passbands.index(band)].support_nm
-    width, jitter_arcsec = (high - low) / (0.5 * (high + low)), instrument.wavefront.jitter_mas * 1e-3
-    return VisitCase(
-        instrument=instrument,
-        switched=switched,
-        band=band,
-        start_utc=start,
-        sources=tuple(sources),
-        measured=measured,
-        metrics=figures,
-        sky=sky,
-        stray=stray,
-        camera=case,
-        optics=Optics(width, figures.lambda_d_arcsec, pixel, jitter_arcsec),
-        visit_s=visit_s,
-        n_epochs=min(n_frames, max_epochs),
-        timing=timing,
-        speckle_share=tuple(speckle_shares),
-        walk_share=tuple(walk_shares),
-        lasting=tuple(lasting),
-        moved=moved,
-        star_radius_mas=_radius_mas(star),
-    )
-
-
 def _radius_mas(star: SceneStar) -> float:
     """Return the angular radius of a star by its V magnitude and temperature; 0 if the temperature is unknown."""
     teff_k = star.teff_k
@@ -720,8 +930,13 @@ def _speckles(
 
 def _lasting(
     metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, visit_s: float, visits: int, timing: Timing
-) -> Lasting:
-    """Return what a programme's speckles have besides those of its visits alone, at the place of a planet."""
+) -> tuple[float, float]:
+    """Return what a programme's speckles have besides those of its visits alone, at the place of a planet.
+
+    Variances of aperture sums over that of a pair of visits alone, as if each visit of the programme had them: of the
+    screen that science visits have in common, times their number; and of what swings with the orbit, what stays in
+    every visit, times their number, and what averages.
+    """
 
     def summed(**changes: float) -> float:
         """Return the variance of the mean rate of the programme, times its visits."""
@@ -731,7 +946,8 @@ def _lasting(
     where = math.hypot(planet.x_arcsec, planet.y_arcsec)
     alone = summed(common_fraction=0.0, orbital_nm=0.0)
     both = (summed(orbital_nm=0.0) - alone, summed(common_fraction=0.0) - alone)
-    return Lasting(*(max(part, 0.0) / max(alone, 1e-300) for part in both))
+    common, orbital = (max(part, 0.0) / max(alone, 1e-300) for part in both)
+    return common, orbital
 
 
 def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:
@@ -756,26 +972,38 @@ def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple
     return tuple(planets)
 
 
-def _column_peak(metrics: PsfMetrics, light: SceneLight, star_e_s: float, *, moved: bool) -> float:
-    """Return the brightest pixel whose overflow may reach the hole along its column or row."""
-    star = metrics.peak_off_axis if moved else metrics.peak_on_axis_columns
-    return max([star_e_s * star, *(source.peak_e_s for source in light.sources if source.kind == "star")])
+def _sums_possible(visit: Visit) -> Outcome[float]:
+    """Return whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
-
-def camera_sizes(case: CameraCase) -> dict[str, Sizes]:
-    """Return the size of every effect of the camera on every quantity, by the name of its switch.
-
-    Of a change of the mean ``d`` of a pixel the size is ``|d| / sigma``, or that of the variance that goes with it; of
-    a part of the variance half its share; of a change of the aperture sum of a planet its relative size; for the SNR
-    the sum of this and half the share of the variance of the aperture sum.
+    The image that is made decides it pixel by pixel (`simulator.observing.hole_stack.hole_stackable`); this is the same
+    from tables of the light.
     """
-    found = {effect.switch: effect.size(case) for effect in rows_of(case.detector.chain)}
-    return {key: size for key, size in found.items() if size is not None}
+    if visit.moved:
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")
+    metrics = visit.metrics
+    light = visit.star_e_s * metrics.peak_on_axis_hole + visit.light.sky_e_s
+    light += max((source.stamp_peak_e_s for source in visit.light.sources), default=0.0)
+    peak_e = light * visit.exposure_s + visit.noise.dark_e + visit.noise.clock_e
+    inside = pixel_saturated(peak_e, visit.em_gain, visit.detector, _SIGMA)
+    if inside.status is not Status.OK:
+        return inside
+    rows, columns = (_runs(np.asarray(metrics.hole.any(axis=axis))) for axis in (1, 0))
+    places = list(itertools.product(rows, columns))
+    if any(visit.spill.blooms_into(*place) for place in places):
+        return Outcome.refuse(Status.SATURATED, Reason.PIXEL_FULL_WELL, "bloomed columns may enter the hole")
+    if any(visit.spill.trails_into(*place) for place in places):
+        return Outcome.refuse(Status.SATURATED, Reason.REGISTER_FULL_WELL, "tails of the register may enter the hole")
+    return inside
+
+
+def _runs(inside: BoolArray) -> list[slice]:
+    """Return the intervals of pixels that are inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]
 
 
 WAVELENGTHS, PIXEL_NODES = (1, 2, 3, 4, 5, 6, 7), (1, 2, 3, 4, 5)
 EPOCHS = (1, 2, 3, 4, 6, 8, 12)
-_ANNULUS_LAMBDA_D = 1.5
 
 
 @dataclass(frozen=True)
@@ -824,7 +1052,7 @@ def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact"
     scene_model : str
         As of `simulator.observing.observation.observe`.
     **settings
-        As of `visit_of`.
+        As of `Visit`.
 
     Returns
     -------
@@ -839,87 +1067,71 @@ def forecast(scene: Scene, instrument: Instrument, *, scene_model: str = "exact"
     -----
     ``planet_flux`` is the relative change of the planet's light in its aperture, ``snr`` that of this light over the
     noise of the aperture sum over the visit, ``pixel_map`` the largest change of the mean or standard deviation of a
-    pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
+    pixel over its standard deviation in one frame. Of a change of the mean ``d`` of a pixel the size is ``|d| / sigma``
+    or that of the variance that goes with it; of a part of the variance half its share; of a change of the aperture sum
+    of a planet its relative size; for the SNR the sum of this and half the share of the variance of the sum. Nothing is
+    propagated or drawn (but 1500 tracks of particles, once).
     """
-    visit = visit_of(scene, instrument, **settings)
-    case, figures = visit.camera, visit.metrics
-    sizes = camera_sizes(case)
-    sizes |= _light_sizes(visit)
-    for item in extended_rates(scene, instrument, visit.band):
-        pixel_e_s, aperture_e_s = item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
-        sizes[f"extended:{item.source.name}"] = visit.spread_light(pixel_e_s, aperture_e_s)
-    knobs = _knob_sizes(visit)
-    if instrument.coronagraph.table is not None:  # there is no field to sample
-        knobs = {name: dict.fromkeys(values, sizes_of(0.0)) for name, values in knobs.items()}
-    sizes |= {
-        "off_mask_psf": _off_mask(case.light),
-        "drift": visit.no_drift(),
-        "drift_common": visit.no_common(),
-        "orbital_drift": visit.no_orbit(),
-        "pupil_samples": sizes_of(0.0),
-    }
-    sizes |= _left_out(visit)
-    sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
-    sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
-    sizes["hole_region"] = _hole_region(case)
-    rows = effect_ledger(
-        scene,
-        visit.switched,
-        band=visit.band,
-        scene_model=scene_model,
-        hole_state=figures.hole_state,
-        sky=visit.sky,
-        stray=visit.stray,
-        start_utc=visit.start_utc,
-    )
-    for row in rows:  # what does not exist has no size
-        if row.decision == "skipped" and row.key in sizes and row.key not in ("source_positions", *LEFT_OUT):
-            sizes[row.key] = sizes_of(0.0)
-    if max(sizes.get(key, sizes_of(0.0))["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
-        _forbid(sizes, knobs)
-    kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
-    kinds |= {source.name: "extended" for source in scene.extended}
-    sums = sums_possible(case, figures, visit.star_e_s, moved=visit.moved)
-    return Forecast(
-        rows=rows,
-        sizes=sizes,
-        knob_sizes=knobs,
-        sources=kinds,
-        sums=sums,
-        n_frames=case.n_frames,
-        max_epochs=visit.n_epochs,
-        full=case.full,
-        measured=visit.measured,
-    )
-
-
-def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None:
-    """Forbid limits that cut off the planet or spill charge onto it: there every bit of light can decide the rest."""
-    for size in [*sizes.values(), *(size for values in knobs.values() for size in values.values())]:
-        if any(size.values()):
-            size["planet_flux"] = size["snr"] = 1.0
-
-
-def _light_sizes(visit: VisitCase) -> dict[str, Sizes]:
-    light, metrics = visit.camera.light, visit.metrics
+    visit = Visit(scene, instrument, **settings)
+    light, metrics, none = visit.light, visit.metrics, sizes(0.0)
+    of_effects = {effect.switch: effect.size(visit) for effect in rows_of(visit.detector.chain)}
+    found = {key: size for key, size in of_effects.items() if size is not None}
     front = float(sky_pixel_e_s(metrics, visit.sky.rate_e_s_arcsec2))
-    spread = {"sky": front, "stray_light": _mean_stray(visit.stray)}
-    sizes = {key: visit.spread_light(rate, rate * light.aperture_pixels) for key, rate in spread.items()}
-    measured = {planet.name for planet in light.planets}
+    for key, rate_e_s in (("sky", front), ("stray_light", _mean_stray(visit.stray))):
+        found[key] = visit.spread_light(rate_e_s, rate_e_s * light.aperture_pixels)
+    planets = {planet.name for planet in light.planets}
     for source in light.sources:
-        sizes[f"{source.kind}:{source.name}"] = visit.source(source, measured=source.name in measured)
-    return sizes
-
-
-def _knob_sizes(visit: VisitCase) -> dict[str, dict[Any, Sizes]]:
-    none = sizes_of(0.0)
+        found[f"{source.kind}:{source.name}"] = visit.source(source, measured=source.name in planets)
+    for item in extended_rates(scene, instrument, visit.band):
+        pixel_e_s, aperture_e_s = item.rate_e_s * metrics.peak_off_axis, item.rate_e_s * metrics.core_open
+        found[f"extended:{item.source.name}"] = visit.spread_light(pixel_e_s, aperture_e_s)
     steps = sorted({*(fewer for fewer in EPOCHS if fewer < visit.n_epochs), visit.n_epochs})
-    return {
+    knobs: dict[str, dict[Any, Sizes]] = {
         "wavelength_nodes": {n: visit.wavelength_nodes(n) for n in WAVELENGTHS[:-1]} | {WAVELENGTHS[-1]: none},
         "pixel_nodes": {n: visit.pixel_nodes(n) for n in PIXEL_NODES[:-1]} | {PIXEL_NODES[-1]: none},
         "precision": {"single": visit.precision(), "double": none},
         "drift_epochs": {n: visit.epochs(n) for n in steps},
     }
+    if instrument.coronagraph.table is not None:  # there is no field to sample
+        knobs = {name: dict.fromkeys(values, none) for name, values in knobs.items()}
+    found |= {
+        "off_mask_psf": _off_mask(light),
+        "drift": visit.no_drift(),
+        "drift_common": visit.no_common(),
+        "orbital_drift": visit.no_orbit(),
+        "pupil_samples": sizes(0.0),
+        **_left_out(visit),
+        **{name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")},
+        "precision": knobs["precision"]["single"],
+        "drift_epochs": knobs["drift_epochs"][1],
+        "hole_region": _hole_region(visit),
+    }
+    rows = effect_ledger(
+        scene,
+        visit.switched,
+        band=visit.band,
+        scene_model=scene_model,
+        hole_state=metrics.hole_state,
+        sky=visit.sky,
+        stray=visit.stray,
+        start_utc=visit.start_utc,
+    )
+    for row in rows:  # what does not exist has no size
+        if row.decision == "skipped" and row.key in found and row.key not in ("source_positions", *LEFT_OUT):
+            found[row.key] = sizes(0.0)
+    if max(found.get(key, none)["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
+        _forbid(found, knobs)
+    kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
+    kinds |= {source.name: "extended" for source in scene.extended}
+    settled = visit.n_frames, visit.n_epochs, visit.full, visit.measured
+    return Forecast(rows, found, knobs, kinds, _sums_possible(visit), *settled)
+
+
+def _forbid(found: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None:
+    """Forbid limits that cut off the planet or spill charge onto it: there every bit of light can decide the rest."""
+    for size in [*found.values(), *(size for values in knobs.values() for size in values.values())]:
+        if any(size.values()):
+            size["planet_flux"] = size["snr"] = 1.0
 
 
 def _off_mask(light: SceneLight) -> Sizes:
@@ -928,10 +1140,10 @@ def _off_mask(light: SceneLight) -> Sizes:
     The cells cost 0.55 % of an aperture sum at most, 4.5 % of a peak pixel (measured at 520 nm).
     """
     flux = max((1.0 / max(planet.core, 1e-3) - 1.0 + 0.0055 for planet in light.planets), default=0.0)
-    return sizes_of(0.0, flux)
+    return sizes(0.0, flux)
 
 
-def _left_out(visit: VisitCase) -> dict[str, Sizes]:
+def _left_out(visit: Visit) -> dict[str, Sizes]:
     """Return the sizes of what no image has: an error of the pointing of each visit, and the disc of the star.
 
     The light in the hole goes with the star, so that an error of the pointing changes aperture sums by their gradient,
@@ -941,36 +1153,36 @@ def _left_out(visit: VisitCase) -> dict[str, Sizes]:
     all visits, as if no reference showed it. Both are upper bounds, within a factor of 1.5 and 3 of the rms that moved
     and wide stars leave: differences of pixels see the light beyond the hole.
     """
-    case, metrics = visit.camera, visit.metrics
-    sums = aperture_sums(case.light.star_e_s, overlap_weights(case.radius_pixels))
-    square = np.sum(np.square(np.gradient(sums)), axis=0) * (case.n_frames * case.exposure_s) ** 2
-    axis = centred_axis(len(sums), case.pixel_arcsec)
+    metrics = visit.metrics
+    sums = aperture_sums(visit.light.star_e_s, overlap_weights(visit.radius_pixels))
+    square = np.sum(np.square(np.gradient(sums)), axis=0) * (visit.n_frames * visit.exposure_s) ** 2
+    axis = centred_axis(len(sums), visit.pixel_arcsec)
     inside = metrics.zone.covers(axis, axis, -metrics.aperture_radius_arcsec)
     separation = np.hypot(axis[:, None], axis)
     near = []
-    for planet in case.light.planets:
+    for planet in visit.light.planets:
         away = np.abs(separation - math.hypot(planet.x_arcsec, planet.y_arcsec))
         around = inside & (away <= _ANNULUS_LAMBDA_D * metrics.lambda_d_arcsec) & (not visit.moved)
         near.append(float(square[around].mean()) if around.any() else 0.0)
-    step, radius = (1e-3 * part / case.pixel_arcsec for part in (visit.drift.pointing_mas, visit.star_radius_mas))
+    step, radius = (1e-3 * part / visit.pixel_arcsec for part in (visit.drift.pointing_mas, visit.star_radius_mas))
     factors = {
         "pointing": 2.0 * step**2,
-        "stellar_disc": case.visits * (2.0 * math.pi / case.lambda_d_pixels * radius**2 / 8.0) ** 2,
+        "stellar_disc": visit.visits * (2.0 * math.pi / visit.lambda_d_pixels * radius**2 / 8.0) ** 2,
     }
-    return {key: sizes_of(0.0, snr=case.snr_added(factor * part for part in near)) for key, factor in factors.items()}
+    return {key: sizes(0.0, snr=visit.snr_added(factor * part for part in near)) for key, factor in factors.items()}
 
 
-def _hole_region(case: CameraCase) -> Sizes:
+def _hole_region(visit: Visit) -> Sizes:
     """Return the size of reading a window alone: overflow that would have come in; what smears into it is known."""
-    detector, light, noise = case.detector, case.light, case.noise
-    in_columns, in_rows = (peak * case.exposure_s for peak in light.beyond_peaks_e_s)
+    detector, light = visit.detector, visit.light
+    in_columns, in_rows = (peak * visit.exposure_s for peak in light.beyond_peaks_e_s)
     enters = float(overflow(in_columns, detector.blooming_e, 1.0))
-    enters += float(overflow(in_rows, detector.trailing_e / case.em_gain, noise.factor2))
+    enters += float(overflow(in_rows, detector.trailing_e / visit.em_gain, visit.noise.factor2))
     if enters <= 1e-6:
-        return sizes_of(0.0)
-    spill = Spill(dataclasses.replace(case, full=True))
+        return sizes(0.0)
+    spill = Spill(visit, full=True)
     hit = any(
         not planet.weights.size or spill.blooms_into(*planet.place) or spill.trails_into(*planet.place)
         for planet in light.planets
     )
-    return sizes_of(1.0, float(hit))
+    return sizes(1.0, float(hit))

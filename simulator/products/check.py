@@ -22,9 +22,9 @@ import numpy as np
 from cpic_core import InputError, as_path, bounded_fits, open_file, parse_json, parse_yaml, read_file, read_text
 from simulator.config import SKY_KINDS, checked_utc
 from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
-from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Profile, load_keywords, ones_sum
+from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Keyword, Profile, load_keywords, ones_sum
 from simulator.products.sequence import ProductName
-from simulator.products.write import CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
+from simulator.products.write import ATTITUDE, CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
 
 Severity = Literal["error", "warning"]
 
@@ -304,34 +304,33 @@ TIME_TOLERANCE_S = 0.002
 SCALE_TOLERANCE = 1e-3
 PLACE_TOLERANCE_DEG = 1.0 / 3600.0
 ANGLE_TOLERANCE_DEG = 0.01
-# Least values, and whether they are themselves allowed.
-_LEAST = {"GAIN": (0.0, False), "FULLWELL": (0.0, False), "PIXSCALE": (0.0, False)}
-_LEAST |= {"EMGAIN": (1.0, True), "RDNOISE": (0.0, True), "EXPTIME": (0.0, True)}
-# What does not change during a sequence.
-_SETTINGS = ("GAIN", "EMGAIN", "RDNOISE", "ADCBITS", "FULLWELL", "FILTER", "DETNAM")
-# What is each image's own, what may be measured for each, and what is compared with the primary header elsewhere.
-_OF_ITS_OWN = ("FRAMEID", "EXPBEG", "EXPEND", "NSAT", "NREGSAT", "NCLIP", "NCR", "NNEGRATE")
-_MEASURED = ("CCDTEMP", "BIASLEV", "EMVOLT", *(f"CRPIX{axis}" for axis in (1, 2)), *(f"CRVAL{axis}" for axis in (1, 2)))
-_MEASURED += ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
-_ELSEWHERE = ("EXPTIME", "NFRAME", "CAMERA")
+# Where what a keyword repeats is said, by the fact of the file.
+_SAID = {"n_images": "the file has {} images", "number": "this is image {}"}
+_SAID |= dict.fromkeys(("obsid", "kind", "camera"), "the file name says {!r}")
 
 
-def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coordinates: bool) -> None:
-    """Check that a header has the keywords of its unit, under any spelling, in their types.
+def check_keywords(
+    report: Report, header: Header, hdu: int, *, kind: str, coordinates: bool, facts: Mapping[str, Any]
+) -> None:
+    """Check that a header has the keywords of its unit, under any spelling, in their types, and with possible values.
 
     Parameters
     ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
     kind : str
         Kind of the observation.
     coordinates : bool
         Whether the target has coordinates.
+    facts : mapping
+        Of the file and its name, by the names that the table of keywords has for them.
     """
     needed = {"always": True, "sky": kind in SKY_KINDS, "coordinates": coordinates and kind in SKY_KINDS}
-    home = "image" if hdu else "primary"
-    for keyword in load_keywords():
+    for keyword in load_keywords().of("image" if hdu else "primary"):
         found = [spelling for spelling in (keyword.name, *keyword.aliases) if spelling in header]
-        if keyword.hdu not in (home, "both"):
-            continue
         if not found:
             if needed.get(keyword.required, False):
                 others = f" (or {', '.join(keyword.aliases)})" if keyword.aliases else ""
@@ -341,8 +340,21 @@ def check_keywords(report: Report, header: Header, hdu: int, *, kind: str, coord
             value = header[spelling]
             if not keyword.fits(value):
                 report.error(f"is {value!r}, which is not of type {keyword.kind}", spelling, hdu)
-        if any(header[spelling] != header[found[0]] for spelling in found):
+        value, expected = header[found[0]], facts.get(keyword.file)
+        if any(header[spelling] != value for spelling in found):
             report.error(f"differs from its other spelling {found[0]}", found[-1], hdu)
+        if fault := _out_of_range(keyword, value):
+            report.error(f"is {value!r}, not {fault}", keyword.name, hdu)
+        report.differs(value, expected, _SAID.get(keyword.file, "").format(expected), keyword.name, hdu)
+
+
+def _out_of_range(keyword: Keyword, value: Any) -> str:
+    """Return what a value had to be and is not, empty if it may be."""
+    if isinstance(value, str):
+        return repr(keyword.values[0]) if keyword.values and value.strip() not in keyword.values else ""
+    if keyword.least is not None and is_real(value) and value < keyword.least:
+        return f"at least {keyword.least:g}"
+    return f"above {keyword.above:g}" if keyword.above is not None and is_real(value) and value <= keyword.above else ""
 
 
 def profile_of(header: Header) -> Profile:
@@ -369,45 +381,19 @@ def check_spellings(report: Report, header: Header, hdu: int, profile: Profile) 
 
 def _misspelled(header: Header, hdu: int, profile: Profile) -> list[tuple[str, str]]:
     """Return the spellings of the profile that a header lacks, and those that it has instead."""
-    home = "image" if hdu else "primary"
     found = []
-    for keyword in load_keywords():
-        present = header.find(keyword.name) if keyword.hdu in (home, "both") else None
+    for keyword in load_keywords().of("image" if hdu else "primary"):
+        present = header.find(keyword.name)
         if present is not None:
-            found += [(spelling, present[0]) for spelling in profile.spellings(keyword.name) if spelling not in header]
+            found += [(spelling, present[0]) for spelling in profile[keyword.name] if spelling not in header]
     return found
-
-
-def check_settings(report: Report, header: Header, first: Header, hdu: int) -> None:
-    """Check that the numbers of a camera in one image are possible, and those of the first image.
-
-    Parameters
-    ----------
-    report : Report
-    header : mapping
-        Keywords and values of one unit.
-    first : mapping
-        Keywords and values of the first image.
-    hdu : int
-        Number of the unit in the file; the primary one is 0.
-    """
-    for key, (least, included) in _LEAST.items():
-        value = header.value(key)
-        if is_real(value) and (value < least or (value == least and not included)):
-            report.error(f"is {value}, not {'at least' if included else 'above'} {least:g}", key, hdu)
-    unit = header.value("BUNIT")
-    if isinstance(unit, str) and unit.strip().lower() != "adu":
-        report.error(f"is {unit!r}, not 'adu'", "BUNIT", hdu)
-    for key in _SETTINGS:
-        other = first.value(key)
-        report.differs(header.value(key), other, f"image 1 has {other!r}", key, hdu)
 
 
 def check_shared(report: Report, header: Header, first: Header, primary: Header, hdu: int) -> None:
     """Check that an image says of the sequence what the first image and the primary header say of it.
 
-    Every keyword of the table that an image has is compared, but for those that are its own, and those that
-    `check_settings` compares.
+    Every keyword of the table that an image has is compared, but for those that are its own; what is measured for each
+    image may differ.
 
     Parameters
     ----------
@@ -419,50 +405,36 @@ def check_shared(report: Report, header: Header, first: Header, primary: Header,
     hdu : int
         Number of the unit in the file; the primary one is 0.
     """
-    for keyword in load_keywords():
-        if keyword.hdu == "primary" or keyword.name in _OF_ITS_OWN:
+    for keyword in load_keywords().of("image"):
+        if keyword.images == "own":
             continue
         found, other = header.find(keyword.name), first.find(keyword.name)
-        if keyword.name not in _SETTINGS and (found, other) != (None, None):
-            if found is None or other is None:
-                where = ("image 1 has it", "image 1 lacks it")[found is not None]
-                report.warning(f"is {'missing' if found is None else 'there'}, {where}", keyword.name, hdu)
-            elif found[1] != other[1]:
-                say = report.warning if keyword.name in _MEASURED else report.error
-                say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
-        said = primary.value(keyword.name) if keyword.hdu == "both" and keyword.name not in _ELSEWHERE else None
-        if hdu == 1 and found is not None:
+        if found is not None and other is not None and found[1] != other[1]:
+            say = report.warning if keyword.images == "measured" else report.error
+            say(f"is {found[1]!r}, image 1 has {other[1]!r}", found[0], hdu)
+        elif (found is None) != (other is None) and keyword.images != "setting":
+            fault = "missing, image 1 has it" if found is None else "there, image 1 lacks it"
+            report.warning(f"is {fault}", keyword.name, hdu)
+        if hdu == 1 and found is not None and keyword.hdu == "both":
+            said = primary.value(keyword.name)
             report.differs(found[1], said, f"the primary header says {said!r}", found[0], hdu)
 
 
-def check_primary(report: Report, header: Header, name: ProductName | None, n_images: int) -> None:
-    """Check what the primary header says of the file: name, number, kind, number of images.
+def check_primary(report: Report, header: Header, name: ProductName | None) -> None:
+    """Check number and name of the file in its primary header.
 
     Parameters
     ----------
     report : Report
     header : mapping
-        Keywords and values of one unit.
+        Keywords and values of the unit.
     name : ProductName or None
-    n_images : int
-        Images in the file.
     """
-    for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
-        report.differs(header.value(key), expected, f"not {expected!r}", key, 0)
-    for key in ("NEXTEND", "NFRAME"):
-        report.differs(header.value(key), n_images, f"the file has {n_images} images", key, 0)
-    obsid = header.value("OBSID")
+    obsid, written = header.value("OBSID"), header.value("FILENAME")
     if isinstance(obsid, str) and re.fullmatch(r"\d{11}", obsid, re.ASCII) is None:
         report.error(f"is {obsid!r}, not 11 digits", "OBSID", 0)
-    if name is None:
-        return
-    written = header.value("FILENAME")
-    if isinstance(written, str) and written.removesuffix(".fits") != name.stem:
+    if name is not None and isinstance(written, str) and written.removesuffix(".fits") != name.stem:
         report.error(f"is {written!r}, not the name of this file", "FILENAME", 0)
-    for key, expected in (("OBSID", name.obsid), ("OBSTYPE", name.kind), ("CAMERA", name.camera)):
-        value = header.value(key)
-        if isinstance(value, str):
-            report.differs(value, expected, f"the file name says {expected!r}", key, 0)
 
 
 def check_times(report: Report, header: Header, name: ProductName | None) -> None:
@@ -592,15 +564,17 @@ def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
     facts.primary = primary
     if units[0].data is not None:
         report.error("has data in its primary unit", hdu=0)
-    kind = facts.name.kind if facts.name is not None else str(primary.value("OBSTYPE"))
+    name, known = facts.name, {"n_images": len(units) - 1}
+    kind = str(primary.value("OBSTYPE")) if name is None else name.kind
+    said = known if name is None else known | {"obsid": name.obsid, "kind": name.kind, "camera": name.camera}
     if len(units) == 1:
         report.error("has no image")
     headers = [primary, *(plain_header(report, units, number) for number in range(1, len(units)))]
-    known = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
-    coordinates = known or primary.find("RA_OBJ") is not None
-    check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
-    check_primary(report, primary, facts.name, len(units) - 1)
-    check_times(report, primary, facts.name)
+    celestial = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
+    asked: dict[str, Any] = {"kind": kind, "coordinates": celestial or primary.find("RA_OBJ") is not None}
+    check_keywords(report, primary, 0, **asked, facts=said)
+    check_primary(report, primary, name)
+    check_times(report, primary, name)
     check_sums(report, units, 0, primary)
     profile = profile_of(primary)
     check_spellings(report, primary, 0, profile)
@@ -609,11 +583,10 @@ def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
         if report.full:
             break
         header = headers[number]
-        check_keywords(report, header, number, kind=kind, coordinates=coordinates)
+        check_keywords(report, header, number, **asked, facts=said | {"number": number})
         check_spellings(report, header, number, profile)
-        check_settings(report, header, headers[1], number)
         check_shared(report, header, headers[1], primary, number)
-        _check_image(report, units, header, number, facts)
+        _check_image(report, units[number], header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
         if kind in SKY_KINDS or "CTYPE1" in header:
             check_world(report, header, primary, number)
@@ -624,23 +597,16 @@ def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
         facts.begins.append(begin)
 
 
-def _check_image(report: Report, units: Any, header: Header, number: int, facts: FileFacts) -> None:
+def _check_image(report: Report, unit: Any, header: Header, number: int, facts: FileFacts) -> None:
     """Check structure and pixels of one image."""
-    unit = units[number]
     if header.get("XTENSION") != "IMAGE":
         report.error(f"is a {header.get('XTENSION')} extension, not an IMAGE", "XTENSION", number)
         return
     if header.get("EXTNAME") != "IMAGE":
         report.error(f"is {header.get('EXTNAME')!r}, not 'IMAGE'", "EXTNAME", number)
-    for key in ("EXTVER", "FRAMEID"):
-        report.differs(header.get(key), number, f"this is image {number}", key, number)
+    report.differs(header.get("EXTVER"), number, f"this is image {number}", "EXTVER", number)
     if header.get("EXTVER") is None:
         report.error("is missing", "EXTVER", number)
-    n_images = len(units) - 1
-    report.differs(header.get("NFRAME"), n_images, f"the file has {n_images} images", "NFRAME", number)
-    if facts.name is not None:
-        camera = facts.name.camera
-        report.differs(header.get("CAMERA"), camera, f"the file name says {camera!r}", "CAMERA", number)
     bitpix = header.get("BITPIX")
     if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
         found = f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}"
@@ -697,8 +663,6 @@ def _check_frame_times(
     took = elapsed_s(begin, end)
     if abs(took - exposure) > TIME_TOLERANCE_S:
         report.error(f"comes {took:.3f} s after EXPBEG, EXPTIME is {exposure} s", "EXPEND", number)
-    said = primary.get("EXPTIME")
-    report.differs(exposure, said, f"the primary header says {said}", "EXPTIME", number)
     if earlier is not None and (begin - earlier) * 86400.0 < -TIME_TOLERANCE_S:
         report.error("comes before the end of the image before", "EXPBEG", number)
     first, last = primary.get("EXPSTART"), primary.get("EXPEND")
@@ -713,24 +677,6 @@ MAX_BYTES = 50_000_000
 """Size of the largest configuration, list of visits or log that is read."""
 LOG_TOLERANCE = 2e-6
 """Logs have six digits behind the point."""
-# Columns of the log of attitude, and the keywords of the first and of the last row.
-_ENDS = {
-    "ra_deg": ("RA_PNT0", "RA_PNT1"),
-    "dec_deg": ("DEC_PNT0", "DEC_PNT1"),
-    "pos_ang_deg": ("POS_ANG0", "POS_ANG1"),
-}
-_ENDS |= {f"{axis}_km": tuple(f"POSI{end}_{axis.upper()}" for end in (0, 1)) for axis in "xyz"}  # type: ignore[misc]
-_ENDS |= {f"v{axis}_km_s": tuple(f"VELO{end}_{axis.upper()}" for end in (0, 1)) for axis in "xyz"}  # type: ignore[misc]
-_OF_SEQUENCE = {
-    "FILTER": "band",
-    "NFRAME": "n_frames",
-    "EXPTIME": "exposure_s",
-    "READTIME": "readout_s",
-    "SEED": "seed",
-}
-_OF_SEQUENCE |= {"CAMERA": "camera", "OBSTYPE": "kind"}
-_ANGLES = {"sun_deg": "SUNANGL", "moon_deg": "MOONANG", "limb_deg": "TEL_ALT"}  # where the target has coordinates
-_ENDS |= {column: (f"{keyword}0", f"{keyword}1") for column, keyword in _ANGLES.items()}
 
 
 def check_params(file: Path, folder: Path, facts: FileFacts) -> list[Finding]:
@@ -812,7 +758,8 @@ def _check_configuration(report: Report, content: bytes, facts: FileFacts) -> No
     if facts.shape is not None and shape != facts.shape:
         there, said = (" x ".join(map(str, reversed(size))) for size in (facts.shape, shape))
         about.error(f"has {there} pixels, {report.path.name} says {said}", "NAXIS1", 1)
-    settings = [(key, tree["sequence"][name]) for key, name in _OF_SEQUENCE.items() if tree["sequence"].get(name)]
+    named = {keyword.name: tree["sequence"].get(keyword.configuration) for keyword in load_keywords()}
+    settings = [(key, value) for key, value in named.items() if value]
     own = [("CONFHASH", number), ("OBSID", str(tree.get("obsid", facts.name.obsid)))]
     for key, said in dict.fromkeys((*tree.get("header", {}).items(), *settings, *own)):
         found = facts.primary.find(key) if key in load_keywords().keywords else None
@@ -849,15 +796,13 @@ def _check_keywords(report: Report, content: bytes, facts: FileFacts) -> None:
 
 
 def _check_attitude(report: Report, content: bytes, facts: FileFacts) -> None:
-    rows = _rows(report, content, ("utc", *(name for name in _ENDS if name not in _ANGLES)), facts)
-    for column, keywords in _ENDS.items():
-        for row, keyword, end in zip((rows[:1], rows[-1:]), keywords, ("first", "last"), strict=True):
-            stated = facts.primary.value(keyword)
+    rows = _rows(report, content, ("utc", *ATTITUDE), facts)
+    for keyword in load_keywords():
+        stated = facts.primary.value(keyword.name)
+        for column, row, end in ((keyword.first, rows[:1], "first"), (keyword.last, rows[-1:], "last")):
             cell = row[0].get(column) if row else None
-            if not cell or not is_real(stated):
-                continue
-            if not abs(float(cell) - stated) <= LOG_TOLERANCE:
-                report.error(f"says {column} = {cell} in its {end} row, {keyword} is {stated}", keyword)
+            if cell and is_real(stated) and not abs(float(cell) - stated) <= LOG_TOLERANCE:
+                report.error(f"says {column} = {cell} in its {end} row, {keyword.name} is {stated}", keyword.name)
 
 
 def _check_temperature(report: Report, content: bytes, facts: FileFacts) -> None:
@@ -910,20 +855,6 @@ def _surplus(folder: Path) -> list[Finding]:
     ]
 
 
-_SAME = (
-    "CAMERA",
-    "OBSID",
-    "OBSTYPE",
-    "NFRAME",
-    "DATE-OBS",
-    "DATE-END",
-    "EXPTIME",
-    "CONFHASH",
-    "SCENHASH",
-    "SEED",
-    "FPRINT",
-)
-_OF_THE_TRUTH = ("FILENAME", "L0FILE")
 _MAPS = ("EXPECTED_ADU", "EXPECTED_E")
 
 
@@ -939,11 +870,10 @@ def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
 def _check_truth_units(report: Report, units: Any, facts: FileFacts) -> None:
     headers = [plain_header(report, units, number) for number in range(len(units))]
     header = headers[0]
-    others = [keyword.name for keyword in load_keywords() if keyword.name not in (*_SAME, *_OF_THE_TRUTH)]
-    for key in (*_SAME, *others):
-        mine, other = header.value(key), facts.primary.value(key)
-        if mine != other and (key in _SAME or mine is not None):
-            report.error(f"is {mine!r}, that of {facts.path.name} is {other!r}", key, 0)
+    for keyword in sorted(load_keywords(), key=lambda each: each.truth != "identity"):
+        mine, other = header.value(keyword.name), facts.primary.value(keyword.name)
+        if mine != other and (keyword.truth == "identity" or (mine is not None and keyword.truth != "own")):
+            report.error(f"is {mine!r}, that of {facts.path.name} is {other!r}", keyword.name, 0)
     if header.get("L0FILE") != facts.path.name:
         report.error(f"is {header.get('L0FILE')!r}, not {facts.path.name!r}", "L0FILE", 0)
     for number, one in enumerate(headers):
@@ -997,8 +927,6 @@ def _check_frames(report: Report, unit: Any, number: int, facts: FileFacts) -> N
 
 PROGRAMME_FILE = "programme.json"
 """Name of the list of the visits of a programme, beside their folders."""
-_OF_VISIT = {"VISIT": "visit", "NVISITS": "n_visits", "VISWIN": "window", "ROLE": "role", "OBSID": "obsid"}
-_OF_VISIT |= {"NFRAME": "n_frames", "EXPSTART": "begin_mjd"}
 _BRANCHES = ("SCI", "CAL")
 
 
@@ -1126,9 +1054,10 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
 
 def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     """Check that the visits of a programme are there, and say of themselves what its list says."""
+    listed = {keyword.name: keyword.programme for keyword in load_keywords() if keyword.programme}
     try:
         tree: Any = parse_json(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
-        rows = [{"file": str(row["file"])} | {key: row[key] for key in _OF_VISIT.values()} for row in tree["sequences"]]
+        rows = [{"file": str(row["file"])} | {key: row[key] for key in listed.values()} for row in tree["sequences"]]
     except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
@@ -1139,7 +1068,7 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
         if header is None:
             found.append(Finding(path, None, "", f"lists {row['file']}, which is no Level-0 file of this tree"))
             continue
-        for keyword, key in _OF_VISIT.items():
+        for keyword, key in listed.items():
             value = header.value(keyword)
             near = is_real(value) and is_real(row[key]) and abs(value - row[key]) * 86400.0 <= TIME_TOLERANCE_S
             if value != row[key] and not near:

@@ -21,6 +21,7 @@ from cpic_core import InputError, NDArray, load_yaml
 
 Value = str | int | float | bool
 KEYWORD_FILE = Path(__file__).parent / "data" / "keywords.yaml"
+_RULE_FILE = KEYWORD_FILE.with_name("rules.yaml")
 _TYPES: Mapping[str, type] = {"str": str, "int": int, "float": float, "bool": bool}
 _LEGAL = re.compile(r"[A-Z0-9_-]{1,8}", re.ASCII)
 _STRUCTURE = re.compile(
@@ -50,6 +51,19 @@ class Keyword:
         Read in public code or documents, inferred, or assumed.
     section : str
         Name of the part of the frame that it describes, or empty.
+    values : tuple of str
+        What may stand there, the first of which is written; empty where anything may.
+    least, above : float or None
+        Limits of its value, itself allowed or not.
+    file, frame, configuration, programme : str
+        Name of what it repeats: a fact of the file or its name, a count of the frame, a setting of the sequence, an
+        entry in the list of a programme; empty where it repeats none.
+    images : {"", "setting", "own", "measured"}
+        A setting of the camera that no image changes, each image's own, measured for each; else the same in all.
+    truth : {"", "identity", "copied", "map", "own"}
+        ``identity``: without which a truth is none of its file; ``copied`` into it, or into its maps.
+    first, last : str
+        Column of the log of attitude whose first or last row it holds.
     """
 
     name: str
@@ -61,6 +75,17 @@ class Keyword:
     unit: str = ""
     aliases: tuple[str, ...] = ()
     section: str = ""
+    values: tuple[str, ...] = ()
+    least: float | None = None
+    above: float | None = None
+    file: str = ""
+    frame: str = ""
+    configuration: str = ""
+    programme: str = ""
+    images: Literal["", "setting", "own", "measured"] = ""
+    truth: Literal["", "identity", "copied", "map", "own"] = ""
+    first: str = ""
+    last: str = ""
 
     @property
     def note(self) -> str:
@@ -76,17 +101,8 @@ class Keyword:
         return isinstance(value, _TYPES[self.kind])
 
 
-@dataclass(frozen=True)
-class Profile:
-    """The spelling in which a keyword is written, and those that are written beside it."""
-
-    name: str
-    spelled: Mapping[str, str]
-    also: Mapping[str, tuple[str, ...]]
-
-    def spellings(self, name: str) -> tuple[str, ...]:
-        """Return the spellings under which a keyword is written."""
-        return (self.spelled.get(name, name), *self.also.get(name, ()))
+Profile: TypeAlias = Mapping[str, tuple[str, ...]]
+"""The spellings in which a keyword is written, by its name."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +123,10 @@ class KeywordTable:
 
     def __iter__(self) -> Iterator[Keyword]:
         return iter(self.keywords.values())
+
+    def of(self, home: Literal["primary", "image"]) -> list[Keyword]:
+        """Return the keywords of a kind of unit."""
+        return [keyword for keyword in self if keyword.hdu in (home, "both")]
 
     @functools.cached_property
     def _canonical(self) -> dict[str, str]:
@@ -160,14 +180,15 @@ class KeywordTable:
 @functools.cache
 def load_keywords() -> KeywordTable:
     """Read the shipped table."""
-    tree = load_yaml(KEYWORD_FILE, shipped=True)
+    tree, rules = (load_yaml(file, shipped=True) for file in (KEYWORD_FILE, _RULE_FILE))
     keywords, profiles = {}, {}
     for name, entry in tree["keywords"].items():
-        kind, aliases = entry.pop("type"), tuple(entry.pop("aliases", ()))
-        keywords[name] = Keyword(name, kind=kind, aliases=aliases, **entry)
-    for name, entry in tree["profiles"].items():
-        also = {key: tuple(names) for key, names in entry.get("also", {}).items()}
-        profiles[name] = Profile(name, entry.get("spelled", {}), also)
+        given = {"kind": entry.pop("type"), **entry, **rules.get(name, {})}
+        listed = {key: tuple(value) for key, value in given.items() if isinstance(value, list)}
+        keywords[name] = Keyword(name, **(given | listed))
+    for profile, entry in tree["profiles"].items():
+        spelled, also = entry.get("spelled", {}), entry.get("also", {})
+        profiles[profile] = {name: (spelled.get(name, name), *also.get(name, ())) for name in keywords}
     return KeywordTable(tree["schema_version"], keywords, profiles)
 
 
@@ -275,10 +296,12 @@ def header_cards(values: Mapping[str, Value], table: KeywordTable, profile: Prof
     table : KeywordTable
     profile : Profile
     """
-    cards: list[Card] = []
-    for keyword in table:
-        if keyword.name in values:
-            cards += [(name, values[keyword.name], keyword.note) for name in profile.spellings(keyword.name)]
+    cards = [
+        (spelling, values[name], keyword.note)
+        for name, keyword in table.keywords.items()
+        if name in values
+        for spelling in profile[name]
+    ]
     return cards + [(name, value, "") for name, value in values.items() if name not in table.keywords]
 
 

@@ -94,8 +94,6 @@ def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> di
     count = int(sequence.n_frames)
     exposure_s = float(sequence.exposure_s)
     return {
-        "TELESCOP": "CSST",
-        "INSTRUME": "CPIC",
         "CAMERA": sequence.camera,
         "OBSTYPE": sequence.kind,
         "FILENAME": name.file.name,
@@ -105,7 +103,7 @@ def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> di
         "NFRAME": count,
         "NEXTEND": count,
         "NEFFECT": len(sequence.ledger),
-        "TIMESYS": "UTC",
+        **{keyword.name: keyword.values[0] for keyword in load_keywords() if keyword.values},
         "DATE-OBS": times.start_utc,
         "DATE-END": times.stop_utc,
         "EXPSTART": float(times.begin_mjd[0]),
@@ -113,7 +111,6 @@ def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> di
         "EXPTIME": exposure_s,
         "READTIME": float(sequence.readout_s),
         "INTTIME": count * exposure_s,
-        "BUNIT": "adu",
         "NCALFILE": len(sequence.calibration_files),
     }
 
@@ -181,7 +178,7 @@ def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, 
     frame : Frame
     """
     begin, end = float(times.begin_mjd[index]), float(times.end_mjd[index])
-    counts = {key: int(getattr(frame, name)) for key, name in COUNTS.items()}
+    counts = {keyword.name: int(getattr(frame, keyword.frame)) for keyword in load_keywords() if keyword.frame}
     return {**shared, "FRAMEID": index + 1, "EXPBEG": begin, "EXPEND": end, **counts}
 
 
@@ -216,16 +213,6 @@ def fits_section(section: Section) -> str:
     return f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]"
 
 
-COUNTS = {"NSAT": "n_saturated_pixels", "NREGSAT": "n_register_saturated", "NCLIP": "n_clipped"}
-COUNTS |= {"NCR": "n_cosmic_rays", "NNEGRATE": "n_negative_rates"}
-_SHARED = (
-    *("TELESCOP", "INSTRUME", "CAMERA", "OBSID", "OBSTYPE", "OBJECT", "FILTER", "NFRAME", "TIMESYS"),
-    *("DATE-OBS", "DATE-END", "EXPTIME", "SWNAME", "SWVER", "FPRINT", "CONFHASH", "SCENHASH", "SEED"),
-)
-_WCS = (
-    *("WCSAXES", "CTYPE1", "CTYPE2", "CUNIT1", "CUNIT2", "CRPIX1", "CRPIX2", "CRVAL1", "CRVAL2", "CD1_1"),
-    *("CD1_2", "CD2_1", "CD2_2", "RADESYS", "EQUINOX"),
-)
 # Electrons are no unit of the FITS standard: there the names of the columns say it.
 _UNITS = {"begin_mjd": "d", "end_mjd": "d", "ra_deg": "deg", "dec_deg": "deg"}
 _UNITS |= {"x_arcsec": "arcsec", "y_arcsec": "arcsec", "x_pixel": "pix", "y_pixel": "pix"}
@@ -265,10 +252,13 @@ class TruthWriter:
         """
         table = load_keywords()
         profile = table.profile("csst")
-        values = {key: primary[key] for key in _SHARED if key in primary}
+        copied = {keyword.name for keyword in table if keyword.truth in ("identity", "copied")}
+        values = {key: value for key, value in primary.items() if key in copied}
         values |= {"FILENAME": name.truth.name, "L0FILE": name.file.name}
         append_primary(self.file, header_cards(values, table, profile))
-        wcs = {key: shared[key] for key in _WCS if key in shared}
+        wcs = {
+            keyword.name: shared[keyword.name] for keyword in table if keyword.truth == "map" and keyword.name in shared
+        }
         for title, unit, attribute in (("EXPECTED_ADU", "adu", "expected"), ("EXPECTED_E", "electron", "expected_e")):
             cards = header_cards({"BUNIT": unit} | wcs, table, profile)
             append_image(self.file, self._map(attribute), cards, title, 1)
@@ -319,7 +309,7 @@ class TruthWriter:
         number, times = len(self._rows), self.times
         append_compressed(self.file, frame.mask, "MASK", number + 1)
         begin, end = float(times.begin_mjd[number]), float(times.end_mjd[number])
-        counts = {key: int(getattr(frame, key)) for key in COUNTS.values()}
+        counts = {each.frame: int(getattr(frame, each.frame)) for each in load_keywords() if each.frame}
         charges = {f"charge_{key}_e": float(value) for key, value in frame.charge.items()}
         row = {"frame": number + 1, "begin_mjd": begin, "end_mjd": end, **counts, "datasum": int(datasum), **charges}
         self._rows.append(row)
@@ -333,6 +323,8 @@ class TruthWriter:
 
 CONFIGURATION_FILE = "configuration.json"
 PARAMS_FILES = (CONFIGURATION_FILE, "keywords.yaml", "attitude.csv", "temperature.csv")
+ATTITUDE = ("ra_deg", "dec_deg", "pos_ang_deg", "x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")
+"""Columns that every log of attitude has besides the time."""
 SUM_KEYWORD = "PARMSUM"
 SCHEMA_VERSION = 1
 
@@ -406,7 +398,6 @@ def _configuration(
 
 def _attitude(sequence: FrameSequence, utc: Sequence[str], sky: Ephemeris) -> str:
     pointing = pointing_deg(sequence)
-    names = ["utc", "ra_deg", "dec_deg", "pos_ang_deg", "x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s"]
     angles = {"sun_deg": sky.sun_deg, "moon_deg": sky.moon_deg, "limb_deg": sky.limb_deg}
     given = {key: values for key, values in angles.items() if values is not None}
     where = ("", "") if pointing is None else tuple(f"{value:.9f}" for value in pointing)
@@ -416,7 +407,7 @@ def _attitude(sequence: FrameSequence, utc: Sequence[str], sky: Ephemeris) -> st
         position = [f"{part:.6f}" for part in sky.position_km[row]]
         velocity = [f"{part:.9f}" for part in sky.velocity_km_s[row]]
         rows.append([time, *where, turn, *position, *velocity, *(f"{values[row]:.6f}" for values in given.values())])
-    return _table((*names, *given), rows)
+    return _table(("utc", *ATTITUDE, *given), rows)
 
 
 def _table(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:

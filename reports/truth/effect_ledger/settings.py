@@ -20,7 +20,7 @@ from simulator.imaging import aperture_sums, build_imager, centred_axis, overlap
 from simulator.imaging.drift import screen_model
 from simulator.imaging.imager import Imager
 from simulator.knobs import Knobs
-from simulator.ledger.case import MOST
+from simulator.ledger.light import MOST
 from simulator.ledger.visit import Optics
 from simulator.passbands import Passbands
 from simulator.signal import wing

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import FixedFrames, build_model, cases_of, planets_of
+from cpic_planner.etc import build_model, cases_of, planets_of
 from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
@@ -14,11 +14,8 @@ MODEL = build_model(load_instrument(), ["F520", "F850"])
 STARS = rank_sample(v_mag_max=2.0).select(range(5))
 
 
-FREE = FixedFrames()
-
-
-def cases(contrast=1e-8, place=(0.5, 0.7), model=MODEL, wish=FREE):
-    return cases_of(model, STARS, ["F520"], planets_of(list(place), None, contrast), wish)
+def cases(contrast=1e-8, place=(0.5, 0.7), model=MODEL, **wish):
+    return cases_of(model, STARS, ["F520"], planets_of(list(place), None, contrast), **wish)
 
 
 @pytest.mark.parametrize("factor", [1e-20, 1e-3, 1.0, 7.0, 1e8])
@@ -72,7 +69,7 @@ def test_a_star_without_coordinates_says_that_its_sky_is_assumed():
 
 
 def test_wishes_fix_the_camera():
-    problem = cases(wish=FixedFrames(exposure_s=500.0, em_gain=12.0)).problem("snr")
+    problem = cases(exposure_s=500.0, em_gain=12.0).problem("snr")
     assert (problem.camera.exposure_min_s, problem.camera.exposure_max_s, problem.fixed_gain()) == (500.0, 500.0, 12.0)
     free = cases().problem("snr")
     assert (free.camera.exposure_max_s, free.fixed_gain()) == (300.0, None)

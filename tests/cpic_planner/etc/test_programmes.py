@@ -18,7 +18,6 @@ from cpic_planner.etc import (
     speckled_share,
     stack_noise,
 )
-from cpic_planner.etc.cases import Goal
 from cpic_planner.etc.frames import best_in_visit, least_time
 from cpic_planner.etc.rates import planets_of
 from cpic_planner.planets import star_masses_msun
@@ -137,7 +136,7 @@ def test_no_programme_reaches_more_in_the_time(star, overhead_s):
 def test_no_programme_has_a_fainter_limit(search):
     model = model_of(search=search)
     cases = cases_of(model)
-    wanted = Goal.of(cases)
+    wanted = cases.searched.level
     asked = {name: value for name, value in ASKED.items() if name != "contrast"}
     answer = questions.contrast_limit(model, STARS["tau Cet"], **asked)[0]
     missed = brute_in_time(model, cases, 36000.0, "significance", wanted)
@@ -152,18 +151,16 @@ def test_no_programme_is_quicker(star, level):
     asked = {name: value for name, value in ASKED.items() if name != "time_s"}
     answer = questions.exposure_time(model, STARS[star], **level, **asked)[0]
     objective = "snr" if "snr" in level else "significance"
-    cases, wanted = (
-        cases_of(model, star),
-        Goal.of(cases_of(model, star), level.get("snr", level.get("sigma"))),
-    )
+    cases = cases_of(model, star)
+    searched = replace(cases, value=level.get("snr", level.get("sigma")))
     programme = Programme.of(model.strategy, EVERY)
     problem = cases.problem(objective, programme=programme)
-    aim = np.array(wanted.at_speckles(programme)(np.zeros(EVERY.shape), np.ones(EVERY.shape)))
+    aim = np.array(searched.level_at(programme)(np.zeros(EVERY.shape), np.ones(EVERY.shape)))
     for _ in range(25 if "detect" in level else 1):
         choice = least_time(problem, np.broadcast_to(aim, problem.signal_e_s.shape))
         some = choice.n_frames >= 1
         visit, inverse = np.where(some, choice.visit_s, 1.0), np.where(some, choice.inverse_snr2, np.inf)
-        aim = np.where(some, wanted(programme, problem)(visit, inverse), aim)
+        aim = np.where(some, searched.level(programme, problem)(visit, inverse), aim)
     best = float(np.min(np.where(some, EVERY * model.time_s(visit), np.inf)))
     assert best * (1.0 - 0.01) <= answer.value <= best * (1.0 + 0.01)
 
@@ -183,7 +180,7 @@ def test_the_closed_optimum_of_a_visit():
     )
     assert answer[0].value == pytest.approx(least_s, rel=0.02)
     assert answer[0].visits == pytest.approx(level**2 * (residual + cost / math.sqrt(cost * 300.0 / residual)), rel=0.3)
-    assert float(asked.programmes.quickest()[0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
+    assert float(asked.quickest()[0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
 
 
 def test_where_drift_rules_noise_falls_with_the_root_of_visits():
@@ -234,13 +231,13 @@ def test_limit_and_time_are_inverses(visits, search, band):
 def test_shares_are_those_of_the_law_of_detection():
     model = model_of()
     cases = cases_of(model)
-    wanted, programme = Goal.of(cases), Programme.of(model.strategy, 4.0)
+    searched, programme = cases.searched, Programme.of(model.strategy, 4.0)
     noise = seen(model, cases, 4.0)
     visit = np.full((1, 1), 20.0 * (60.0 + model.camera("F520").readout_s))
     problem = cases.problem("significance", programme=programme)
     light = light_share(model, "F520", np.hypot(cases.x_arcsec, cases.y_arcsec), visit)
-    there = wanted(programme, problem)(visit, noise.significance**-2.0)
-    expected = wanted.at_speckles(programme)(speckled_share(noise), visit, lit_share(noise, light))
+    there = searched.level(programme, problem)(visit, noise.significance**-2.0)
+    expected = searched.level_at(programme)(speckled_share(noise), visit, lit_share(noise, light))
     np.testing.assert_allclose(there, expected, rtol=1e-9)
 
 

@@ -13,13 +13,14 @@ from catalogs import ORBIT, OrbitPlaces
 from cpic_planner.etc import (
     LEAST_PROBABILITY,
     Programme,
-    SearchMotion,
     aperture_rates,
     band_law,
     build_model,
     diagonal_pa_deg,
     light_share,
     lit_share,
+    motion_factor,
+    search_motion,
     speckled_share,
     stack_noise,
 )
@@ -195,7 +196,7 @@ def noise_of(model, one, setting, seen):
     arrays = "signal_e", "quiet", "white", "speckle", "snr", "significance"
     flat = {name: np.broadcast_to(getattr(noise, name), noise.snr.shape)[0] for name in arrays}
     place = seen.separation_arcsec[shown]
-    motion = SearchMotion.of(model, one, "F520", place[None]).factor(programme, visit_s)[0]
+    motion = motion_factor(model, search_motion(model, one, "F520", place[None]), programme, visit_s)[0]
     return replace(noise, **flat), light_share(model, "F520", place, visit_s), motion
 
 

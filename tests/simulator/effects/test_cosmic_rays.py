@@ -196,10 +196,6 @@ def test_long_exposures_do_not_pile_up_memory(cosmic):
     assert_consistent(rays)
 
 
-def test_a_seed_is_no_generator(refused, cosmic):
-    refused("rng = int", draw, cosmic("physical"), 5)
-
-
 CONFIG = load_instrument().cosmic_rays
 
 

@@ -174,12 +174,6 @@ def test_the_walk_has_slope_one_half_over_four_decades_of_time(wavefronts):
     np.testing.assert_allclose(slope, 0.5, atol=1e-9)  # the same draws at every cadence
 
 
-def test_numbers_out_of_range_are_refused(refused):
-    imager = build_imager(INSTRUMENT, "F662", Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1))
-    refused("n_frames", visit_frames, imager, drift(), 0, 60.0, *rngs(7))
-    refused("cadence_s", visit_frames, imager, drift(), 1, 0.0, *rngs(8))
-
-
 def test_low_orders_are_the_six_aberrations_in_equal_parts():
     """Projections on unit Zernike polynomials (Noll 1976), whose radial parts are written out here once more."""
     n = 400

@@ -456,9 +456,6 @@ def test_bad_images_are_refused(refused, tmp_path, data, keys, words):
 
 def test_bad_grids_are_refused(refused):
     for keys, words in (
-        ({"step_arcsec": 0.0}, "step_arcsec = 0.0 arcsec"),
-        ({"step_arcsec": float("nan")}, "step_arcsec"),
-        ({"step_arcsec": STEP, "reach_arcsec": -1.0}, "reach_arcsec = -1.0 arcsec"),
         ({"step_arcsec": 1e-4}, "give reach_arcsec"),
         ({"step_arcsec": STEP, "parity": 0}, "parity"),
         ({"step_arcsec": STEP, "roll_deg": float("inf")}, "roll_deg"),

@@ -6,7 +6,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from cpic_core import InputError
 from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging import build_imager, centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
@@ -263,30 +262,6 @@ def test_a_kernel_at_pixel_centres_comes_back_and_between_them_is_the_optics():
     assert inside.min() >= 0
 
 
-def test_a_kernel_of_another_pixel_is_refused():
-    axis = centred_axis(5, PIXEL)
-    with pytest.raises(InputError, match="pixel_arcsec"):
-        scene_image(KernelTransfer(np.eye(3), 0.02), axis, axis, PIXEL, PointSources([0], [0], [1]))
-
-
-@pytest.mark.parametrize(
-    ("sources", "named"),
-    [
-        (lambda: PointSources([0.0], [0.0, 1.0], [1.0]), "sources = 1 x, 2 y, 1 flux"),
-        (lambda: PointSources([np.nan], [0.0], [1.0]), "x_arcsec = nan"),
-        (lambda: PointSources([0.0], [np.inf], [1.0]), "y_arcsec = inf"),
-        (lambda: PointSources([0.0], [0.0], [-1.0]), "flux = -1.0"),
-        (lambda: PointSources([0.0], [0.0], [np.nan]), "flux = nan"),
-        (lambda: PointSources([[0.0]], [0.0], [1.0]), "x_arcsec = shape"),
-        (lambda: SourceGrid([0.0], [0.0, 1.0], [[1.0, 2.0]]), "flux = shape"),
-        (lambda: SourceGrid([0.0], [0.0], [[np.inf]]), "flux = inf"),
-        (lambda: SourceGrid([np.nan], [0.0], [[1.0]]), "x_arcsec = nan"),
-    ],
-)
-def test_unusable_sources_are_refused_by_name(refused, sources, named):
-    refused(named, sources)
-
-
 def lopsided_of_transfer(band="F520", **knobs):
     """An imager whose PSF has no symmetry: coma, random screens, and a pupil dark on one side."""
     bare = bare_imager(load_instrument(), band, Knobs(**({"wavelength_nodes": 2} | knobs)))
@@ -426,21 +401,6 @@ def test_kernel_transfer_is_the_fourier_sum_of_the_kernel_without_its_pixel():
     assert kx.max() < transfer.cutoff_per_arcsec
 
 
-@pytest.mark.parametrize(
-    ("kernel", "scale", "named"),
-    [
-        (np.ones((4, 4)), 0.02, "kernel = shape"),
-        (np.ones((3, 5)), 0.02, "kernel = shape"),
-        (np.full((3, 3), np.nan), 0.02, "9 bad pixels"),
-        (-np.eye(3), 0.02, "3 bad pixels"),
-        (np.ones((3, 3)), 0.0, "pixel_scale_arcsec"),
-        (np.ones((3, 3)), np.nan, "pixel_scale_arcsec"),
-    ],
-)
-def test_unusable_kernels_are_refused_by_name(refused, kernel, scale, named):
-    refused(named, KernelTransfer, kernel, scale)
-
-
 def test_a_kernel_far_larger_than_memory_is_refused(refused):
     refused("scene", KernelTransfer(np.ones((3, 3)), 0.001).axis, -9.0, 9.0)
 
@@ -549,9 +509,3 @@ def test_light_is_conserved_and_places_beyond_the_kernel_are_left_out():
     )
     assert rectangle.shape == (10, 41)
     assert not rectangle.any()
-
-
-def test_what_it_cannot_do_is_refused_by_name(refused):
-    one = PointSources([0.0], [0.0], [1.0])
-    refused("y_centres_arcsec", paper_scene_image, IMAGER_OF_PAPER_SCENE, AXIS * 2, AXIS, one)
-    refused("kernel_half_pixels", paper_scene_image, IMAGER_OF_PAPER_SCENE, AXIS, AXIS, one, kernel_half_pixels=0)

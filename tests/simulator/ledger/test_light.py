@@ -7,7 +7,7 @@ import pytest
 
 from simulator import load_instrument, observe
 from simulator.imaging import psf_metrics
-from simulator.ledger.case import scene_light
+from simulator.ledger.light import SceneLight
 from simulator.target import scene_sources
 
 
@@ -20,7 +20,7 @@ def light_of(scene, instrument, band, **more):
         "stray_e_s": 0.0,
         "drift_nm": 0.0,
     } | more
-    return scene_light(
+    return SceneLight(
         instrument, band, psf_metrics(instrument, band), scene_sources(scene, instrument, band), **settings
     )
 

@@ -14,9 +14,9 @@ from simulator.detectors.chains import switched
 from simulator.effects import draw_cosmic_rays
 from simulator.imaging import centred_axis, psf_metrics, single_band_psf
 from simulator.imaging.drift import low_order_map
-from simulator.ledger import case, forecast
-from simulator.ledger.case import largest_speckles, pixel_hits
-from simulator.ledger.visit import visit_of
+from simulator.ledger import forecast, light
+from simulator.ledger.light import pixel_hits
+from simulator.ledger.visit import Visit, largest_speckles
 from simulator.signal import drift_halo
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}
@@ -103,7 +103,7 @@ def test_moments_of_tracks_are_drawn_once_but_for_those_of_a_file(calm, tmp_path
     named = {"template": {"template_file": str(tmp_path / "tracks.npz")}, "model": "template"}
     own = calm.changed({"cosmic_rays": named}).cosmic_rays
     drawn = []
-    monkeypatch.setattr(case, "draw_cosmic_rays", lambda *given: drawn.append(given) or draw_cosmic_rays(*given))
+    monkeypatch.setattr(light, "draw_cosmic_rays", lambda *given: drawn.append(given) or draw_cosmic_rays(*given))
     for rays, times in ((calm.cosmic_rays, 1), (own, 2)):
         before, said = len(drawn), []
         for _ in range(2):
@@ -189,7 +189,7 @@ def test_the_swing_of_a_frame_is_the_mean_over_its_epoch(n_frames, epochs, schem
     drift = {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.1, "orbital_period_s": period_s}
     instrument = load_instrument({"drift": drift})
     exposure_s = each_s - instrument.detector.readout_s
-    found = visit_of(
+    found = Visit(
         make(), instrument, **(SETTINGS | {"n_frames": n_frames, "exposure_s": exposure_s}), max_epochs=6, timing=timing
     )
     window = timing.window_turns / (2.0 if scheme == "half" else 1.0)

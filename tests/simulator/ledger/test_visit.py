@@ -128,8 +128,8 @@ def test_flaws_in_an_aperture_are_counted_on_the_pixels_of_the_frame():
 
 def test_the_window_of_a_visit_is_centred_on_the_star():
     scene = load_scene({"name": "s", "cstar": {"name": "star", "v_mag": 4.0, "teff_k": 5800}})
-    found = visit.visit_of(scene, load_instrument(), band="F662", exposure_s=10.0, n_frames=4, em_gain=50.0)
+    found = visit.Visit(scene, load_instrument(), band="F662", exposure_s=10.0, n_frames=4, em_gain=50.0)
     side, detector = len(found.metrics.raw_contrast), load_instrument().detector
-    row, column = found.camera.first_pixel
+    row, column = found.first_pixel
     assert (row + side // 2, column + side // 2) == (detector.star_row, detector.star_column)
     assert found.visit_s == pytest.approx(4 * (10.0 + detector.readout_s), rel=1e-12)

@@ -10,7 +10,7 @@ from simulator.detectors import Blooming
 from simulator.detectors.chains import VISIBLE, switched
 from simulator.imaging import psf_metrics
 from simulator.ledger import NOT_IN_SUMS, forecast
-from simulator.ledger.case import _arrives
+from simulator.ledger.visit import _arrives
 
 STILL = {name: False for name in NOT_IN_SUMS if name in switched(VISIBLE)}
 

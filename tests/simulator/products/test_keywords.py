@@ -45,8 +45,8 @@ def test_table_is_consistent():
         for name in (keyword.name, *keyword.aliases):
             assert len(name) <= 8
     for profile in TABLE.profiles.values():
-        for name, others in [*profile.also.items(), *((key, (value,)) for key, value in profile.spelled.items())]:
-            assert set(others) <= set(TABLE.keywords[name].aliases)
+        for name, spellings in profile.items():
+            assert set(spellings) <= {name, *TABLE.keywords[name].aliases}
 
 
 def test_any_spelling_is_found(refused):

@@ -8,7 +8,6 @@ from cpic_core import InputError
 from simulator import lambert_phase, planet_albedo, planet_contrast, spectrum_generator, star_photlam
 from simulator.config import load_instrument, load_scene
 from simulator.target import contrast_at, parametric_family, read_spectrum, scene_sources, stellar_spectrum
-from simulator.target.albedo import layer_albedo
 from simulator.target.albedo_grid import read_albedo
 
 
@@ -28,7 +27,6 @@ READERS = {
     "template": lambda spectral_type: stellar_spectrum(3.0, spectral_type, model="pickles"),
     "parametric_family": lambda parameters: parametric_family(*parameters),
     "lambert_phase": lambert_phase,
-    "layer_albedo": lambda layer: layer_albedo(*layer),
     "scenes": spectrum_generator,
     "sources": lambda tree: scene_sources(load_scene({"name": "s"} | tree), load_instrument(), "F520"),
     "star": star,
