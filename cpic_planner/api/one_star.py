@@ -21,7 +21,6 @@ from cpic_planner.api.functions import catalogue_of, model_of, stars_named, take
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
-from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
 from cpic_planner.targets import Targets, find_target
 
@@ -323,7 +322,7 @@ def best_places(
     dict of str to list of float
         By band.
     """
-    grids = {band: separation_grid(model, band) for band in bands}
+    grids = {band: etc.separation_grid(model, band) for band in bands}
     most = max(len(grid) for grid in grids.values())
     grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
     how = {name: getattr(question, name) for name in ("exposure_s", "em_gain", "snr", "sigma")}
@@ -349,7 +348,8 @@ def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> Float
     if question.visit_time_s is not None:
         time_s = cases.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
-        visits = cases.quickest() if given is None else fixed
+        # Modes change the best number of visits less than the time that it takes.
+        visits = cases.by_mean.quickest() if given is None else fixed
         time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
     cost = np.where(cases.possible, time_s, np.inf)
     answered = np.isfinite(cost).any(axis=(1, 2), keepdims=True)

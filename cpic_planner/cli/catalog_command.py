@@ -6,11 +6,9 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from functools import partial
-from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from cpic_planner.cli.output import ColumnsOutput, JsonOutput, RefreshOutput
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
 
@@ -34,21 +33,14 @@ _SHOWN = 6
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
 
-class TableKind(StrEnum):
-    """Kinds of tables of a user's own."""
-
-    STARS = "stars"
-    PLANETS = "planets"
-
-
-def info(as_json: command.JsonOption = False) -> None:
+def info(output: JsonOutput) -> None:
     """Show the tables: the snapshot's vintage, counts, sources and licences, and refreshed ones of stars and planets.
 
     Example: cpic catalog info
     """
     facts = catalogs.catalogue_info()
     stored = {option: catalogs.stored_tables(kind) for option, kind in _REFRESHED.items()}
-    if as_json:
+    if output.as_json:
         stars, planets = ([_about(item) for item in items] for items in stored.values())
         newest = [items[0]["file"] if items else None for items in (stars, planets)]
         tables = {"refreshed": stars, "latest": newest[0], "refreshed_planets": planets, "latest_planets": newest[1]}
@@ -100,20 +92,7 @@ def _about(item: catalogs.StoredTable) -> dict[str, Any]:
     return {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": size}
 
 
-def columns(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="A table of your own, of stars or of planets.")
-    ] = None,
-    taken_as: Annotated[
-        TableKind | None,
-        typer.Option("--as", help="Take FILE as a table of this kind [default: each kind that it can be]."),
-    ] = None,
-    rejects: command.RejectsOption = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse FILE for the first row or cell that cannot be used.")
-    ] = False,
-    as_json: command.JsonOption = False,
-) -> None:
+def columns(output: ColumnsOutput) -> None:
     """Show which columns a table of your own may have, or what the columns of a FILE are taken for.
 
     Without a file: the columns of a table of stars (--catalog FILE of other commands) and of planets (--known-planets
@@ -130,27 +109,28 @@ def columns(
 
       cpic catalog columns my_planets.csv --as planets --json
     """
-    if file is not None:
-        _taken(file, taken_as, rejects, strict, as_json)
+    if output.file is not None:
+        _taken(output.file, output)
         return
-    for option, value in (("--as", taken_as), ("--rejects", rejects), ("--strict", strict or None)):
+    given = {"--as": output.taken_as, "--rejects": output.rejects, "--strict": output.strict or None}
+    for option, value in given.items():
         if value is not None:
             raise InputError(option, "given" if value is True else str(value), allowed="only with a FILE")
-    _possible(as_json)
+    _possible(output.as_json)
 
 
-def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
+def _taken(file: Path, output: ColumnsOutput) -> None:
     """Show what the columns of a file are taken for."""
     from cpic_planner.cli.output import Output
     from cpic_planner.results import ColumnsResult
 
-    command.check_rejects(rejects, [file])
-    found = catalogs.table_readings(file, None if taken_as is None else taken_as.value, strict=strict)
-    if rejects is not None:
+    command.check_rejects(output.rejects, [file])
+    found = catalogs.table_readings(file, output.taken_as, strict=output.strict)
+    if output.rejects is not None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
-        command.write_rejects(rejects, list(left_out))
+        command.write_rejects(output.rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    Output(as_json=as_json).show(result, partial(report.print_columns, result))
+    Output(as_json=output.as_json).show(result, partial(report.print_columns, result))
 
 
 def _possible(as_json: bool) -> None:
@@ -294,6 +274,8 @@ def refresh_catalog(
     InputError
         If ``out`` cannot be a place for it.
     """
+    from importlib import metadata
+
     path, service = target_path(out), service or catalogs.TapService()
     versions = {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
     made: catalogs.Refreshed | catalogs.RefreshedPlanets
@@ -330,45 +312,7 @@ _DIFFERENCES = {
 _ELEMENTS = {"period_days": "period (d)", "semi_major_axis_au": "semi-major axis (au)", "eccentricity": "eccentricity"}
 
 
-def refresh(
-    planets: Annotated[
-        bool, typer.Option("--planets", help="Ask the NASA Exoplanet Archive for known planets, not SIMBAD for stars.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Write FILE.ecsv [default: dated, in the data folder].")
-    ] = None,
-    v_mag_max: Annotated[
-        float | None,
-        typer.Option(
-            "--v-mag-max", help="Faintest V of the stars; rankings end at 7, the rest is a reserve [default: 7.5]."
-        ),
-    ] = None,
-    parallax_min_mas: Annotated[
-        float | None, typer.Option("--parallax-min-mas", help="Smallest parallax of the stars [default: 25].")
-    ] = None,
-    url: Annotated[
-        str,
-        typer.Option(
-            "--url",
-            help="TAP service [default: $CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the "
-            "archive's].",
-        ),
-    ] = "",
-    timeout_s: Annotated[
-        float, typer.Option("--timeout-s", help="Most time for one answer, from connecting to reading its last cell.")
-    ] = 180.0,
-    retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
-    maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,
-    plain_http: Annotated[
-        bool,
-        typer.Option(
-            "--plain-http", help="Allow plain http, which anybody on the way can alter, elsewhere than on this machine."
-        ),
-    ] = False,
-    other_hosts: Annotated[bool, typer.Option("--other-hosts", help="Follow redirects to another host.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
-    as_json: command.JsonOption = False,
-) -> None:
+def refresh(output: RefreshOutput) -> None:
     """Ask SIMBAD for the nearby F, G and K stars, or the NASA Exoplanet Archive for their known planets.
 
     This is the only command that uses the network. It writes one dated ECSV file into the data folder
@@ -392,31 +336,24 @@ def refresh(
 
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
-    from cpic_planner.cli.catalog_command import refresh_catalog
-
-    service = catalogs.TapService(
-        url=url,
-        timeout_s=timeout_s,
-        retries=retries,
-        maxrec=maxrec,
-        plain_http=plain_http,
-        other_hosts=other_hosts,
-    )
-    given = {"v_mag_max": v_mag_max, "parallax_min_mas": parallax_min_mas}
+    planets, out = output.planets, output.out
+    settings = ("url", "timeout_s", "retries", "maxrec", "plain_http", "other_hosts")
+    service = catalogs.TapService(**{name: getattr(output, name) for name in settings})
+    given = {name: getattr(output, name) for name in ("v_mag_max", "parallax_min_mas")}
     chosen = {name: value for name, value in given.items() if value is not None}
     if planets and chosen:
         option, value = next(iter(chosen.items()))
-        raise InputError(f"--{option.replace('_', '-')}", value, allowed="not with --planets: it cuts a table of stars")
+        raise InputError(option, value, allowed="not with --planets: it cuts a table of stars")
     cuts = catalogs.Cuts(**chosen)
-    if dry_run:
-        _show_plan(out, service, None if planets else cuts, as_json=as_json)
+    if output.dry_run:
+        _show_plan(out, service, None if planets else cuts, as_json=output.as_json)
         return
     try:
         with progress("asking the archive" if planets else "asking SIMBAD", total=2 if planets else 3) as step:
             done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=command.note)
     except catalogs.RefreshError as error:
         raise typer.Exit(command.error_line(str(error), 1)) from None
-    if as_json:
+    if output.as_json:
         command.print_json(done.summary())
     else:
         _show_result(done, command.console())
@@ -429,7 +366,6 @@ def refresh(
 def _show_plan(out: Path | None, service: catalogs.TapService, cuts: catalogs.Cuts | None, *, as_json: bool) -> None:
     """Show what would be asked: about stars within cuts, or about planets where there are none."""
     from catalogs import PLANETS_QUERY, archive_url, queries, service_url
-    from cpic_planner.cli.catalog_command import target_path
 
     place = target_path(out)
     where = str(place) if out is not None else f"{place}, dated file"

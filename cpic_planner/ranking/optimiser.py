@@ -23,7 +23,6 @@ from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_factor2
-from simulator.imaging import BandGeometry
 from simulator.signal import ProgrammeLaw, SpeckleLaw, frame_limit, programme_parts
 from simulator.target import albedo_source
 
@@ -329,30 +328,6 @@ def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
 _CHANGES = ("without_motion", "without_speckles", "without_background")
 _REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_factor")
 _ROUNDING = 1e-9
-N_SEPARATIONS = 41
-MIN_BACKGROUND_APERTURES = 25.0
-"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-
-
-def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
-    """Return diagonal separations with the aperture in a band's zone, a defined threshold and room for noise."""
-    inner, outer = etc.usable_range_arcsec(model.instrument, band)
-    grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
-    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
-    if grid.size == 0:
-        allowed = "a zone with room for aperture, background and three elements"
-        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
-    return grid
-
-
-@functools.lru_cache(maxsize=64)
-def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
-    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    room = band.annulus_pixels(grid, annulus_lambda_d) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
-    usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
-    usable.flags.writeable = False
-    return usable
 
 
 @dataclass(frozen=True)
@@ -825,7 +800,7 @@ class _Search:
     def grid(self) -> FloatArray:
         """Separations to look at."""
         given = self.separation_arcsec
-        return separation_grid(self.model, self.band) if given is None else np.array([given])
+        return etc.separation_grid(self.model, self.band) if given is None else np.array([given])
 
     @property
     def refusal(self) -> Reason:

@@ -593,8 +593,6 @@ def etc_curves(
     exposure_s, em_gain : float, optional
         What was fixed.
     """
-    from cpic_planner.ranking import separation_grid
-
     fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
     detects = any(answer.question != "signal_to_noise" for answer in answers)
     objective: etc.Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
@@ -602,7 +600,7 @@ def etc_curves(
     drawn = [answer for answer in answers if answer.band == best_band or not several]
     times = _against_time(model, star, drawn, time_s, objective, fixed, several)
     bands = dict.fromkeys(answer.band for answer in answers)
-    ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
+    ends = {band: etc.separation_grid(model, band)[[0, -1]] for band in bands}
     grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
     found = etc.contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
     planets = {

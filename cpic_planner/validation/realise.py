@@ -318,6 +318,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
             realisation=realisation,
             timing=task.timing,
             window="hole" if sums else how.region,
+            scene_model=how.scene_model,
             max_epochs=1 if sums else how.epochs,  # sums draw their own drift
             **visit,
         )

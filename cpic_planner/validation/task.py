@@ -27,7 +27,7 @@ from simulator.config import (
     companion_of,
     validate,
 )
-from simulator.imaging import LARGEST_NM, RMS_ERROR, expands, psf_metrics
+from simulator.imaging import LARGEST_NM, RMS_ERROR, SceneModel, expands, psf_metrics
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.observing import Role
@@ -604,10 +604,13 @@ class Modelling(Choice):
         With the tolerances of what is measured.
     exact : bool
         Whether sums have a transform of each wavefront, and not the expansion of `simulator.imaging.visit_light`.
+    scene_model : {"exact", "paper"}
+        As of `simulator.observe`.
     """
 
     dial: Dial
     exact: bool
+    scene_model: SceneModel = "exact"
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """Return the camera with what is modelled of it."""

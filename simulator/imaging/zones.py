@@ -5,6 +5,7 @@ The zone in which planets are looked for is squares ``a <= |x|, |y| <= b`` in fo
 Whoever asks where a planet may stand asks the zone, and needs not know which it is.
 """
 
+import functools
 import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Literal, TypeAlias, get_args
@@ -301,6 +302,7 @@ ZoneMode: TypeAlias = Literal["4q", "2q", "ring"]
 _ROUNDING, _NEAREST = 1e-10, 1e-3
 
 
+@functools.lru_cache(maxsize=256)
 def zone_from(inner_arcsec: float, outer_arcsec: float, mode: ZoneMode, side: HoleSide) -> Zone:
     """Return the zone of some edges.
 
