@@ -50,12 +50,11 @@ from simulator.imaging import (
     window_of,
     zone_of,
 )
-from simulator.knobs import Knobs, Quantity, resolve_knobs
+from simulator.knobs import Knobs, Quantity, checked_tolerance, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,
     Choice,
     checked_quantities,
-    checked_tolerance,
     effect_ledger,
     observation_choice,
 )
