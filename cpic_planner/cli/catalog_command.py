@@ -6,7 +6,6 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -47,7 +46,7 @@ def info(output: JsonOutput) -> None:
         command.print_json(facts | {"data_folder": str(catalogs.data_dir())} | tables)
         return
     screen = command.console()
-    report.print_plain(screen, facts["vintage"], bold=True)
+    report.print_lines(screen, facts["vintage"], bold=True)
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
     graded = (
@@ -57,7 +56,7 @@ def info(output: JsonOutput) -> None:
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
         "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources.",
@@ -65,22 +64,22 @@ def info(output: JsonOutput) -> None:
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]
-    report.print_plain(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    report.print_lines(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
         f"Controversial, counted: {', '.join(new['controversial'])}.",
     )
-    report.print_plain(screen, *facts["credits"])
+    report.print_lines(screen, *facts["credits"])
     rows = [
         (item.path.name, f"{item.queried_utc:%Y-%m-%d %H:%M} UTC", f"{option} latest" if item is items[0] else "")
         for option, items in stored.items()
         for item in items
     ]
     if not rows:
-        report.print_plain(
+        report.print_lines(
             screen, f"No refreshed table in {catalogs.data_dir()} (cpic catalog refresh makes one).", wraps=False
         )
         return
@@ -130,7 +129,7 @@ def _taken(file: Path, output: ColumnsOutput) -> None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
         command.write_rejects(output.rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    Output(as_json=output.as_json).show(result, partial(report.print_columns, result))
+    Output(as_json=output.as_json).show(result, report.columns_blocks(result))
 
 
 def _possible(as_json: bool) -> None:
@@ -146,7 +145,7 @@ def _possible(as_json: bool) -> None:
         )
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
-    report.print_plain(
+    report.print_lines(
         screen,
         "Upper and lower case, blanks and _ make no difference, but where it is said. Units are those of an ECSV or "
         "VOTable, or are written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet "
@@ -401,9 +400,9 @@ def _show_result(done: Written, screen: Console) -> None:
     if moved:
         columns = ("planet", "element", "shipped", "archive", "combined errors")
         table(screen, "Orbits that moved", columns, map(_moved, moved))
-    report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
+    report.print_lines(screen, *getattr(made, "notes", ()), wraps=False)
     if not done.made.refusal:
-        report.print_plain(screen, f"wrote {command.place_of(done.path)}", wraps=False)
+        report.print_lines(screen, f"wrote {command.place_of(done.path)}", wraps=False)
 
 
 def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 from pydantic import BaseModel
@@ -27,12 +27,12 @@ from cpic_planner.cli.command import (
     print_json,
     refuse_together,
 )
+from cpic_planner.cli.progress import is_verbose
 from cpic_planner.queries.question import asked, asked_changes
 from simulator.config import FrozenModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Console
 
 NOTHING_FOUND = 3
 """Exit status of --strict where there is no answer, or no detection."""
@@ -98,13 +98,14 @@ class Output(JsonOutput):
         """Whether more than a table is printed, for people."""
         return self.written == "table" and not self.brief and not self.names
 
-    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
-        """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
+    def show(self, result: BaseModel, blocks: Iterable[report.Block], found: bool = True) -> None:
+        """Print a result as JSON, or in ``blocks``, or the first table of these in another form.
 
         Parameters
         ----------
         result : BaseModel
-        tables : callable
+        blocks : iterable of Block
+            Made as they are printed.
         found : bool
             Whether there is an answer, and of a planet a detection; without, ``strict`` leaves with `NOTHING_FOUND`.
 
@@ -116,39 +117,47 @@ class Output(JsonOutput):
         if self.written == "json":
             print_json(result)
         elif self.names == ("help",):
-            sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
+            sys.stdout.write(report.offered_text(self._table(blocks, "csv")))
         elif self.written != "table":
-            sys.stdout.write(self.text(self.written, result, tables))
-        elif self.plain:
-            tables(console())
+            sys.stdout.write(self.text(self.written, result, blocks))
+        elif self.names:
+            report.print_table(report.chosen(self._table(blocks, "table"), self.names), console(), chosen=True)
         else:
-            self._taken(tables, "table")
+            shown = _up_to_table(blocks) if self.brief else blocks
+            report.print_blocks(shown, console(), full=is_verbose() and not self.brief)
         if not found and getattr(self, "strict", False):
             raise typer.Exit(NOTHING_FOUND)
 
-    def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
-        """Return the first table that ``tables`` print in a form, with the columns that are asked for.
+    def text(self, form: str, result: BaseModel, blocks: Iterable[report.Block]) -> str:
+        """Return the first table of an answer in a form, with the columns that are asked for.
 
         Raises
         ------
         InputError
             If there is no table.
         """
-        taken, about = self._taken(tables, form), {"caption": self.caption or "", "label": self.label or ""}
-        return report.form_text(form, result, taken, columns=self.names, **about)
+        table, about = self._table(blocks, form), {"caption": self.caption or "", "label": self.label or ""}
+        return report.form_text(form, result, table, columns=self.names, **about)
 
-    def _taken(self, tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], list[Any]]:
-        sheet = report.Sheet(console(), form, self.names if form == "table" else ())
-        tables(cast("Console", sheet))
-        if sheet.taken is None and (self.names or form != "table"):
+    def _table(self, blocks: Iterable[report.Block], form: str) -> report.Table:
+        table = report.first_table(blocks)
+        if table is None:
             option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.names))
             raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
-        return sheet.taken or ("", (), [])
+        return table
 
     def tell_rows(self, rows: int, every: int) -> None:
         """Print on stderr of how many rows a table for other programs has the first ones."""
         if self.written not in ("table", "json") and rows < every:
             note(f"the first {rows} of {every} rows: --limit {every} gives all")
+
+
+def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
+    """Yield blocks up to the first table."""
+    for block in blocks:
+        yield block
+        if isinstance(block, report.Table):
+            return
 
 
 class Drawn(Output):

@@ -44,7 +44,7 @@ def _show_values(output: Output, layout: str, name: str, changes: Sequence[str],
     one, two = changed_instrument(name, changes), changed_instrument(other, ()) if other else None
     title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
     result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
-    output.show(result, partial(report.print_instrument, result, layout))
+    output.show(result, report.instrument_blocks(result, layout))
 
 
 def show(output: InstrumentOutput) -> None:
@@ -180,7 +180,7 @@ def check(output: CheckOutput) -> None:
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    Output(as_json=output.as_json).show(result, partial(report.print_check, result))
+    Output(as_json=output.as_json).show(result, report.check_blocks(result))
     if errors or (output.strict and findings):
         raise typer.Exit(1)
 

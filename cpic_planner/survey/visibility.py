@@ -288,7 +288,7 @@ def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: f
     before = _flank(from_limb * (ahead - aside) + constant, step)[::-1, [0, 2, 1, 3, 4]]  # from the other side
     behind = _flank(from_limb * (ahead + aside) + constant, step)
     middle, hidden = np.tile(2.0 * core, (5, 1)), np.zeros((5, core.size))
-    hidden[4] = 2.0 * (math.pi - outer)
+    hidden[4] = 2 * (math.pi - outer)
     return functools.reduce(_joined, (*before, middle, *behind, hidden))
 
 
