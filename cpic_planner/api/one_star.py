@@ -17,7 +17,7 @@ import numpy as np
 from catalogs import Catalogue, open_catalogue, resolve_star
 from cpic_core import Advance, FloatArray, InputError, untold
 from cpic_planner import etc, report
-from cpic_planner.api.functions import catalogue_of, model_of, stars_named, takes
+from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named, takes
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
@@ -155,14 +155,16 @@ def star_or_planet(question: EtcQuestion, name: str, catalogue: Catalogue) -> tu
     InputError
         For a name that is neither, and for a known planet together with what it sets.
     """
-    about: dict[str, Any] = {"companions": question.companions, "catalog": catalogue}
-    about["date_utc"] = observed_utc(question)
-    planet = None
+    date_utc, planet = observed_utc(question), None
     try:
         resolve_star(name, catalogue.table)
     except InputError as error:
         planet = planet_of_name(_choice(question), name, error)
-    star, remark = find_target(name if planet is None else planet.star, **about)
+    called_star, companions = name if planet is None else planet.star, question.companions
+    if catalogue.kind == "snapshot" and question.catalog == "snapshot" and question.v_mag is None:
+        star, remark = shipped_star(called_star, companions, date_utc)
+    else:
+        star, remark = find_target(called_star, companions=companions, catalog=catalogue, date_utc=date_utc)
     if planet is None:
         return star, remark, None
     for field in (*_PLACE, "planet.radius_rjup", "planet.phase_deg"):

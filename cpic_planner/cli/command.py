@@ -396,7 +396,7 @@ def add(app: Commands, name: str, run: Callable[..., None], question: str = "", 
     app : Commands
     name : str
     run : callable
-        As of `command`.
+        As of `command_of`.
     question : str
         Where its question is, as ``package.module:Model``; empty where it has none.
     *more : str
@@ -417,7 +417,7 @@ def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
     Parameters
     ----------
     run : callable
-        As of `command`.
+        As of `command_of`.
     name : str
         Where its question is, as ``package.module:Model``; empty where it has none.
     """
@@ -430,21 +430,6 @@ def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
             return super().make_context(info_name, asked, parent, **extra)
 
     return Late
-
-
-@functools.cache
-def command_of(run: Callable[..., None], model: Any) -> Any:
-    """Return the command that asks a question and hands it to a function; the same one each time.
-
-    Parameters
-    ----------
-    run : callable
-        As of `late`.
-    model : type of Question
-    """
-    app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(command(run, model))
-    return typer.main.get_command(app)
 
 
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
@@ -469,8 +454,9 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     return arguments
 
 
-def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
-    """Return a function with the options of a command in the place of what they are put together to.
+@functools.cache
+def command_of(run: Callable[..., None], model: Any = None) -> Any:
+    """Return the command whose options are put together to the parameters of a function; the same one each time.
 
     Parameters
     ----------
@@ -514,7 +500,9 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
     called.__name__, called.__doc__ = run.__name__, run.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return called
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command()(called)
+    return typer.main.get_command(app)
 
 
 @functools.cache

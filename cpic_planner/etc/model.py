@@ -466,6 +466,10 @@ class EtcModel:
 
     def content(self) -> dict[str, Any]:
         """Return everything of the model that decides a number, for content hashes; files by what is in them."""
+        return self._content
+
+    @functools.cached_property
+    def _content(self) -> dict[str, Any]:
         files = {
             name: digest_of(band.transmission_file)
             for name, band in self.instrument.bands.items()

@@ -22,7 +22,7 @@ from cpic_planner.ranking.optimiser import (
     detection_statuses,
     finite,
     limits_of,
-    optimise,
+    quickest,
     setting_fields,
     tier_of,
 )
@@ -259,28 +259,20 @@ def ranked(
         raise InputError("targets", len(targets), allowed="at least one star")
     by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, brief=brief) for band in bands)
     best = best_of(by_band)
-    quickest = np.full((2, len(targets)), np.nan)
+    least = np.full((2, len(targets)), np.nan)
     if not brief or chosen.timed:
         floors = np.stack([item.floor_margin / item.needed_margin for item in by_band])
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
-        quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan
+        least[:, near] = quickest(model, targets.select(near), planet, bands) if near.any() else np.nan
         # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
-        found = np.isfinite(quickest[0])
+        found = np.isfinite(least[0])
         moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
         best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
     pairs = zip(bands, by_band, strict=True)
     counted = tuple(counts.completeness(model, band, item, brief=brief) for band, item in pairs)
-    numbers = _numbers(best, by_band, quickest[0], counted)
+    numbers = _numbers(best, by_band, least[0], counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
-    return Ranked(
-        setting, best, by_band, quickest[0], quickest[1], counted, picked, np.asarray(chosen.value(numbers), float)
-    )
-
-
-def _quickest(setting: RankSetting, targets: Targets) -> FloatArray:
-    """Return the least time of a detection of the reference planet, and the visits of that; NaN for none."""
-    best = optimise(setting.model, targets, detect=True, planet=setting.planet, bands=setting.bands)
-    return np.where(best.n_frames >= 1, np.stack([best.time_s, best.visits]), np.nan)
+    return Ranked(setting, best, by_band, least[0], least[1], counted, picked, np.asarray(chosen.value(numbers), float))
 
 
 def _numbers(
