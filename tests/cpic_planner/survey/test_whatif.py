@@ -199,6 +199,10 @@ def test_the_hash_tells_what_decides_results(ground, small, change):
     strategy, universe = CHANGES[change]
     digest = digest_of(small(), ground)
     assert digest_of(small(strategy, universe=universe), ground) != digest
+
+
+def test_the_hash_of_the_same_is_the_same_and_counts_images(ground, small):
+    digest = digest_of(small(), ground)
     assert digest_of(small(), read_ground(small())) == digest
     assert digest_of(small(), ground, 3) != digest
 
