@@ -322,6 +322,7 @@ def test_found_over_expected():
     assert (none.images, none.correction, none.low) == (0, None, None)
 
 
+@pytest.mark.long
 def test_a_planet_in_a_corner_is_measured_too(plain, detections, monkeypatch):
     """In the inner corner of the hole the ETC sees it, and the three other corners tell the noise of the images."""
     survey = plain.surveys[0]
