@@ -154,10 +154,6 @@ class Catalogue:
         What its stars are, in words: "every FGK star of the snapshot with parallax >= 25 mas".
     notes : tuple of str
         Remarks on the reading, for the person who asked.
-    uses : tuple of Use
-        What each column of a user's file was taken for.
-    left_out : tuple of LeftOut
-        Rows and cells of it that were not used.
     """
 
     table: StarTable
@@ -165,8 +161,6 @@ class Catalogue:
     provenance: str
     sample: str
     notes: tuple[str, ...] = ()
-    uses: tuple[Use, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def ranked_v_mag(self) -> float | None:
@@ -293,7 +287,7 @@ def _from_file(path: str | Path, strict: bool) -> Catalogue:
     tell(*made.notes)
     stars = f"{len(made.table)} star{'s' * (len(made.table) != 1)}"
     origin, sample = f"{_USER_TABLE} of {stars} ({digest}{raw.shortened})", f"every star of {file.name}{raw.shortened}"
-    return Catalogue(kind="file", provenance=origin, sample=sample, **vars(made))
+    return Catalogue(made.table, "file", origin, sample, made.notes)
 
 
 def _elsewhere(service: str) -> str:
@@ -401,5 +395,5 @@ def _reading(raw: RawTable, kind: TableKind, *, strict: bool) -> TableReading:
         made = user_table(raw, strict=strict)
         return TableReading(kind, raw.name, len(raw), len(made.table), made.uses, made.left_out, made.notes)
     _, given = own_rows(raw, strict=strict)
-    notes = given.notes + given.remarks()
-    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, tuple(given.left_out), notes)
+    left_out = tuple(given.left_out)
+    return TableReading(kind, raw.name, len(raw), len(given.rows), given.uses, left_out, given.remarks())

@@ -33,8 +33,8 @@ from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, host_of_planet, star_name_of
 from catalogs.shipped import shipped_digest, shipped_rows, shipped_words
 from catalogs.stars import FrozenTable
-from catalogs.table_cells import Columns, Row, Rows, Use, columns_of, heading, read_rows
-from catalogs.table_files import ROW_OUT, LeftOut, RawTable, TableBytes, parse_table, read_bytes
+from catalogs.table_cells import Columns, Row, Rows, columns_of, heading, read_rows
+from catalogs.table_files import ROW_OUT, RawTable, TableBytes, parse_table, read_bytes
 from catalogs.user_tables import is_strict, keep, tell
 from cpic_core import ArrayLike, InputError, NDArray, check_flag, listed
 
@@ -190,10 +190,6 @@ class KnownPlanetTable(FrozenTable):
         Whether candidates are counted as well.
     unused : tuple of str
         Headings of a user's file that were not used; its planets have the flag ``columns_not_used``.
-    uses : tuple of Use
-        What each column of a user's file was taken for.
-    left_out : tuple of LeftOut
-        Rows and cells of it that were not used.
     """
 
     label: str
@@ -202,8 +198,6 @@ class KnownPlanetTable(FrozenTable):
     solutions: Mapping[str, "KnownPlanetTable"] = field(default_factory=dict)
     candidates: bool = False
     unused: tuple[str, ...] = ()
-    uses: tuple[Use, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
 
     def number(self, name: str) -> NDArray[np.float64]:
         """Return a column of numbers (read-only)."""
@@ -415,14 +409,14 @@ def _with_file(base: str, name: str, strict: bool) -> KnownPlanetTable:
     )
     about += f", {left} rows left out" if left else ""
     about += f", columns not used: {listed(given.unused)}" if given.unused else ""
-    notes = given.notes + given.remarks()
+    notes = given.remarks()
     if table is not None:
         about = f"{about} over {table.provenance}"
         notes += (_overlay_note(below, own, file.name),)
     rows = _laid_over(below, own)
     made = _table(rows, file.name, about, notes)
     tell(*notes)
-    return replace(made, unused=given.unused, uses=given.uses, left_out=tuple(given.left_out))
+    return replace(made, unused=given.unused)
 
 
 def split_source(source: str | Path) -> tuple[str, str]:

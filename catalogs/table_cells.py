@@ -422,21 +422,6 @@ def _joined(
     return np.where(broken, np.nan, angle)
 
 
-class Synonym(NamedTuple):
-    """A name by which one source calls a quantity.
-
-    ``heading`` is reduced as by `heading`, and meant as it is written where it has a capital letter; ``unit`` is what
-    the source means where its file names none; ``convention`` is a word of `CONVENTIONS`, ``""`` for none; ``beside``
-    is another heading without which a file is not of that source, ``""`` if the heading says enough.
-    """
-
-    heading: str
-    unit: str = ""
-    convention: str = ""
-    source: str = ""
-    beside: str = ""
-
-
 CONVENTIONS = shipped_words("conventions")
 """Conventions of sources on what a number means, beyond its unit."""
 _SPEED_OF_LIGHT_KM_S = 299792.458
@@ -517,14 +502,36 @@ def _plain(text: str) -> str:
 
 
 class Meaning(NamedTuple):
-    """The meaning of a heading: a column, the unit that it names or its source implies, and the source's convention."""
+    """The meaning of a heading of a file, or of one by which a source calls a quantity.
 
-    column: Column | None
+    Attributes
+    ----------
+    column : Column or None
+        What it is; None if it is not known.
+    unit : str
+        That it names, or that its source means where the file names none.
+    convention : str
+        A word of `CONVENTIONS`, ``""`` for none.
+    rank : int
+        Place among the names of the quantity; the first are preferred.
+    beside : str
+        Another heading without which a file is not of that source, ``""`` if the heading says enough.
+    stated : bool
+        Whether the heading itself names the unit.
+    heading : str
+        Reduced as by the function `heading`, and meant as it is written where it has a capital letter.
+    source : str
+        Whose word it is.
+    """
+
+    column: "Column | None"
     unit: str = ""
     convention: str = ""
     rank: int = 0
     beside: str = ""
     stated: bool = False
+    heading: str = ""
+    source: str = ""
 
 
 class Columns(dict[str, Column]):
@@ -548,14 +555,14 @@ class Columns(dict[str, Column]):
         found: dict[str, list[Meaning]] = {heading(name): [Meaning(column)] for name, column in self.items()}
         for column in self.values():
             for rank, form in enumerate(self.synonyms_of(column.name), start=1):
-                meant = Meaning(column, form.unit, form.convention, rank, form.beside)
+                meant = form._replace(column=column, rank=rank)
                 found.setdefault(form.heading, []).insert(0 if form.beside else 99, meant)
         return found
 
-    def synonyms_of(self, name: str) -> Sequence[Synonym]:
+    def synonyms_of(self, name: str) -> Sequence[Meaning]:
         """Return what else people call a column, and whose word each is; of ``""`` what is known to be none of ours."""
         own = self[name].aliases.split() if name else ()
-        return [*map(Synonym, own), *synonyms_of(self._table).get(name, ())]
+        return [*(Meaning(None, heading=form) for form in own), *synonyms_of(self._table).get(name, ())]
 
     def meant_by(self, text: str, others: Collection[str] = ()) -> Meaning:
         """Return what a heading means, and the unit written in it (``plx [mas]``); a column of None if unknown.
@@ -611,21 +618,22 @@ def columns_of(table: str, *, only: str = "", without: str = "") -> tuple[Column
 
 
 @functools.cache
-def synonyms_of(table: str) -> Mapping[str, Sequence[Synonym]]:
+def synonyms_of(table: str) -> Mapping[str, Sequence[Meaning]]:
     """Return the synonyms of the quantities of a kind of table, as ``data/headings.csv`` has them, in its order.
 
     Parameters
     ----------
     table : {"stars", "planets"}
     """
-    found: dict[str, list[Synonym]] = {}
+    found: dict[str, list[Meaning]] = {}
     for row in shipped_rows("headings.csv"):
         if row["table"] == table:
             words = row["convention"].split()
             beside = next((heading(word[7:]) for word in words if word.startswith("beside:")), "")
             convention = next((word for word in words if not word.startswith("beside:")), "")
+            said = Meaning(None, row["unit"], convention, beside=beside, source=row["source"])
             found.setdefault(row["quantity"], []).extend(
-                Synonym(form, row["unit"], convention, row["source"], beside) for form in row["headings"].split()
+                said._replace(heading=form) for form in row["headings"].split()
             )
     return found
 
@@ -672,47 +680,54 @@ class Use:
     why: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rows:
-    """The rows of a table whose columns were understood.
+    """The rows of a table whose columns were understood; made by `read_rows`.
 
     Parameters
     ----------
-    label : str
-        Name of the file.
+    raw : RawTable
+        The file.
     columns : Columns
         What the table may have.
-    headings : dict of str to str
-        What the file calls each column that it has.
-    rows : list of Row
-        Those that can be used.
     about : str
         Name of the column that says what a row is about.
-    notes : tuple of str
-        Remarks on the reading.
-    unused : tuple of str
-        Headings of the file that were not used.
-    numbers : list of int
-        Number of each row in the file, from 1.
-    uses : tuple of Use
-        What each column of the file is taken for.
-    left_out : list of LeftOut
-        Rows and cells that were not used.
     strict : bool
         Whether the first thing that cannot be used refuses the table.
+    headings : dict of str to str
+        What the file calls each column that it has.
+    uses : tuple of Use
+        What each column of the file is taken for.
+    notes : list of str
+        Remarks on the reading of its columns.
+    rows : list of Row
+        Those that can be used.
+    numbers : list of int
+        Number of each row in the file, from 1.
+    left_out : list of LeftOut
+        Rows and cells that were not used.
     """
 
-    label: str
+    raw: RawTable
     columns: Columns
-    headings: dict[str, str]
-    rows: list[Row]
     about: str
-    notes: tuple[str, ...]
-    unused: tuple[str, ...] = ()
+    strict: bool
+    headings: dict[str, str]
+    uses: tuple[Use, ...]
+    notes: list[str]
+    rows: list[Row] = field(default_factory=list)
     numbers: list[int] = field(default_factory=list)
-    uses: tuple[Use, ...] = ()
     left_out: list[LeftOut] = field(default_factory=list)
-    strict: bool = True
+
+    @property
+    def label(self) -> str:
+        """Name of the file."""
+        return self.raw.name
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Headings of the file that were not used."""
+        return tuple(use.heading for use in self.uses if not use.quantity)
 
     def __iter__(self) -> Iterator[tuple[str, Row]]:
         """Return each row after the words by which messages name it."""
@@ -766,8 +781,8 @@ class Rows:
         return InputError(key, item.value, allowed=item.why.removeprefix("allowed: "))
 
     def remarks(self) -> tuple[str, ...]:
-        """Return remarks on what was left out: how many rows, for which reasons, and the first of each reason."""
-        found = []
+        """Return remarks on the reading: on columns, how many rows are left out by which reasons, the first of each."""
+        found = list(self.notes)
         for done, thing in ((ROW_OUT, "row"), (CELL_OUT, "cell")):
             items = [item for item in self.left_out if item.done == done]
             number = len({item.row for item in items}) if done == ROW_OUT else len(items)
@@ -910,12 +925,12 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
         unit is not understood, or a cell is not what its column holds.
     """
     chosen, uses = _chosen(raw, columns, strict)
-    unused = tuple(use.heading for use in uses if not use.quantity)
-    notes = raw.notes + ((f"{raw.name}: columns not used: {listed(unused)}",) if unused else ())
     headings = {name: found[0][0].heading for name, found in chosen.items()}
-    given = Rows(raw.name, columns, headings, [], about, notes, unused, [], uses, [], strict)
+    given = Rows(raw, columns, about, strict, headings, uses, list(raw.notes))
     given.refuse_lacking(required)
-    reading = _Reading(raw, strict, given.left_out)
+    if given.unused:
+        given.notes.append(f"{raw.name}: columns not used: {listed(given.unused)}")
+    reading = _Reading(given)
     place = chosen["ra_deg"][0][1].convention if "ra_deg" in chosen else ""
     others = [name for group in required[:2] for name in group if columns[name].kind in ("text", "int")]
     numbered = chosen[about][0][0] if about in chosen and columns[about].kind != "text" else None
@@ -941,7 +956,7 @@ def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str, 
     if epoch := re.fullmatch(r"j(\d+(?:\.\d+)?)", place):
         for row in given.rows:
             row.setdefault("epoch_yr", float(epoch[1]))
-    return replace(given, notes=notes + tuple(reading.notes))
+    return given
 
 
 _Chosen = dict[str, list[tuple[RawColumn, Meaning]]]
@@ -997,12 +1012,10 @@ def _chosen(raw: RawTable, columns: Columns, strict: bool) -> tuple[_Chosen, tup
 class _Reading:
     """The cells of a file's columns, in the units of ours and checked; what is not accepted goes on a list."""
 
-    def __init__(self, raw: RawTable, strict: bool, left: list[LeftOut]) -> None:
-        self.raw, self.strict, self.left = raw, strict, left
-        self.numbers = raw.numbers
+    def __init__(self, given: Rows) -> None:
+        self.given, self.numbers = given, given.raw.numbers
         self.kept: NDArray[np.bool_] | slice = slice(None)
-        self.names: list[Any] = [None] * len(raw)
-        self.notes: list[str] = []
+        self.names: list[Any] = [None] * len(given.raw)
 
     def keep_default_rows(
         self, column: Column, found: list[tuple[RawColumn, Meaning]], names: Sequence[Hashable]
@@ -1015,7 +1028,7 @@ class _Reading:
         self.kept, self.numbers = kept, self.numbers[kept]
         if dropped := int(np.count_nonzero(~kept)):
             what = f"{dropped} row{'s are' if dropped > 1 else ' is'} not the default solution of a planet"
-            self.notes.append(f"{self.raw.name}: {what}: not read")
+            self.given.notes.append(f"{self.given.label}: {what}: not read")
         return kept
 
     def merged(self, column: Column, found: list[tuple[RawColumn, Meaning]]) -> list[Any]:
@@ -1031,8 +1044,8 @@ class _Reading:
         for others, (given, _) in read[1:]:
             odd = 0 if column.kind == "text" or column.aside else sum(map(_differ, values, others))
             if odd:
-                other = f"{given.heading} differs in {odd} row{'s' * (odd > 1)}"
-                self.notes.append(f"{self.raw.name}: {column.name} is that of {first.heading}, from which {other}")
+                same = f"{self.given.label}: {column.name} is that of {first.heading}, from which"
+                self.given.notes.append(f"{same} {given.heading} differs in {odd} row{'s' * (odd > 1)}")
             values = [other if value is None else value for value, other in zip(values, others, strict=True)]
         for given in limits:
             said = self.cells(given)
@@ -1076,14 +1089,14 @@ class _Reading:
         name = self.names[place]
         unit = (unit or column.unit) if column.kind in ("float", "whole") else ""
         hint = "write a decimal point" if isinstance(cell, str) and "," in cell else _FILL if fill else ""
-        if self.strict:
+        if self.given.strict:
             who = "" if name is None else f" ({name})"
             hint += ": leave the cell empty" if fill else ""
-            key = f"{self.raw.name} row {number}{who} column {heading_}"
+            key = f"{self.given.label} row {number}{who} column {heading_}"
             raise InputError(key, str(cell)[:_SHOWN], unit=unit, allowed=column.allowed, hint=hint)
         why = "; ".join(filter(None, (f"allowed: {column.allowed}", hint)))
         done = ROW_OUT if column.vital and not fill else CELL_OUT
-        self.left.append(LeftOut(number, name or "", heading_, f"{cell} {unit}".strip()[:_SHOWN], why, done))
+        self.given.left_out.append(LeftOut(number, name or "", heading_, f"{cell} {unit}".strip()[:_SHOWN], why, done))
 
 
 def _read_numbers(

@@ -192,7 +192,7 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
     _place_on_the_ecliptic(given.rows)
     given.make(lambda where, row: _filled(row, where, raw.name))
     table = _table(given.rows, raw.name, _own(raw, given))
-    notes = given.notes + given.remarks() + _companions_left_out(table)
+    notes = given.remarks() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
 
 

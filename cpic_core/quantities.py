@@ -307,8 +307,8 @@ def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None
         raise InputError(key, value, unit=unit, allowed=allowed)
 
 
-def check_positive(key: str, value: float, unit: str = "", most: float = math.inf) -> None:
-    """Refuse a number that is not finite and above 0, or exceeds the most that it may be.
+def check_positive(key: str, value: float, unit: str = "") -> None:
+    """Refuse a number that is not finite and above 0.
 
     Parameters
     ----------
@@ -317,8 +317,5 @@ def check_positive(key: str, value: float, unit: str = "", most: float = math.in
     value : float
     unit : str, optional
         Unit of the value.
-    most : float, optional
-        Largest value allowed.
     """
-    allowed = "finite and above 0" + (f", at most {most:g}" if math.isfinite(most) else "")
-    require(key, value, math.isfinite(value) and 0 < value <= most, unit, allowed)
+    require(key, value, math.isfinite(value) and value > 0, unit, "finite and above 0")

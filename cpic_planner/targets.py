@@ -28,7 +28,7 @@ OLD_YR = 10.0
 _DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "companion_pa_deg": 4}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Targets:
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 

@@ -1,10 +1,12 @@
 """Fidelity knobs: every setting that trades speed for accuracy, in one frozen object.
 
-Albedos that depend on how strongly the star shines on the planet.
+Albedos that depend on how strongly the star shines on the planet, and the models around a point of their grids.
 """
 
+import itertools
+import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, cast, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field
@@ -85,6 +87,20 @@ TOLERANCES: dict[Fidelity, dict[Quantity, float]] = {
 MAX_TOLERANCE = 0.5
 
 
+def checked_tolerance(tolerance: Any) -> float:
+    """Return a tolerance from 0 to 0.5.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    value = check_number("tolerance", tolerance)
+    if not 0.0 <= value <= MAX_TOLERANCE:
+        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
+    return value
+
+
 class Dial(FrozenModel):
     """One setting of speed against accuracy; made by `dial_of`.
 
@@ -128,9 +144,7 @@ def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial
         return Dial(fidelity=tier, tolerance=TOLERANCES[tier], knobs=knobs)
     if fidelity is not None:
         raise InputError("tolerance", tolerance, allowed="without fidelity", hint="they are two names of one dial")
-    if not 0 <= check_number("tolerance", tolerance) <= MAX_TOLERANCE:
-        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
-    if tolerance == 0:
+    if checked_tolerance(tolerance) == 0:
         return Dial(fidelity="reference", tolerance=TOLERANCES["reference"], knobs=FIDELITIES["reference"])
     return Dial(fidelity="custom", tolerance=dict.fromkeys(QUANTITIES, float(tolerance)), knobs=None)
 
@@ -187,3 +201,55 @@ def _positive(insolation_au: ArrayLike) -> np.ndarray:
         bad = float(distance[~good].flat[0])
         raise InputError("insolation_au", bad, unit="au", allowed="a finite distance above 0")
     return distance
+
+
+# A logarithm that went through a text file or a power of ten is still the node it was.
+_SAME = 1e-9
+
+
+def model_corners(
+    fsed: np.ndarray, metals_log10: np.ndarray, log10_mh: float, log10_fsed: float | None, models: str
+) -> list[tuple[int, int, float]]:
+    """Return the nodes (f_sed, metallicity) around a point and their weights, linear over both logarithms.
+
+    Parameters
+    ----------
+    fsed, metals_log10 : ndarray
+        Increasing nodes; f_sed 0 is cloud-free.
+    log10_mh : float
+        Metallicity.
+    log10_fsed : float or None
+        Sedimentation efficiency, None for a cloud-free planet; above the last node, that.
+    models : str
+        Whose nodes they are, for refusals.
+
+    Raises
+    ------
+    InputError
+        For a point beyond the nodes.
+    """
+    metals = _bracket("log10_mh", metals_log10, log10_mh, f"the models of {models}")
+    free = int(np.count_nonzero(fsed == 0.0))
+    if log10_fsed is None:
+        if not free:
+            raise InputError("log10_fsed", None, allowed=f"a number: {models} has no cloud-free models")
+        clouds = [(0, 1.0)]
+    else:
+        if fsed.size == free:
+            raise InputError("log10_fsed", log10_fsed, allowed=f"null: {models} has no cloudy models")
+        nodes = np.log10(fsed[free:])
+        words = f"the models of {models}, or null for a cloud-free planet"
+        found = _bracket("log10_fsed", nodes, min(log10_fsed, float(nodes[-1])), words)
+        clouds = [(index + free, weight) for index, weight in found]
+    return [(fsed, metal, a * b) for (fsed, a), (metal, b) in itertools.product(clouds, metals)]
+
+
+def _bracket(name: str, nodes: np.ndarray, value: float, words: str) -> list[tuple[int, float]]:
+    """Return the neighbouring nodes of a value and their weights; a node alone where the value is one."""
+    near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
+    if near.size:
+        return [(int(near[0]), 1.0)]
+    if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
+        raise InputError(name, value, allowed=f"{nodes[0]:.4g} to {nodes[-1]:.4g}, {words}")
+    ends, weights = bracket(nodes, value)
+    return list(zip(ends.tolist(), weights.tolist(), strict=True))

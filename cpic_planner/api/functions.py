@@ -44,15 +44,25 @@ def stars_named(question: Any) -> list[Targets]:
     """Return each star that a question names as a target of its own."""
     date_utc, companions = queries.observed_utc(question), question.companions
     if question.catalog == "snapshot" and getattr(question, "v_mag", None) is None:
-        return [_shipped_star(name, companions, date_utc) for name in question.target]
+        return [shipped_star(name, companions, date_utc)[0] for name in question.target]
     catalog = catalogue_of(question)
     return [find_target(name, catalog=catalog, companions=companions, date_utc=date_utc)[0] for name in question.target]
 
 
 @functools.lru_cache(maxsize=256)
-def _shipped_star(name: str, companions: Literal["on", "off"], date_utc: str | None) -> Targets:
-    """Return the star of the shipped catalogue, which no file of the user's can change."""
-    return find_target(name, companions=companions, date_utc=date_utc)[0]
+def shipped_star(name: str, companions: Literal["on", "off"], date_utc: str | None) -> tuple[Targets, str]:
+    """Return a star of the shipped catalogue, which no file of the user's can change, as `find_target` does.
+
+    Parameters
+    ----------
+    name : str
+        Any name of the star.
+    companions : {"on", "off"}
+        Whether the light of companions counts.
+    date_utc : str or None
+        Of the places.
+    """
+    return find_target(name, companions=companions, date_utc=date_utc)
 
 
 R = TypeVar("R")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -17,18 +17,16 @@ import numpy as np
 from catalogs import Catalogue, open_catalogue, resolve_star
 from cpic_core import Advance, FloatArray, InputError, untold
 from cpic_planner import etc, report
-from cpic_planner.api.functions import catalogue_of, model_of, stars_named, takes
+from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named, takes
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
-from cpic_planner.ranking import separation_grid
 from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
 from cpic_planner.targets import Targets, find_target
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-    from rich.console import Console
 
     from cpic_planner.planets import Planets
     from cpic_planner.ranking import KnownChoice
@@ -157,14 +155,16 @@ def star_or_planet(question: EtcQuestion, name: str, catalogue: Catalogue) -> tu
     InputError
         For a name that is neither, and for a known planet together with what it sets.
     """
-    about: dict[str, Any] = {"companions": question.companions, "catalog": catalogue}
-    about["date_utc"] = observed_utc(question)
-    planet = None
+    date_utc, planet = observed_utc(question), None
     try:
         resolve_star(name, catalogue.table)
     except InputError as error:
         planet = planet_of_name(_choice(question), name, error)
-    star, remark = find_target(name if planet is None else planet.star, **about)
+    called_star, companions = name if planet is None else planet.star, question.companions
+    if catalogue.kind == "snapshot" and question.catalog == "snapshot" and question.v_mag is None:
+        star, remark = shipped_star(called_star, companions, date_utc)
+    else:
+        star, remark = find_target(called_star, companions=companions, catalog=catalogue, date_utc=date_utc)
     if planet is None:
         return star, remark, None
     for field in (*_PLACE, "planet.radius_rjup", "planet.phase_deg"):
@@ -323,7 +323,7 @@ def best_places(
     dict of str to list of float
         By band.
     """
-    grids = {band: separation_grid(model, band) for band in bands}
+    grids = {band: etc.separation_grid(model, band) for band in bands}
     most = max(len(grid) for grid in grids.values())
     grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
     how = {name: getattr(question, name) for name in ("exposure_s", "em_gain", "snr", "sigma")}
@@ -349,7 +349,8 @@ def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> Float
     if question.visit_time_s is not None:
         time_s = cases.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
-        visits = cases.quickest() if given is None else fixed
+        # Modes change the best number of visits less than the time that it takes.
+        visits = cases.by_mean.quickest() if given is None else fixed
         time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
     cost = np.where(cases.possible, time_s, np.inf)
     answered = np.isfinite(cost).any(axis=(1, 2), keepdims=True)
@@ -597,12 +598,10 @@ class Answered:
         rows = self.result.answers
         return any(row.status == "ok" if row.verdict is None else row.verdict == "detected" for row in rows)
 
-    def print(self, console: Console, *, every_budget: bool = False, explain: bool = False) -> None:
-        """Print the answer, see `cpic_planner.report.print_etc`."""
-        asked = report.question_text(self.question)
-        about: dict[str, Any] = {"asked": asked, "placed": self.placed}
-        report.print_etc(self.result, console, every_budget=every_budget, explain=explain, **about)
-        report.print_fidelity(self.result, console)
+    def blocks(self, *, every_budget: bool = False, explain: bool = False) -> Iterator[report.Block]:
+        """Return the answer as a document, see `cpic_planner.report.etc_blocks`."""
+        about: dict[str, Any] = {"asked": report.question_text(self.question), "placed": self.placed}
+        return report.etc_blocks(self.result, every_budget=every_budget, explain=explain, **about)
 
     def figure(self) -> Figure:
         """Draw SNR against time, the contrast limit against separation, and the noise budgets."""

@@ -246,14 +246,7 @@ def confirm_targets(question: queries.StarImagesQuestion) -> list[results.Confir
     """
     from cpic_planner.confirm import confirm_stars
 
-    return confirm_stars(
-        model_of(question),
-        stars_named(question),
-        time_s=question.time_s,
-        planet=question.planet,
-        workers=question.workers,
-        **question.image_settings,
-    )
+    return confirm_stars(question, model_of(question), stars_named(question))
 
 
 @takes(queries.ConfirmQuestion, first=("scene",))

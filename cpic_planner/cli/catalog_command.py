@@ -6,11 +6,8 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from enum import StrEnum
-from functools import partial
-from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -26,6 +23,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from cpic_planner.cli.output import ColumnsOutput, JsonOutput, RefreshOutput
 
 HELP = "Show the tables of stars and planets that ship with the package, and fetch fresh ones from their archives."
 
@@ -34,28 +32,21 @@ _SHOWN = 6
 _REFRESHED: dict[str, Literal["simbad", "archive"]] = {"--catalog": "simbad", "--known-planets": "archive"}
 
 
-class TableKind(StrEnum):
-    """Kinds of tables of a user's own."""
-
-    STARS = "stars"
-    PLANETS = "planets"
-
-
-def info(as_json: command.JsonOption = False) -> None:
+def info(output: JsonOutput) -> None:
     """Show the tables: the snapshot's vintage, counts, sources and licences, and refreshed ones of stars and planets.
 
     Example: cpic catalog info
     """
     facts = catalogs.catalogue_info()
     stored = {option: catalogs.stored_tables(kind) for option, kind in _REFRESHED.items()}
-    if as_json:
+    if output.as_json:
         stars, planets = ([_about(item) for item in items] for items in stored.values())
         newest = [items[0]["file"] if items else None for items in (stars, planets)]
         tables = {"refreshed": stars, "latest": newest[0], "refreshed_planets": planets, "latest_planets": newest[1]}
         command.print_json(facts | {"data_folder": str(catalogs.data_dir())} | tables)
         return
     screen = command.console()
-    report.print_plain(screen, facts["vintage"], bold=True)
+    report.print_lines(screen, facts["vintage"], bold=True)
     table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in facts["counts"]))
     grades = Counter(row["grade"] for row in facts["binary_orbits"])
     graded = (
@@ -65,7 +56,7 @@ def info(as_json: command.JsonOption = False) -> None:
     heads = ("grade of the orbit", "pairs", "error of a place (arcsec)")
     table(screen, "Companions that follow their orbits (--json lists them; --catalog simbad_2012: none)", heads, graded)
     published = facts["published_parameters"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Temperatures of {len({row['star'] for row in published})} stars are medians of {len(published)} published "
         "values (--catalog simbad_2012: without them); cpic catalog info --json lists them with their sources.",
@@ -73,22 +64,22 @@ def info(as_json: command.JsonOption = False) -> None:
     files = ((row["file"], row["packages"], row["licence"]) for row in facts["files"])
     table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = facts["known_planets"]
-    report.print_plain(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    report.print_lines(screen, f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     new = planets["updates"]
-    report.print_plain(
+    report.print_lines(
         screen,
         f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
         f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
         f"Controversial, counted: {', '.join(new['controversial'])}.",
     )
-    report.print_plain(screen, *facts["credits"])
+    report.print_lines(screen, *facts["credits"])
     rows = [
         (item.path.name, f"{item.queried_utc:%Y-%m-%d %H:%M} UTC", f"{option} latest" if item is items[0] else "")
         for option, items in stored.items()
         for item in items
     ]
     if not rows:
-        report.print_plain(
+        report.print_lines(
             screen, f"No refreshed table in {catalogs.data_dir()} (cpic catalog refresh makes one).", wraps=False
         )
         return
@@ -100,20 +91,7 @@ def _about(item: catalogs.StoredTable) -> dict[str, Any]:
     return {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": size}
 
 
-def columns(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="A table of your own, of stars or of planets.")
-    ] = None,
-    taken_as: Annotated[
-        TableKind | None,
-        typer.Option("--as", help="Take FILE as a table of this kind [default: each kind that it can be]."),
-    ] = None,
-    rejects: command.RejectsOption = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse FILE for the first row or cell that cannot be used.")
-    ] = False,
-    as_json: command.JsonOption = False,
-) -> None:
+def columns(output: ColumnsOutput) -> None:
     """Show which columns a table of your own may have, or what the columns of a FILE are taken for.
 
     Without a file: the columns of a table of stars (--catalog FILE of other commands) and of planets (--known-planets
@@ -130,27 +108,28 @@ def columns(
 
       cpic catalog columns my_planets.csv --as planets --json
     """
-    if file is not None:
-        _taken(file, taken_as, rejects, strict, as_json)
+    if output.file is not None:
+        _taken(output.file, output)
         return
-    for option, value in (("--as", taken_as), ("--rejects", rejects), ("--strict", strict or None)):
+    given = {"--as": output.taken_as, "--rejects": output.rejects, "--strict": output.strict or None}
+    for option, value in given.items():
         if value is not None:
             raise InputError(option, "given" if value is True else str(value), allowed="only with a FILE")
-    _possible(as_json)
+    _possible(output.as_json)
 
 
-def _taken(file: Path, taken_as: TableKind | None, rejects: Path | None, strict: bool, as_json: bool) -> None:
+def _taken(file: Path, output: ColumnsOutput) -> None:
     """Show what the columns of a file are taken for."""
     from cpic_planner.cli.output import Output
     from cpic_planner.results import ColumnsResult
 
-    command.check_rejects(rejects, [file])
-    found = catalogs.table_readings(file, None if taken_as is None else taken_as.value, strict=strict)
-    if rejects is not None:
+    command.check_rejects(output.rejects, [file])
+    found = catalogs.table_readings(file, output.taken_as, strict=output.strict)
+    if output.rejects is not None:
         left_out = dict.fromkeys((one.file, item) for one in found for item in one.left_out)
-        command.write_rejects(rejects, list(left_out))
+        command.write_rejects(output.rejects, list(left_out))
     result = ColumnsResult.of_files(found)
-    Output(as_json=as_json).show(result, partial(report.print_columns, result))
+    Output(as_json=output.as_json).show(result, report.columns_blocks(result))
 
 
 def _possible(as_json: bool) -> None:
@@ -166,7 +145,7 @@ def _possible(as_json: bool) -> None:
         )
         headings = ("column", "required", "also called", "allowed")
         table(screen, f"Columns of a table of {title} of your own", headings, cells)
-    report.print_plain(
+    report.print_lines(
         screen,
         "Upper and lower case, blanks and _ make no difference, but where it is said. Units are those of an ECSV or "
         "VOTable, or are written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet "
@@ -294,6 +273,8 @@ def refresh_catalog(
     InputError
         If ``out`` cannot be a place for it.
     """
+    from importlib import metadata
+
     path, service = target_path(out), service or catalogs.TapService()
     versions = {DISTRIBUTION: __version__} | {name: metadata.version(name) for name in _SOFTWARE}
     made: catalogs.Refreshed | catalogs.RefreshedPlanets
@@ -330,45 +311,7 @@ _DIFFERENCES = {
 _ELEMENTS = {"period_days": "period (d)", "semi_major_axis_au": "semi-major axis (au)", "eccentricity": "eccentricity"}
 
 
-def refresh(
-    planets: Annotated[
-        bool, typer.Option("--planets", help="Ask the NASA Exoplanet Archive for known planets, not SIMBAD for stars.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Write FILE.ecsv [default: dated, in the data folder].")
-    ] = None,
-    v_mag_max: Annotated[
-        float | None,
-        typer.Option(
-            "--v-mag-max", help="Faintest V of the stars; rankings end at 7, the rest is a reserve [default: 7.5]."
-        ),
-    ] = None,
-    parallax_min_mas: Annotated[
-        float | None, typer.Option("--parallax-min-mas", help="Smallest parallax of the stars [default: 25].")
-    ] = None,
-    url: Annotated[
-        str,
-        typer.Option(
-            "--url",
-            help="TAP service [default: $CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the "
-            "archive's].",
-        ),
-    ] = "",
-    timeout_s: Annotated[
-        float, typer.Option("--timeout-s", help="Most time for one answer, from connecting to reading its last cell.")
-    ] = 180.0,
-    retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
-    maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,
-    plain_http: Annotated[
-        bool,
-        typer.Option(
-            "--plain-http", help="Allow plain http, which anybody on the way can alter, elsewhere than on this machine."
-        ),
-    ] = False,
-    other_hosts: Annotated[bool, typer.Option("--other-hosts", help="Follow redirects to another host.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
-    as_json: command.JsonOption = False,
-) -> None:
+def refresh(output: RefreshOutput) -> None:
     """Ask SIMBAD for the nearby F, G and K stars, or the NASA Exoplanet Archive for their known planets.
 
     This is the only command that uses the network. It writes one dated ECSV file into the data folder
@@ -392,31 +335,24 @@ def refresh(
 
       cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600
     """
-    from cpic_planner.cli.catalog_command import refresh_catalog
-
-    service = catalogs.TapService(
-        url=url,
-        timeout_s=timeout_s,
-        retries=retries,
-        maxrec=maxrec,
-        plain_http=plain_http,
-        other_hosts=other_hosts,
-    )
-    given = {"v_mag_max": v_mag_max, "parallax_min_mas": parallax_min_mas}
+    planets, out = output.planets, output.out
+    settings = ("url", "timeout_s", "retries", "maxrec", "plain_http", "other_hosts")
+    service = catalogs.TapService(**{name: getattr(output, name) for name in settings})
+    given = {name: getattr(output, name) for name in ("v_mag_max", "parallax_min_mas")}
     chosen = {name: value for name, value in given.items() if value is not None}
     if planets and chosen:
         option, value = next(iter(chosen.items()))
-        raise InputError(f"--{option.replace('_', '-')}", value, allowed="not with --planets: it cuts a table of stars")
+        raise InputError(option, value, allowed="not with --planets: it cuts a table of stars")
     cuts = catalogs.Cuts(**chosen)
-    if dry_run:
-        _show_plan(out, service, None if planets else cuts, as_json=as_json)
+    if output.dry_run:
+        _show_plan(out, service, None if planets else cuts, as_json=output.as_json)
         return
     try:
         with progress("asking the archive" if planets else "asking SIMBAD", total=2 if planets else 3) as step:
             done = refresh_catalog(planets=planets, out=out, service=service, cuts=cuts, step=step, tell=command.note)
     except catalogs.RefreshError as error:
         raise typer.Exit(command.error_line(str(error), 1)) from None
-    if as_json:
+    if output.as_json:
         command.print_json(done.summary())
     else:
         _show_result(done, command.console())
@@ -429,7 +365,6 @@ def refresh(
 def _show_plan(out: Path | None, service: catalogs.TapService, cuts: catalogs.Cuts | None, *, as_json: bool) -> None:
     """Show what would be asked: about stars within cuts, or about planets where there are none."""
     from catalogs import PLANETS_QUERY, archive_url, queries, service_url
-    from cpic_planner.cli.catalog_command import target_path
 
     place = target_path(out)
     where = str(place) if out is not None else f"{place}, dated file"
@@ -465,9 +400,9 @@ def _show_result(done: Written, screen: Console) -> None:
     if moved:
         columns = ("planet", "element", "shipped", "archive", "combined errors")
         table(screen, "Orbits that moved", columns, map(_moved, moved))
-    report.print_plain(screen, *getattr(made, "notes", ()), wraps=False)
+    report.print_lines(screen, *getattr(made, "notes", ()), wraps=False)
     if not done.made.refusal:
-        report.print_plain(screen, f"wrote {command.place_of(done.path)}", wraps=False)
+        report.print_lines(screen, f"wrote {command.place_of(done.path)}", wraps=False)
 
 
 def _moved(item: Mapping[str, Any]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum, StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
 import typer
 from pydantic import BaseModel
@@ -159,7 +159,6 @@ def console() -> Console:
 
 STRICT = "Leave with status 3 where there is no answer, or no planet is detected."
 """What ``--strict`` does where an answer may not be there."""
-JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 
 
 def tell_overrides(overrides: SimulatorOverrides) -> None:
@@ -228,15 +227,11 @@ def place_of(path: Path) -> str:
     return f"{path.resolve()}, to which {path} is a link" if path.is_symlink() else str(path)
 
 
-RejectsOption: TypeAlias = Annotated[
-    Path | None,
-    typer.Option(
-        "--rejects",
-        metavar="FILE",
-        help="Write the rows and cells of a table of your own that are left out, each with its reason, to FILE.csv, "
-        ".ecsv or .parquet.",
-    ),
-]
+REJECTS = (
+    "Write the rows and cells of a table of your own that are left out, each with its reason, to FILE.csv, .ecsv or "
+    ".parquet."
+)
+"""What ``--rejects`` does."""
 REJECTS_ENDINGS = (".csv", ".ecsv", ".parquet")
 """Endings of the names that ``--rejects`` takes."""
 
@@ -250,7 +245,7 @@ def tables_of(question: Any, rejects: Path | None) -> Iterator[None]:
     question : Question
         It may say how strictly, and name tables.
     rejects : Path or None
-        File of `RejectsOption`.
+        File of ``--rejects``.
 
     Raises
     ------
@@ -401,7 +396,7 @@ def add(app: Commands, name: str, run: Callable[..., None], question: str = "", 
     app : Commands
     name : str
     run : callable
-        As of `command`.
+        As of `command_of`.
     question : str
         Where its question is, as ``package.module:Model``; empty where it has none.
     *more : str
@@ -422,7 +417,7 @@ def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
     Parameters
     ----------
     run : callable
-        As of `command`.
+        As of `command_of`.
     name : str
         Where its question is, as ``package.module:Model``; empty where it has none.
     """
@@ -437,31 +432,16 @@ def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
     return Late
 
 
-@functools.cache
-def command_of(run: Callable[..., None], model: Any) -> Any:
-    """Return the command that asks a question and hands it to a function; the same one each time.
-
-    Parameters
-    ----------
-    run : callable
-        As of `late`.
-    model : type of Question
-    """
-    app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(command(run, model))
-    return typer.main.get_command(app)
-
-
 def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     """Return the arguments with the present names of options and times in seconds; say what is called otherwise now."""
-    from cpic_planner.queries import seconds_text
-
     arguments: list[str] = []
     known = {name for param in params for name in param.opts}
     rest = iter(args)
     for arg in rest:
         name, equals, text = arg.partition("=")
         if name in known and f"{name}-s" in known:
+            from cpic_planner.queries import seconds_text
+
             text = text if equals else next(rest, "")
             arguments += [f"{name}-s", seconds_text(name, text)]
             continue
@@ -474,31 +454,29 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
     return arguments
 
 
-def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
-    """Return a function with the options of a command in the place of what they are put together to.
+@functools.cache
+def command_of(run: Callable[..., None], model: Any = None) -> Any:
+    """Return the command whose options are put together to the parameters of a function; the same one each time.
 
     Parameters
     ----------
     run : callable
-        Its parameters ``question`` and ``output``, if it has them, are asked field by field: a question, and the form
-        of its answer, one of `cpic_planner.cli.output`. Others have the annotations of `typer`. Every command takes -v
-        and -q, as ``cpic`` does before its name.
+        Its parameters, if it has any, are asked field by field: ``question``, and ``output`` or ``options``, a model of
+        `cpic_planner.cli.output`. Every command takes -v and -q, as ``cpic`` does before its name.
     model : type of Question, optional
         Whose fields ``question`` has.
     """
-    form = inspect.signature(run).parameters.get("output")
-    shown: Any = None if form is None else pkgutil.resolve_name(f"cpic_planner.cli.output:{form.annotation}")
-    where = {} if form is None else {form.annotation: shown}
-    own = dict(inspect.signature(run, locals=where, eval_str=True).parameters) if model is None else {}
-    own.pop("output", None)
+    forms = {name: item.annotation for name, item in inspect.signature(run).parameters.items() if name != "question"}
+    name = next(iter(forms), "")
+    shown: Any = pkgutil.resolve_name(f"cpic_planner.cli.output:{forms[name]}") if name else None
     # Who asks strictly takes neither a part of a table nor the lack of an answer.
     tables = model is not None and _STRICT in model.model_fields
     lacking = shown is not None and _STRICT in shown.model_fields
     parameters = [] if model is None else _parameters_of(model, "", STRICT if lacking else "")
     if model is not None:
         parameters.append(_parameter(_FILE, Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)]))
-        parameters += [_parameter(_REJECTS, RejectsOption)] * tables
-    parameters += [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in own.values()]
+        rejects = Annotated[Path | None, typer.Option("--rejects", metavar="FILE", help=REJECTS)]
+        parameters += [_parameter(_REJECTS, rejects)] * tables
     if shown is not None:
         parameters += [item for item in _parameters_of(shown, _OUTPUT) if not tables or item.name != _OUTPUT + _STRICT]
     parameters += [_parameter("verbose", VerboseOption, 0), _parameter("quiet", QuietOption, False)]
@@ -509,21 +487,22 @@ def command(run: Callable[..., None], model: Any = None) -> Callable[..., None]:
 
         if given["verbose"] or given["quiet"]:
             set_loudness(given["verbose"], given["quiet"])
-        arguments = {name: given[name] for name in own}
-        asking: Any = contextlib.nullcontext() if model is None else _asked(model, given)
-        with asking as question:
-            if model is not None:
-                arguments["question"] = question
+        with contextlib.ExitStack() as stack:
+            arguments = {} if model is None else {"question": stack.enter_context(_asked(model, given))}
             if shown is not None:
                 with called_as(_options(shown)[1]):
-                    strict = {_STRICT: question.strict} if lacking and tables else {}
-                    arguments["output"] = validate(shown, _answered(shown, _OUTPUT, given)[0] | strict)
+                    strict = {_STRICT: arguments["question"].strict} if lacking and tables else {}
+                    arguments[name] = validate(shown, _answered(shown, _OUTPUT, given)[0] | strict)
+                if model is None:
+                    stack.enter_context(called_as(_options(shown)[1]))
             run(**arguments)
 
     called.__name__, called.__doc__ = run.__name__, run.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return called
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command()(called)
+    return typer.main.get_command(app)
 
 
 @functools.cache

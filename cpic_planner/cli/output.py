@@ -1,15 +1,15 @@
 """Forms of an answer: the options by which a command is asked for them, and how it is printed, drawn and written.
 
-A command has the options of its question and those of one `Output`, both declared field by field.
+A command has the options of its question and those of one model here, both declared field by field.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 from pydantic import BaseModel
@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from cpic_core import InputError
 from cpic_planner import report
 from cpic_planner.cli.command import (
+    REJECTS,
     STRICT,
     check_file,
     check_plot,
@@ -26,12 +27,12 @@ from cpic_planner.cli.command import (
     print_json,
     refuse_together,
 )
-from cpic_planner.queries import asked
+from cpic_planner.cli.progress import is_verbose
+from cpic_planner.queries.question import asked, asked_changes
 from simulator.config import FrozenModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Console
 
 NOTHING_FOUND = 3
 """Exit status of --strict where there is no answer, or no detection."""
@@ -39,7 +40,13 @@ FORM_OF_ENDING = {".csv": "csv", ".ecsv": "ecsv", ".json": "json", ".tex": "late
 """Forms in which a table of the terminal is written to a file, by the ending of its name."""
 
 
-class Output(FrozenModel):
+class JsonOutput(FrozenModel):
+    """The output of a command that is for people, or JSON: ``cpic cache info``, ``catalog info``."""
+
+    as_json: bool = asked(False, "Machine-readable result on stdout.", option="--json")
+
+
+class Output(JsonOutput):
     """The form in which a command writes its answer.
 
     Raises
@@ -59,7 +66,6 @@ class Output(FrozenModel):
     caption: str | None = asked(None, "Caption of the table in LaTeX.", unset="what it is, data, version")
     label: str | None = asked(None, "Label of the table in LaTeX.", unset="tab: and the kind of answer")
     brief: bool = asked(False, "The main table alone, without what explains it.")
-    as_json: bool = asked(False, "Machine-readable result on stdout.", option="--json")
 
     def _check_values(self) -> None:
         given = "--json" if self.as_json else f"--format {self.form}"
@@ -92,13 +98,14 @@ class Output(FrozenModel):
         """Whether more than a table is printed, for people."""
         return self.written == "table" and not self.brief and not self.names
 
-    def show(self, result: BaseModel, tables: Callable[[Console], None], found: bool = True) -> None:
-        """Print a result as JSON, or as ``tables`` print it, or the first of these tables in another form.
+    def show(self, result: BaseModel, blocks: Iterable[report.Block], found: bool = True) -> None:
+        """Print a result as JSON, or in ``blocks``, or the first table of these in another form.
 
         Parameters
         ----------
         result : BaseModel
-        tables : callable
+        blocks : iterable of Block
+            Made as they are printed.
         found : bool
             Whether there is an answer, and of a planet a detection; without, ``strict`` leaves with `NOTHING_FOUND`.
 
@@ -110,39 +117,47 @@ class Output(FrozenModel):
         if self.written == "json":
             print_json(result)
         elif self.names == ("help",):
-            sys.stdout.write(report.offered_text(self._taken(tables, "csv")))
+            sys.stdout.write(report.offered_text(self._table(blocks, "csv")))
         elif self.written != "table":
-            sys.stdout.write(self.text(self.written, result, tables))
-        elif self.plain:
-            tables(console())
+            sys.stdout.write(self.text(self.written, result, blocks))
+        elif self.names:
+            report.print_table(report.chosen(self._table(blocks, "table"), self.names), console(), chosen=True)
         else:
-            self._taken(tables, "table")
+            shown = _up_to_table(blocks) if self.brief else blocks
+            report.print_blocks(shown, console(), full=is_verbose() and not self.brief)
         if not found and getattr(self, "strict", False):
             raise typer.Exit(NOTHING_FOUND)
 
-    def text(self, form: str, result: BaseModel, tables: Callable[[Console], None]) -> str:
-        """Return the first table that ``tables`` print in a form, with the columns that are asked for.
+    def text(self, form: str, result: BaseModel, blocks: Iterable[report.Block]) -> str:
+        """Return the first table of an answer in a form, with the columns that are asked for.
 
         Raises
         ------
         InputError
             If there is no table.
         """
-        taken, about = self._taken(tables, form), {"caption": self.caption or "", "label": self.label or ""}
-        return report.form_text(form, result, taken, columns=self.names, **about)
+        table, about = self._table(blocks, form), {"caption": self.caption or "", "label": self.label or ""}
+        return report.form_text(form, result, table, columns=self.names, **about)
 
-    def _taken(self, tables: Callable[[Console], None], form: str) -> tuple[str, Sequence[report.Cells], list[Any]]:
-        sheet = report.Sheet(console(), form, self.names if form == "table" else ())
-        tables(cast("Console", sheet))
-        if sheet.taken is None and (self.names or form != "table"):
+    def _table(self, blocks: Iterable[report.Block], form: str) -> report.Table:
+        table = report.first_table(blocks)
+        if table is None:
             option, given = ("--format", form) if form != "table" else ("--columns", ",".join(self.names))
             raise InputError(option, given, allowed="with --format table or json alone: this answer has no table")
-        return sheet.taken or ("", (), [])
+        return table
 
     def tell_rows(self, rows: int, every: int) -> None:
         """Print on stderr of how many rows a table for other programs has the first ones."""
         if self.written not in ("table", "json") and rows < every:
             note(f"the first {rows} of {every} rows: --limit {every} gives all")
+
+
+def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
+    """Yield blocks up to the first table."""
+    for block in blocks:
+        yield block
+        if isinstance(block, report.Table):
+            return
 
 
 class Drawn(Output):
@@ -269,3 +284,97 @@ class TradeoffOutput(Output):
     """The answer of ``cpic tradeoff``."""
 
     listed: bool = asked(False, "Say which scenes and ways there are, and stop.", option="--list")
+
+
+def _asked_instrument() -> Any:
+    return asked("cpic_default", "Preset name or YAML file.", argument=True, metavar="INSTRUMENT")
+
+
+class InstrumentOutput(Output):
+    """The answer of ``cpic instrument show``, and what it is about."""
+
+    instrument: str = _asked_instrument()
+    changes: tuple[str, ...] = asked_changes()
+    key: str = asked("", "Only keys that begin so, or match it: drift, bands.*.qe.", metavar="KEY")
+
+
+class KeysOutput(Output):
+    """The answer of ``cpic instrument keys``, and what it is about."""
+
+    key: str = asked("", "As --key of show.", argument=True, metavar="[KEY]")
+
+
+class DiffOutput(InstrumentOutput):
+    """The answer of ``cpic instrument diff``, and what it is about."""
+
+    instrument: str = _asked_instrument()
+    other: str = asked("cpic_default", "The one that it is compared with.", argument=True, metavar="[OTHER]")
+
+
+class TableOptions(FrozenModel):
+    """The options of ``cpic instrument table``."""
+
+    instrument: str = _asked_instrument()
+    band: str = asked("", "Band of the table.", metavar="BAND")
+    out: Path = asked(Path("coronagraph.csv"), "CSV file to write.", metavar="FILE")
+    changes: tuple[str, ...] = asked_changes()
+
+
+class SchemaOptions(FrozenModel):
+    """The options of ``cpic schema``."""
+
+    name: str = asked(
+        ..., "rank, etc, plan, confirm, run, simulation or check; or etc-question ...", argument=True, metavar="NAME"
+    )
+
+
+class CheckOutput(JsonOutput):
+    """The answer of ``cpic check``, and what it is about."""
+
+    paths: tuple[Path, ...] = asked(..., "Level-0 files or folders of them.", argument=True, metavar="FILE|TREE...")
+    strict: bool = asked(False, "Exit with 1 for warnings too.")
+
+
+class ServeOptions(FrozenModel):
+    """The options of ``cpic serve``."""
+
+    host: str = asked("127.0.0.1", "Address that the server is bound to: this machine alone, unless said.")
+    port: int = asked(8765, "Port.", ge=1, le=65535)
+    allow_host: tuple[str, ...] = asked((), "Answer under this name too; repeat for several.", metavar="NAME")
+    jobs: Path | None = asked(None, "Folder of jobs and their results.", unset="one in the cache folder", metavar="DIR")
+    folder: Path | None = asked(None, "Show the plans, what-ifs and rankings beneath this folder.", metavar="DIR")
+
+
+class ColumnsOutput(JsonOutput):
+    """The answer of ``cpic catalog columns``, and what it is about."""
+
+    file: Path | None = asked(None, "A table of your own, of stars or of planets.", argument=True, metavar="[FILE]")
+    taken_as: Literal["stars", "planets"] | None = asked(
+        None, "Take FILE as a table of this kind.", option="--as", unset="each kind that it can be"
+    )
+    rejects: Path | None = asked(None, REJECTS, metavar="FILE")
+    strict: bool = asked(False, "Refuse FILE for the first row or cell that cannot be used.")
+
+
+class RefreshOutput(JsonOutput):
+    """The answer of ``cpic catalog refresh``, and what is asked of which archive."""
+
+    planets: bool = asked(False, "Ask the NASA Exoplanet Archive for known planets, not SIMBAD for stars.")
+    out: Path | None = asked(None, "Write FILE.ecsv.", unset="dated, in the data folder")
+    v_mag_max: float | None = asked(
+        None, "Faintest V of the stars; rankings end at 7, the rest is a reserve.", unset="7.5"
+    )
+    parallax_min_mas: float | None = asked(None, "Smallest parallax of the stars.", unset="25")
+    url: str = asked(
+        "",
+        "TAP service.",
+        unset="$CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the archive's",
+    )
+    timeout_s: float = asked(180.0, "Most time for one answer, from connecting to reading its last cell.")
+    retries: int = asked(3, "How often a failure on the way is tried again.")
+    maxrec: int = asked(200_000, "Most rows of one answer.")
+    plain_http: bool = asked(
+        False, "Allow plain http, which anybody on the way can alter, elsewhere than on this machine."
+    )
+    other_hosts: bool = asked(False, "Follow redirects to another host.")
+    dry_run: bool = asked(False, "Show the queries and the place, ask nothing.")

@@ -81,7 +81,7 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
     result = command.result_of(question, job, output, "confirming", line, **how)
     if result is not None:
         confirmed = any(band.detected for target in result.targets for band in target.bands)
-        output.show(result, partial(report.print_plan, result, full=is_verbose()), confirmed)
+        output.show(result, report.plan_blocks(result, full=is_verbose()), confirmed)
         command.tell_report(output, out)
 
 
@@ -148,7 +148,7 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
     if result is None:
         return
     confirmed = any(band.detected for band in result.bands)
-    output.show(result, partial(report.print_confirm, result, full=is_verbose()), confirmed)
+    output.show(result, report.confirm_blocks(result, full=is_verbose()), confirmed)
     command.tell_report(output, question.out)
     if output.plain and question.out is None:
         command.note("--out DIR writes a report with the images")
@@ -201,12 +201,12 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
     made, notes = simulation.simulation_from(question.what, **question.given)
     if output.dry_run:
         planned = simulation.simulation_estimate(made, truth=question.truth, workers=question.workers)
-        output.show(planned, partial(report.print_planned, planned))
+        output.show(planned, report.planned_blocks(planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
     start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
     done = command.with_progress("frames", total, start, "sequence")
-    output.show(done.result, partial(report.print_simulation, done.result, question.out))
+    output.show(done.result, report.simulation_blocks(done.result, question.out))
 
 
 def _print_presets(as_json: bool) -> None:
@@ -317,7 +317,7 @@ def whatif(question: queries.WhatIfQuestion, output: RunOutput) -> None:
     how: dict[str, Any] = {"steps": "n_steps", "out": out, "dry_run": output.dry_run}
     result = command.result_of(question, job, output, "what if", line, **how)
     if result is not None:
-        output.show(result, partial(report.print_whatif, result, full=is_verbose()))
+        output.show(result, report.whatif_blocks(result, full=is_verbose()))
         if output.plain:
             command.say(f"visits: {out / 'visits.csv'}")
         command.tell_report(output, out)
@@ -355,7 +355,7 @@ def tradeoff(question: queries.TradeoffQuestion, output: TradeoffOutput) -> None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
     result = command.with_progress("rows", n_rows(work), partial(run, job, question.out, force=question.force)).result
     command.note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
-    output.show(result, partial(report.print_tradeoff, result))
+    output.show(result, report.tradeoff_blocks(result))
 
 
 def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: bool) -> None:

@@ -98,8 +98,7 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
 
     answer = answered(question, working=progress)
     output.draw(answer.figure)
-    printed = partial(answer.print, every_budget=output.budget, explain=output.explain)
-    output.show(answer.result, printed, answer.found)
+    output.show(answer.result, answer.blocks(every_budget=output.budget, explain=output.explain), answer.found)
 
 
 R = TypeVar("R", bound="SearchedResult")
@@ -148,7 +147,7 @@ def curve(question: queries.CurveQuestion, output: SearchOutput) -> None:
         return
     output.draw(partial(report.curve_figure, done))
     found = any(row.contrast_limit_blind is not None for row in done.points)
-    output.show(done, partial(report.print_curve, done, full=is_verbose()), found)
+    output.show(done, report.search_blocks(done, full=is_verbose()), found)
     command.tell_report(output, question.out)
 
 
@@ -183,7 +182,7 @@ def roc(question: queries.RocQuestion, output: SearchOutput) -> None:
     if done is None:
         return
     output.draw(partial(report.roc_figure, done))
-    output.show(done, partial(report.print_roc, done, full=is_verbose()), bool(done.levels))
+    output.show(done, report.search_blocks(done, full=is_verbose()), bool(done.levels))
     command.tell_report(output, question.out)
 
 
@@ -286,7 +285,7 @@ def rank(question: queries.RankQuestion, output: RankOutput) -> None:
         raise InputError("--explain", explain, allowed=f"without {called(question.filters[0])}", hint=hint)
     if compare is not None:
         moved = compared(question, compare, key="--compare")
-        output.show(moved, partial(report.print_moves, moved, limit=shown))
+        output.show(moved, report.move_blocks(moved, limit=shown))
         return
     ready = prepared(question)
     if explain is not None:
@@ -299,13 +298,13 @@ def rank(question: queries.RankQuestion, output: RankOutput) -> None:
             raise InputError("--explain", explain, allowed="a star of the sample that is ranked", hint=hint)
         asked: dict[str, Any] = ready.asked | {"other_assumptions": sensitivity}
         reasons = ready.noted(ranking.explain_star(ready.model, ready.stars.targets, name, **asked))
-        output.show(reasons, partial(report.print_explanation, reasons))
+        output.show(reasons, report.explanation_blocks(reasons))
         return
     if sensitivity:
         from cpic_planner.ranking.sensitivity import sensitivity as sensitivity_of
 
         firm = ready.noted(sensitivity_of(ready.model, ready.stars.answered, **ready.asked))
-        output.show(firm, partial(report.print_sensitivity, firm))
+        output.show(firm, report.sensitivity_blocks(firm))
         return
     result = ready.ranked(output.names)
     if output.out is not None:
@@ -316,7 +315,7 @@ def rank(question: queries.RankQuestion, output: RankOutput) -> None:
     output.draw(partial(draw, result, shown), few * (drawn > report.MOST_STARS))
     output.tell_rows(shown, len(result.targets))
     detected = any(row.verdict == "detected" for row in result.targets)
-    output.show(result, partial(report.print_rank, result, limit=shown, full=is_verbose()), detected)
+    output.show(result, report.rank_blocks(result, limit=shown, full=is_verbose()), detected)
 
 
 def _write(out: Path, result: RankResult, output: RankOutput) -> None:
@@ -331,7 +330,7 @@ def _write(out: Path, result: RankResult, output: RankOutput) -> None:
     elif own is not None and not output.names:
         text = partial(own, result, rows)
     else:
-        text = partial(output.text, form, result, partial(report.print_rank, result, limit=rows))
+        text = partial(output.text, form, result, report.rank_blocks(result, limit=rows))
     command.write_out(out, text, rows, every)
 
 
@@ -420,7 +419,7 @@ def known(question: queries.KnownQuestion, output: KnownOutput) -> None:
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
     output.tell_rows(output.limit, len(result.planets))
-    output.show(result, partial(report.print_known, result, limit=output.limit, full=is_verbose()))
+    output.show(result, report.known_blocks(result, limit=output.limit, full=is_verbose()))
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
@@ -466,4 +465,4 @@ def visibility(question: queries.VisibilityQuestion, output: VisibilityOutput) -
         command.write_out(output.out, lambda: report.visibility_csv(result), rows, rows)
     output.draw(partial(report.visibility_figure, result))
     seen = any(target.observable_days for target in result.targets)
-    output.show(result, partial(report.print_visibility, result, full=is_verbose()), seen)
+    output.show(result, report.visibility_blocks(result, full=is_verbose()), seen)

@@ -7,47 +7,47 @@ import os
 import sys
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING
 
 import typer
 
 from cpic_core import InputError, cache_info, clear_cache
 from cpic_planner import report
-from cpic_planner.cli.command import JsonOption, note, place_of, print_json, say
+from cpic_planner.cli.command import note, place_of, print_json, say
 
 if TYPE_CHECKING:
-    from cpic_planner.cli.output import Output
+    from collections.abc import Sequence
+
+    from cpic_planner.cli.output import (
+        CheckOutput,
+        DiffOutput,
+        InstrumentOutput,
+        JsonOutput,
+        KeysOutput,
+        Output,
+        SchemaOptions,
+        ServeOptions,
+        TableOptions,
+    )
 
 INSTRUMENT_HELP = "Show what an instrument is, which of its values --set can change, and how two instruments differ."
 CACHE_HELP = """Show what the disk cache holds, and empty it. Emptying it is always safe. The environment variables
 CPIC_CACHE_DIR and CPIC_CACHE_MAX_MB say where it is and how large it may become (2000 MB without the second); what was
 not used for longest is removed first."""
-NameArgument: TypeAlias = Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Preset name or YAML file.")]
-SetOption: TypeAlias = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a value, as drift.visit_nm=0.1nm.")
-]
-KeyOption: TypeAlias = Annotated[
-    str, typer.Option("--key", metavar="KEY", help="Only keys that begin so, or match it: drift, bands.*.qe.")
-]
 
 
-def _show_values(
-    output: Output, layout: str, name: str, changes: list[str] | None, key: str, other: str | None = None
-) -> None:
+def _show_values(output: Output, layout: str, name: str, changes: Sequence[str], key: str, other: str = "") -> None:
     """Show the values of an instrument, or those in which it differs from another."""
-    from cpic_planner.queries import called_as, changed_instrument, instrument_rows, instrument_title
+    from cpic_planner.queries import changed_instrument, instrument_rows, instrument_title
     from cpic_planner.results import InstrumentResult
 
-    with called_as({"changes": "--set", "key": "--key"}):
-        one = changed_instrument(name, changes or ())
-        two = None if other is None else changed_instrument(other, ())
-        title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
-        result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
-    output.show(result, partial(report.print_instrument, result, layout))
+    one, two = changed_instrument(name, changes), changed_instrument(other, ()) if other else None
+    title = instrument_title(one) if two is None else f"{instrument_title(one)} beside {instrument_title(two)}"
+    result = InstrumentResult(title=title, values=instrument_rows(one, key, other=two))
+    output.show(result, report.instrument_blocks(result, layout))
 
 
-def show(output: Output, name: NameArgument = "cpic_default", changes: SetOption = None, key: KeyOption = "") -> None:
+def show(output: InstrumentOutput) -> None:
     """Show every value of an instrument, with its source and how sure it is (P published, I inferred, A assumed).
 
     Examples:
@@ -58,10 +58,10 @@ def show(output: Output, name: NameArgument = "cpic_default", changes: SetOption
 
       cpic instrument show --set drift=0.1nm --key drift --json
     """
-    _show_values(output, "key value unit confidence source", name, changes, key)
+    _show_values(output, "key value unit confidence source", output.instrument, output.changes, output.key)
 
 
-def keys(output: Output, key: Annotated[str, typer.Argument(metavar="[KEY]", help="As --key of show.")] = "") -> None:
+def keys(output: KeysOutput) -> None:
     """List the keys that --set and --simulator-overrides take, with short names and the values of the default.
 
     Examples:
@@ -70,16 +70,10 @@ def keys(output: Output, key: Annotated[str, typer.Argument(metavar="[KEY]", hel
 
       cpic instrument keys drift
     """
-    _show_values(output, "key short_name value unit", "cpic_default", None, key)
+    _show_values(output, "key short_name value unit", "cpic_default", (), output.key)
 
 
-def diff(
-    output: Output,
-    name: NameArgument,
-    other: Annotated[str, typer.Argument(metavar="[OTHER]", help="The one that it is compared with.")] = "cpic_default",
-    changes: SetOption = None,
-    key: KeyOption = "",
-) -> None:
+def diff(output: DiffOutput) -> None:
     """List the values in which an instrument differs from another; --set changes the first.
 
     Examples:
@@ -88,15 +82,10 @@ def diff(
 
       cpic instrument diff cpic_default --set throughput=x0.7
     """
-    _show_values(output, "key value other unit", name, changes, key, other)
+    _show_values(output, "key value other unit", output.instrument, output.changes, output.key, output.other)
 
 
-def table(
-    name: NameArgument = "cpic_default",
-    band: Annotated[str, typer.Option("--band", metavar="BAND", help="Band of the table.")] = "",
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="CSV file to write.")] = Path("coronagraph.csv"),
-    changes: SetOption = None,
-) -> None:
+def table(options: TableOptions) -> None:
     """Write what the coronagraph of an instrument does by separation: a table that coronagraph.table reads.
 
     Examples:
@@ -108,22 +97,21 @@ def table(
     from cpic_planner.queries import called_as, changed_instrument
     from simulator import write_coronagraph_table
 
-    with called_as({"changes": "--set"}):
-        instrument = changed_instrument(name, changes or ())
-    if not band:
+    instrument = changed_instrument(options.instrument, options.changes)
+    if not options.band:
         raise InputError("--band", "missing", allowed=", ".join(instrument.bands))
     try:
         with called_as({"path": "--out"}):
-            write_coronagraph_table(instrument, band, out)
+            write_coronagraph_table(instrument, options.band, options.out)
     except OSError as error:
-        raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
-    note(f"wrote {place_of(out)}")
+        raise InputError("--out", str(options.out), allowed="a writable file", hint=error.strerror or "") from None
+    note(f"wrote {place_of(options.out)}")
 
 
-def info(as_json: JsonOption = False) -> None:
+def info(output: JsonOutput) -> None:
     """Show folder, entries, size and its limit (example: cpic cache info)."""
     cache = cache_info()
-    if as_json:
+    if output.as_json:
         print_json(asdict(cache) | {"folder": str(cache.folder)})
         return
     size = f"{cache.n_entries} entries, {cache.size_bytes / 1e6:.1f} of at most {cache.limit_bytes / 1e6:g} MB"
@@ -136,11 +124,7 @@ def clear() -> None:
     say(f"removed {was.n_entries} entries, {was.size_bytes / 1e6:.1f} MB from {was.folder}")
 
 
-def schema(
-    name: Annotated[
-        str, typer.Argument(help="rank, etc, plan, confirm, run, simulation or check; or etc-question ...")
-    ],
-) -> None:
+def schema(options: SchemaOptions) -> None:
     """Print the JSON Schema of a result: rank, etc, plan, confirm, run, simulation, check and others; or of a
     question, which is what options, keywords and YAML files of a command can say: etc-question, rank-question and
     so on.
@@ -153,14 +137,10 @@ def schema(
     """
     from cpic_planner.schemas import schema_text
 
-    sys.stdout.write(schema_text(name))
+    sys.stdout.write(schema_text(options.name))
 
 
-def check(
-    paths: Annotated[list[Path], typer.Argument(metavar="FILE|TREE...", help="Level-0 files or folders of them.")],
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 for warnings too.")] = False,
-    as_json: JsonOption = False,
-) -> None:
+def check(output: CheckOutput) -> None:
     """Check Level-0 products against the specification: single files, or whole trees of them.
 
     Names, structure, keywords, times, world coordinates, pixel values, checksums; in a tree also numbers used
@@ -182,52 +162,33 @@ def check(
     from cpic_planner.results import CheckResult, FindingRecord
     from simulator.products import ProductName
 
-    for path in paths:
+    for path in output.paths:
         if not os.path.exists(path):
             raise InputError("path", str(path), allowed="a file or a folder that exists")
-    findings = [item for path in paths for item in check_tree(path)]
+    findings = [item for path in output.paths for item in check_tree(path)]
     files = {
         file.resolve()
-        for path in paths
+        for path in output.paths
         for file in ([path] if path.is_file() else path.rglob("*.fits"))
         if path.is_file() or ProductName.parse(file.name) is not None
     }
     errors = sum(item.severity == "error" for item in findings)
     result = CheckResult(
-        paths=[str(path) for path in paths],
+        paths=[str(path) for path in output.paths],
         n_files=len(files),
         n_errors=errors,
         n_warnings=len(findings) - errors,
         findings=[FindingRecord.of(item, path=str(item.path)) for item in findings],
     )
-    Output(as_json=as_json).show(result, partial(report.print_check, result))
-    if errors or (strict and findings):
+    Output(as_json=output.as_json).show(result, report.check_blocks(result))
+    if errors or (output.strict and findings):
         raise typer.Exit(1)
 
 
 _NEEDED = ("starlette", "uvicorn")
 
 
-def serve(
-    host: Annotated[
-        str, typer.Option("--host", help="Address that the server is bound to: this machine alone, unless said.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port.")] = 8765,
-    allow_host: Annotated[
-        list[str] | None,
-        typer.Option("--allow-host", metavar="NAME", help="Answer under this name too; repeat for several."),
-    ] = None,
-    jobs: Annotated[
-        Path | None,
-        typer.Option(
-            "--jobs", metavar="DIR", help="Folder of jobs and their results. [default: one in the cache folder]"
-        ),
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option("--folder", metavar="DIR", help="Show the plans, what-ifs and rankings beneath this folder."),
-    ] = None,
-) -> None:
+def serve(options: ServeOptions) -> None:
     """Serve the calculator and the priorities to web browsers, until interrupted.
 
     The address of an answer is its question, with the fields of the question as parameters:
@@ -257,5 +218,7 @@ def serve(
         raise InputError("cpic serve", "not installed", allowed='after pip install "cpic-planner[web]"')
     from cpic_planner.web import serve as run
 
+    host, port = options.host, options.port
     address = f"http://{f'[{host}]' if ':' in host else host}:{port}/etc"
-    run(host, port, allow_host or (), jobs=jobs, folder=folder, ready=partial(note, f"{address} (Ctrl-C ends it)"))
+    ready = partial(note, f"{address} (Ctrl-C ends it)")
+    run(host, port, options.allow_host, jobs=options.jobs, folder=options.folder, ready=ready)

@@ -16,7 +16,6 @@ from cpic_core import BoolArray, FloatArray, special
 from cpic_planner import etc, validation
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.queries import CurveQuestion, ReferencePlanet, RocQuestion, SearchedQuestion
-from cpic_planner.ranking import separation_grid
 from cpic_planner.results import (
     CompletenessMap,
     CurveResult,
@@ -401,7 +400,7 @@ def _curve_programme(
     question: CurveQuestion, model: etc.EtcModel, asked: AskedStar, band: str
 ) -> tuple[EtcAnswer, Observed | None]:
     """Return the programme of faintest limit, at the best separation, and the answer that chose it."""
-    grid = question.separation_arcsec or separation_grid(model, band).tolist()
+    grid = question.separation_arcsec or etc.separation_grid(model, band).tolist()
     place = clearest_place(question, model, asked.target, band, grid)
     times: dict[str, Any] = {"time_s": question.wall_s, "visit_time_s": question.visit_time_s}
     (best,) = etc.contrast_limit(model, asked.target, separation_arcsec=place, bands=[band], **times)
@@ -410,7 +409,7 @@ def _curve_programme(
 
 def _curve(question: CurveQuestion, seen: Observed) -> list[CurveRow]:
     """Return the limits of a programme by closed forms."""
-    inner, *_, outer = separation_grid(seen.model, seen.band).tolist()
+    inner, *_, outer = etc.separation_grid(seen.model, seen.band).tolist()
     places = [*(question.separation_arcsec or np.geomspace(inner, outer, N_PLACES).tolist())]
     fixed: dict[str, Any] = {"visit_time_s": seen.visit_time_s, "exact": True}
     fixed |= {"exposure_s": seen.frames.exposure_s, "em_gain": seen.frames.em_gain}
@@ -594,7 +593,7 @@ def _roc_programme(
     """Return the programme that shows the planet clearest, at its separation or the best, and the answer for it."""
     place, times = question.separation_arcsec, (question.wall_s, question.visit_time_s)
     if place is None:
-        grid = separation_grid(model, band).tolist()
+        grid = etc.separation_grid(model, band).tolist()
         place = clearest_place(question, model, asked.target, band, grid, question.planet, question.contrast)
     light: dict[str, Any] = {"planet": question.planet, "contrast": question.contrast}
     light |= {"time_s": times[0], "visit_time_s": times[1]}

@@ -42,6 +42,8 @@ from cpic_planner.validation import ConfirmTask, confirm_task
 
 _SHOWN, _KNOWN_DRAWS = 50, 500
 """Stars of the ranking whose known planets are shown, and draws of each planet."""
+_OF_RANKING = ("catalogue", "sample", "notes", "date_utc", "n_in_catalogue", "counts", "counts_limited_by")
+"""Fields of a plan that its ranking has."""
 _RANK_S, _REPORT_S = 2.8e-3, 8.0  # of a star in a band, other assumptions included
 _NEAR, _ROUGH, _STAND_INS = 40, 200, 4
 
@@ -292,14 +294,8 @@ def _result(
         reference_planet=results.ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
         reference_star_v_mag=None if reference is None else reference.v_mag,
         reference_star_teff_k=None if reference is None else reference.teff_k,
-        catalogue=rank.catalogue,
-        sample=rank.sample,
-        notes=rank.notes,
-        date_utc=rank.date_utc,
         n_ranked=len(rank.targets),
-        n_in_catalogue=rank.n_in_catalogue,
-        counts=rank.counts,
-        counts_limited_by=rank.counts_limited_by,
+        **{name: getattr(rank, name) for name in _OF_RANKING},
         period=prepared.period,
         schedule=prepared.schedule,
         targets=targets,

@@ -19,7 +19,6 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import Scene
 from simulator.imaging import PsfMetrics
-from simulator.knobs import dial_of
 from simulator.ledger import not_modelled
 from simulator.target import LitStar, Source, detector_to_sky, scene_sources
 
@@ -65,14 +64,7 @@ def result_header(
 
 
 def plan_tasks(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    rows: Sequence[results.RankedTarget],
-    *,
-    time_s: float,
-    planet: queries.ReferencePlanet,
-    overrides: queries.SimulatorOverrides | None = None,
-    **settings: Unpack[validation.ImageSettings],
+    model: EtcModel, stars: Sequence[Targets], rows: Sequence[results.RankedTarget], **asked: Any
 ) -> tuple[list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
     """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
@@ -85,21 +77,10 @@ def plan_tasks(
     stars : sequence of Targets
     rows : sequence of RankedTarget
         The row of each star in the ranking.
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    planet : ReferencePlanet
-    overrides : SimulatorOverrides, optional
-        What the images have otherwise.
-    **settings
-        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+    **asked
+        As of `cpic_planner.validation.task.prepare_task`.
     """
-    ready = [
-        [
-            validation.prepare_task(model, star, band, time_s=time_s, planet=planet, overrides=overrides, **settings)
-            for band in model.bands
-        ]
-        for star in stars
-    ]
+    ready = [[validation.prepare_task(model, star, band, **asked) for band in model.bands] for star in stars]
     return tasks_of(rows, ready)
 
 
@@ -213,38 +194,37 @@ def images_cost(tasks: Sequence[validation.ConfirmTask], **counts: float) -> Cos
     )
 
 
+_StarWork = tuple[list[results.RankedTarget], list[validation.ConfirmTask], dict[str, results.BandConfirmation]]
+"""Rows of stars in a ranking, work to do, and the bands that need none."""
+
+
+def _star_work(
+    question: queries.StarImagesQuestion, model: EtcModel, stars: Sequence[Targets], **how: Any
+) -> _StarWork:
+    """Return the work of single stars; ``how`` as of `rank_targets`."""
+    from cpic_planner.ranking import rank_targets
+
+    asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}
+    rows = [rank_targets(model, star, **asked, **how).targets[0] for star in stars]
+    return rows, *plan_tasks(model, stars, rows, **asked, **question.image_settings)
+
+
 def confirm_stars(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    *,
-    time_s: float,
-    planet: queries.ReferencePlanet,
-    workers: int = 1,
-    overrides: queries.SimulatorOverrides | None = None,
-    **settings: Unpack[validation.ImageSettings],
+    question: queries.StarImagesQuestion, model: EtcModel, stars: Sequence[Targets]
 ) -> list[results.ConfirmedTarget]:
     """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
 
     Parameters
     ----------
+    question : StarImagesQuestion
     model : EtcModel
+        Of the instrument, bands and strategy of the question.
     stars : sequence of Targets
-    time_s : float
-        Wall time, s, overheads and reference frames included.
-    planet : ReferencePlanet
-    workers : int, optional
-        Local worker processes; the result does not depend on it.
-    overrides : SimulatorOverrides, optional
-        What the images have otherwise.
-    **settings
-        `cpic_planner.validation.task.ImageSettings`; at least the seed.
+        Those that it names.
     """
-    from cpic_planner.ranking import rank_targets
-
-    queries.refuse_counting(model.strategy, dial_of(settings.get("fidelity"), settings.get("tolerance")))
-    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
-    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, overrides=overrides, **settings)
-    bodies = Runner(workers=workers).finish(validation.confirm_task, image_tasks(tasks))
+    queries.refuse_counting(model.strategy, question.dial)
+    rows, tasks, refused = _star_work(question, model, stars)
+    bodies = Runner(workers=question.workers).finish(validation.confirm_task, image_tasks(tasks))
     return [confirmed_target(model, row, refused, bodies) for row in rows]
 
 
@@ -263,18 +243,12 @@ def star_images_job(
     catalogue : str
         Which table the star is from.
     """
-    from cpic_planner.ranking import rank_targets
     from cpic_planner.report import products_of, write_star_images
 
-    asked: dict[str, Any] = {"time_s": question.time_s, "planet": question.planet}
-
-    @functools.cache
-    def prepared() -> tuple[results.RankedTarget, list[validation.ConfirmTask], dict[str, results.BandConfirmation]]:
-        row = rank_targets(model, star, catalogue=catalogue, **asked).targets[0]
-        return row, *plan_tasks(model, [star], [row], **asked, **question.image_settings)
+    prepared = functools.cache(lambda: _star_work(question, model, [star], catalogue=catalogue))
 
     def work(runner: Runner[Any]) -> results.StarImagesResult:
-        row, tasks, refused = prepared()
+        (row,), tasks, refused = prepared()
         target = confirmed_target(model, row, refused, runner.finish(validation.confirm_task, image_tasks(tasks)))
         return results.StarImagesResult(
             **result_header(question, runner.digest, target.bands),

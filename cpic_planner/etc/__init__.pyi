@@ -70,6 +70,7 @@ from cpic_planner.etc.model import (
     effective_visits as effective_visits,
     hole_notes as hole_notes,
     place_status as place_status,
+    separation_grid as separation_grid,
     usable_range_arcsec as usable_range_arcsec,
 )
 from cpic_planner.etc.noise import (

@@ -27,7 +27,7 @@ from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.signal import ProgrammeLaw, gain_caps, largest_gain, longest_exposure_s
+from simulator.signal import ProgrammeLaw, crest_e, gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -95,11 +95,9 @@ def _endless_output(camera: FrameCamera) -> FrameCamera:
 
 def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
     """Return whether register or converter binds at the output."""
-    converter_only = replace(camera, register_full_well_e=float("inf"), em_gain_max=float("inf"))
-    register_only = replace(camera, converter_e=float("inf"), em_gain_max=float("inf"))
-    by_converter = float(largest_gain(hole, tail, exposure_s, converter_only))
-    by_register = float(largest_gain(hole, tail, exposure_s, register_only))
-    return Reason.ADC_RANGE.value if by_converter < by_register else Reason.REGISTER_FULL_WELL.value
+    own, beside = (float(crest_e(rate * exposure_s, 2.0)) for rate in (hole, tail if camera.blooms else 0.0))
+    by_converter, by_register = own * camera.register_full_well_e, max(own, beside) * camera.converter_e
+    return Reason.ADC_RANGE.value if by_converter > by_register else Reason.REGISTER_FULL_WELL.value
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:

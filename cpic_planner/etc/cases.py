@@ -45,7 +45,7 @@ from cpic_planner.etc.model import (
     Programme,
     check_range,
     hole_notes,
-    place_status,
+    place_statuses,
     usable_range_arcsec,
 )
 from cpic_planner.etc.noise import Objective, StackNoise, residuals, stack_noise, white_term, with_modes
@@ -413,6 +413,7 @@ class Cases:
         """Return the cases with another programme or level; what is known of the light is kept."""
         made = copy.copy(self)
         vars(made).update({"_single": self._single} | changes)
+        vars(made).pop("by_mean", None)
         if made.objective != self.objective:
             vars(made).pop("_alone", None)
         return made
@@ -765,15 +766,17 @@ class Cases:
         many, modes = np.asarray(visits, float), self.model.strategy.n_modes > 0
         if modes and not about:
             return self._solved_with_modes(many)
-        wall_s = np.array(np.inf)
+        wall_s = self.model.time_s(self.by_mean.solved(many)[0]) if modes else np.array(np.inf)
         for _ in range(4 if modes or self.model.instrument.drift.correlation_time_h > 0.0 else 1):
             visit, level = self._shortest(many, wall_s)
             wall_s = self.model.time_s(visit)
         return visit, level
 
     @functools.cached_property
-    def _by_mean(self) -> Self:
+    def by_mean(self) -> Self:
         """The cases reduced by the mean of their references."""
+        if self.model.strategy.n_modes == 0:
+            return self
         strategy = self.model.strategy.model_copy(update={"n_modes": 0})
         return self._with(model=replace(self.model, strategy=strategy), _single={})
 
@@ -781,7 +784,7 @@ class Cases:
         """Return the shortest visits where modes follow their length, and the level."""
         # About as long as with the modes of references without noise, or without modes.
         endless_s = self._shortest(visits, np.array(np.inf))[0]
-        visit_s = np.minimum(endless_s, self._by_mean.solved(visits)[0])
+        visit_s = np.minimum(endless_s, self.by_mean.solved(visits)[0])
 
         def reaching(start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
             start_s = np.where(wanted, start_s, 1.0)
@@ -1206,7 +1209,7 @@ def _in_band(
 ) -> tuple[Any, ...]:
     """Return the status of all places in one band, offsets, contrasts, thresholds and rates."""
     metrics, place = model.metrics[band], planets.separation_arcsec
-    places = tuple(place_status(model, band, float(value)) for value in place)
+    places = place_statuses(model, band, place.tolist())
     if offsets_arcsec is not None:
         places = ((Status.OK, Reason.NONE, ""),) * len(place)
     inside = np.array([status is Status.OK for status, _, _ in places])

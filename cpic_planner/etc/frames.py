@@ -395,7 +395,7 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     camera = problem.camera
     aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     t_best, cost = best_exposure_s(problem)
-    lower = _smooth_visit_s(problem, cost, aim)
+    lower = smooth_least_visit_s(problem, level, cost)
     frames = _candidates(np.where(np.isfinite(lower), lower, 0.0), t_best + camera.readout_s)
     possible = np.isfinite(lower)
     shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s, camera.exposure_min_s)
@@ -419,6 +419,8 @@ def smooth_least_visit_s(
 ) -> FloatArray:
     """Return the shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does.
 
+    No whole number of frames is faster.
+
     Parameters
     ----------
     problem : FrameProblem
@@ -428,11 +430,7 @@ def smooth_least_visit_s(
         Least ``G`` of the problem, where it is known (`best_exposure_s`).
     """
     aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
-    return _smooth_visit_s(problem, best_exposure_s(problem)[1] if cost is None else cost, aim)
-
-
-def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) -> FloatArray:
-    """Return the shortest visit with ``G / v + z(v) <= aim``, or ``inf``. No whole number of frames is faster."""
+    cost = best_exposure_s(problem)[1] if cost is None else cost
     peak = peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         top = np.where(np.isfinite(peak), peak, 0.0)

@@ -5,7 +5,6 @@ whose noise counts, and how often the background does.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -103,26 +102,19 @@ def rate_convention(convention: str | Mapping[str, Any] | RateConvention) -> Rat
         raise InputError(key, given, allowed=allowed) from None
 
 
-@dataclass(frozen=True)
-class _Rates:
-    """Rates in one shape, and the variance of a second."""
-
-    planet: FloatArray
-    variance: FloatArray
-    floor: FloatArray
-    wanted: FloatArray
-
-    @classmethod
-    def of(cls, planet: ArrayLike, background: ArrayLike, floor: ArrayLike, wanted: FloatArray, by: Any) -> "_Rates":
-        convention = rate_convention(by)
-        rates = {"planet_rate": planet, "background_rate": background, "floor_rate": floor}
-        checked = [checked_array(name, rate, low=0.0, high=LARGEST_RATE, unit="1/s") for name, rate in rates.items()]
-        try:
-            p, b, f, w = np.broadcast_arrays(*checked, wanted)
-        except ValueError:
-            shapes = ", ".join(str(part.shape) for part in (*checked, wanted))
-            raise InputError("planet_rate", shapes, allowed="arrays whose shapes broadcast") from None
-        return cls(p, convention.planet_noise * p + convention.background_noise * b, f, w)
+def _checked_rates(
+    planet: ArrayLike, background: ArrayLike, floor: ArrayLike, wanted: FloatArray, by: Any
+) -> tuple[FloatArray, ...]:
+    """Return the planet's rate, the variance of a second, the floor and what is wanted, in one shape."""
+    convention = rate_convention(by)
+    rates = {"planet_rate": planet, "background_rate": background, "floor_rate": floor}
+    checked = [checked_array(name, rate, low=0.0, high=LARGEST_RATE, unit="1/s") for name, rate in rates.items()]
+    try:
+        p, b, f, w = np.broadcast_arrays(*checked, wanted)
+    except ValueError:
+        shapes = ", ".join(str(part.shape) for part in (*checked, wanted))
+        raise InputError("planet_rate", shapes, allowed="arrays whose shapes broadcast") from None
+    return p, convention.planet_noise * p + convention.background_noise * b, f, w
 
 
 @numeric_context()
@@ -167,15 +159,15 @@ def time_for_rates(
     ``t = SNR^2 (a P + b B) / (P^2 - (SNR F)^2)`` (Stark et al. 2025, arXiv 2502.18556).
     """
     wanted = checked_array("snr", snr, low=1.0 / LARGEST_SNR, high=LARGEST_SNR)
-    rates = _Rates.of(planet_rate, background_rate, floor_rate, wanted, convention)
-    lit = rates.planet > 0.0
+    planet, variance, floor, wanted = _checked_rates(planet_rate, background_rate, floor_rate, wanted, convention)
+    lit = planet > 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        share = rates.wanted * (rates.floor / np.where(lit, rates.planet, 1.0))
+        share = wanted * (floor / np.where(lit, planet, 1.0))
         possible = lit & (share < 1.0)
         share = np.where(possible, share, 0.0)
-        scale = rates.wanted / np.where(possible, rates.planet, 1.0)
-        time_s = scale * (scale * rates.variance) / ((1.0 - share) * (1.0 + share))
-    time_s = np.where(rates.variance > 0.0, time_s, 0.0)  # a faint planet has an infinite scale
+        scale = wanted / np.where(possible, planet, 1.0)
+        time_s = scale * (scale * variance) / ((1.0 - share) * (1.0 + share))
+    time_s = np.where(variance > 0.0, time_s, 0.0)  # a faint planet has an infinite scale
     finite = np.isfinite(time_s)
     reasons = {Reason.NO_LIGHT: ~lit, Reason.SPECKLE_FLOOR: lit & ~possible, Reason.INSUFFICIENT_TIME: ~finite}
     return Outcomes.of(time_s, {reason: (Status.UNREACHABLE, bad) for reason, bad in reasons.items()}, _WHY, "s")
@@ -211,9 +203,9 @@ def snr_for_rates(
         As of `time_for_rates`.
     """
     wanted = checked_array("time_s", time_s, low=0.0, high=LARGEST_TIME_S, unit="s")
-    rates = _Rates.of(planet_rate, background_rate, floor_rate, wanted, convention)
-    noise = np.hypot(np.sqrt(rates.variance) * np.sqrt(rates.wanted), rates.floor * rates.wanted)
-    signal = rates.planet * rates.wanted
+    planet, variance, floor, wanted = _checked_rates(planet_rate, background_rate, floor_rate, wanted, convention)
+    noise = np.hypot(np.sqrt(variance) * np.sqrt(wanted), floor * wanted)
+    signal = planet * wanted
     silent = (noise == 0.0) & (signal > 0.0)
     ratio = signal / np.where(noise > 0.0, noise, 1.0)
     return Outcomes.of(ratio, {Reason.NO_NOISE: (Status.INVALID, silent)}, _WHY)

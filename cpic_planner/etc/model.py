@@ -22,7 +22,7 @@ from cpic_planner.queries import LibraryNoise, Strategy
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
 from simulator.detectors import FrameTerm, added_variance, frame_variance_e2, noise_factor2
-from simulator.imaging import PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
+from simulator.imaging import BandGeometry, PsfMetrics, Zone, metrics_key, psf_metrics, zone_of
 from simulator.passbands import Passbands
 from simulator.signal import ProgrammeLaw, SpeckleLaw, Wells
 
@@ -392,7 +392,7 @@ def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArr
     return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EtcModel:
     """Instrument, its one passband quadrature and one set of PSF metrics per band."""
 
@@ -466,6 +466,10 @@ class EtcModel:
 
     def content(self) -> dict[str, Any]:
         """Return everything of the model that decides a number, for content hashes; files by what is in them."""
+        return self._content
+
+    @functools.cached_property
+    def _content(self) -> dict[str, Any]:
         files = {
             name: digest_of(band.transmission_file)
             for name, band in self.instrument.bands.items()
@@ -618,27 +622,65 @@ def place_status(model: EtcModel, band: str, separation_arcsec: float) -> tuple[
     separation_arcsec : float
         Projected separation from the star, arcsec, above 0.
     """
+    return place_statuses(model, band, [separation_arcsec])[0]
+
+
+def place_statuses(
+    model: EtcModel, band: str, separation_arcsec: Sequence[float]
+) -> tuple[tuple[Status, Reason, str], ...]:
+    """Return the same of several separations; parameters as of `place_status`."""
     instrument, rolls = model.instrument, model.strategy.rolls_deg
+    aperture = instrument.aperture_radius_arcsec(band)
     # With two rolls the planet stands half the roll beside the diagonal, before and after.
     zone, turn_deg = zone_of(instrument, band), rolls[1] if len(rolls) > 1 else 0.0
-    inner, outer = zone.usable_range_arcsec(instrument.aperture_radius_arcsec(band), turn_deg)
+    inner, outer = zone.usable_range_arcsec(aperture, turn_deg)
     beside = f"{turn_deg:g} deg beside the diagonal" if turn_deg else "diagonal"
     where = "ring" if zone.mode == "ring" else beside
-    place = f"{separation_arcsec:.3f} arcsec"
-    if separation_arcsec < inner * (1.0 - 1e-10):
-        text = f"{place}: the aperture leaves the dark hole of {band}; closest separation {inner:.3f} arcsec ({where})"
-        return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
-    if separation_arcsec > outer * (1.0 + 1e-10):
-        text = f"{place}: the aperture leaves the dark hole of {band}; farthest separation {outer:.3f} arcsec ({where})"
-        return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
-    if len(rolls) > 1:
-        least = 2.0 * instrument.aperture_radius_arcsec(band)
-        moved = 2.0 * separation_arcsec * math.sin(math.radians(rolls[1]))
-        if moved < least:
-            moves = f"a roll of {rolls[1] - rolls[0]:g} deg moves the planet by {moved:.3f} arcsec"
-            text = f"{place}: {moves}, less than its aperture of {least:.3f}"
-            return Status.UNREACHABLE, Reason.SMALL_ROLL, text
-    return Status.OK, Reason.NONE, ""
+    leaves = f"the aperture leaves the dark hole of {band}"
+
+    def status(separation: float) -> tuple[Status, Reason, str]:
+        place = f"{separation:.3f} arcsec"
+        if separation < inner * (1.0 - 1e-10):
+            text = f"{place}: {leaves}; closest separation {inner:.3f} arcsec ({where})"
+            return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
+        if separation > outer * (1.0 + 1e-10):
+            text = f"{place}: {leaves}; farthest separation {outer:.3f} arcsec ({where})"
+            return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
+        if len(rolls) > 1:
+            moved = 2.0 * separation * math.sin(math.radians(rolls[1]))
+            if moved < 2.0 * aperture:
+                moves = f"a roll of {rolls[1] - rolls[0]:g} deg moves the planet by {moved:.3f} arcsec"
+                text = f"{place}: {moves}, less than its aperture of {2.0 * aperture:.3f}"
+                return Status.UNREACHABLE, Reason.SMALL_ROLL, text
+        return Status.OK, Reason.NONE, ""
+
+    return tuple(status(float(separation)) for separation in separation_arcsec)
+
+
+N_SEPARATIONS = 41
+MIN_BACKGROUND_APERTURES = 25.0
+"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
+
+
+def separation_grid(model: EtcModel, band: str) -> FloatArray:
+    """Return diagonal separations with the aperture in a band's zone, a defined threshold and room for noise."""
+    inner, outer = usable_range_arcsec(model.instrument, band)
+    grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
+        grid = grid[[status is Status.OK for status, _, _ in place_statuses(model, band, grid.tolist())]]
+    if grid.size == 0:
+        allowed = "a zone with room for aperture, background and three elements"
+        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
+    return grid
+
+
+@functools.lru_cache(maxsize=64)
+def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
+    room = band.annulus_pixels(grid, annulus_lambda_d) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
+    usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
+    usable.flags.writeable = False
+    return usable
 
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:

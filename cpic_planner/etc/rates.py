@@ -14,7 +14,7 @@ import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -24,7 +24,7 @@ from cpic_planner.etc.model import EtcModel, check_range
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
-from simulator.config import AlbedoSpec, Instrument, Scene
+from simulator.config import AlbedoSpec, Instrument
 from simulator.effects import sky_rates_e_s_arcsec2, stray_light_map
 from simulator.imaging import AnnulusLight, PsfMetrics, light_around, quadrant_of
 from simulator.signal import (
@@ -42,8 +42,6 @@ from simulator.target import albedo_notes, albedo_source, contrast_at, needs_ins
 
 if TYPE_CHECKING:
     from simulator.target import Source
-
-_T = TypeVar("_T")
 
 
 def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, FloatArray]:
@@ -63,20 +61,7 @@ def light_of(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, 
     InputError
         As `aperture_sky_e_s`.
     """
-    return _kept(_Same(model), _Same(targets), band) if len(targets) == 1 else _light(model, targets, band)
-
-
-class _Same(Generic[_T]):
-    """An object that counts as equal to itself alone."""
-
-    def __init__(self, it: _T) -> None:
-        self.it = it
-
-    def __hash__(self) -> int:
-        return id(self.it)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.it is self.it
+    return _kept(model, targets, band) if len(targets) == 1 else _light(model, targets, band)
 
 
 _STRIPED = 0.8
@@ -86,8 +71,8 @@ F720 and F850, where it falls to 0.62 at 2 arcsec; 0.55 to 0.9 for single source
 
 
 @functools.lru_cache(maxsize=1024)
-def _kept(model: _Same[EtcModel], star: _Same[Targets], band: str) -> tuple[FloatArray, FloatArray]:
-    found = _light(model.it, star.it, band)
+def _kept(model: EtcModel, star: Targets, band: str) -> tuple[FloatArray, FloatArray]:
+    found = _light(model, star, band)
     for array in found:
         array.flags.writeable = False
     return found
@@ -97,16 +82,17 @@ def _light(model: EtcModel, targets: Targets, band: str) -> tuple[FloatArray, Fl
     if targets.scene is None:
         own = star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
     else:
-        own = np.full(len(targets), _scene_stars(_Same(model), _Same(targets.scene), band)[0].rate_e_s)
+        own = np.full(len(targets), _scene_stars(model, targets, band)[0].rate_e_s)
     return own, aperture_sky_e_s(model, targets, band)
 
 
 @functools.lru_cache(maxsize=64)
-def _scene_stars(model: _Same[EtcModel], scene: _Same[Scene], band: str) -> "tuple[Source, ...]":
-    """Return the stars that images of a scene show, the central one first."""
+def _scene_stars(model: EtcModel, targets: Targets, band: str) -> "tuple[Source, ...]":
+    """Return the stars that images of the targets' scene show, the central one first."""
     from simulator.target import scene_sources
 
-    return scene_sources(scene.it.without_planets(), model.it.instrument, band)
+    assert targets.scene is not None
+    return scene_sources(targets.scene.without_planets(), model.instrument, band)
 
 
 class Neighbours(NamedTuple):
@@ -146,7 +132,7 @@ def neighbours(model: EtcModel, targets: Targets, band: str) -> Neighbours:
     if targets.scene is not None:
         from simulator.target import detector_to_sky
 
-        stars = _scene_stars(_Same(model), _Same(targets.scene), band)[1:]
+        stars = _scene_stars(model, targets, band)[1:]
         x, y, rate = (np.array([getattr(star, key) for star in stars]) for key in ("x_arcsec", "y_arcsec", "rate_e_s"))
         separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
         row = np.repeat(np.arange(len(targets)), len(stars))
@@ -192,7 +178,9 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
     """
     instrument, metrics = model.instrument, model.metrics[band]
     start = targets.date_utc or instrument.mission.start_utc
-    sky = sky_pixel_e_s(metrics, sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start))
+    sky = sky_pixel_e_s(
+        metrics, sky_rates_e_s_arcsec2(instrument, band, targets.ra_deg, targets.dec_deg, start, model.passbands)
+    )
     return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
 
 

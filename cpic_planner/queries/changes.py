@@ -19,7 +19,7 @@ predictions keep the nominal instrument.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -264,11 +264,6 @@ class Change(config.FrozenModel):
             return f"{name} {self.value_text}"
         return f"{name} = {with_unit(self.value_text, config.unit_of(self.key) if is_number(self.value) else '')}"
 
-    @property
-    def is_optical(self) -> bool:
-        """Whether it can mean something that point-spread functions depend on."""
-        return is_optical(self.key)
-
     @classmethod
     def scaling(cls, key: str, factor: float) -> Self:
         """Return the change of a number by a factor."""
@@ -318,16 +313,6 @@ class Change(config.FrozenModel):
         """Return the change of a text ``KEY=VALUE``; see `read`."""
         return cls.read(*_key_and_value(text, "KEY=VALUE, as drift.visit_nm=0.1nm or throughput=x0.7"), nominal)
 
-    def values(self, nominal: config.Instrument) -> list[tuple[str, Any, Any]]:
-        """Return the keys of an instrument that it means, with their values before and after.
-
-        Raises
-        ------
-        InputError
-            For a key that the instrument does not have, and a factor on what is no number.
-        """
-        return [(key, value, _altered(self, key, value, nominal)) for key, value in _leaves(nominal, self)]
-
 
 def _key_and_value(text: str, allowed: str) -> tuple[str, str]:
     key, _, value = map(str.strip, text.partition("="))
@@ -336,51 +321,28 @@ def _key_and_value(text: str, allowed: str) -> tuple[str, str]:
     return key, value
 
 
-@dataclass(frozen=True)
-class Alteration:
-    """A number or word of the instrument before and after, and the change that alters it."""
-
-    key: str
-    nominal: Any
-    altered: Any
-    change: Change
-
-
-def alterations(nominal: config.Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
-    """Return every number and word of an instrument that some changes alter, by key.
+def alterations(nominal: config.Instrument, changes: Iterable[Change]) -> dict[str, tuple[Change, Any, Any]]:
+    """Return every number and word of an instrument that some changes alter: the change, before and after, by key.
 
     Raises
     ------
     InputError
         For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
     """
-    altered_by: dict[str, Alteration] = {}
+    found: dict[str, tuple[Change, Any, Any]] = {}
     for change in changes:
-        for key, value, altered in change.values(nominal):
-            if key in altered_by:
-                raise change.refused("each value altered once", f"{key} is altered by {altered_by[key].change.key} too")
-            altered_by[key] = Alteration(key, value, altered, change)
-    return tuple(altered_by[key] for key in sorted(altered_by))
-
-
-def tree_of(items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lambda one: one.altered) -> dict[str, Any]:
-    """Return alterations as the mapping that `Instrument.changed` takes.
-
-    Parameters
-    ----------
-    items : iterable of Alteration
-    leaf : callable
-        What stands for an altered value.
-    """
-    tree: dict[str, Any] = {}
-    for item in items:
-        tree = put(tree, item.key, leaf(item))
-    return tree
+        for key, value in _leaves(nominal, change):
+            if key in found:
+                raise change.refused("each value altered once", f"{key} is altered by {found[key][0].key} too")
+            found[key] = change, value, _altered(change, key, value, nominal)
+    return dict(sorted(found.items()))
 
 
 def changed(nominal: config.Instrument, changes: Iterable[Change]) -> config.Instrument:
     """Return the instrument after some changes; the same object without any."""
-    tree = tree_of(alterations(nominal, changes))
+    tree: dict[str, Any] = {}
+    for key, (_, _, after) in alterations(nominal, changes).items():
+        tree = put(tree, key, after)
     return nominal.changed(tree) if tree else nominal
 
 
@@ -618,7 +580,7 @@ class SimulatorOverrides(config.FrozenModel):
     @property
     def alters_optics(self) -> bool:
         """Whether point-spread functions differ: they are computed anew, which takes up to a minute a band once."""
-        return any(entry.is_optical for entry in self.entries)
+        return any(is_optical(entry.key) for entry in self.entries)
 
     def text(self) -> str:
         """Return the overrides in one line, for reports."""
@@ -640,33 +602,36 @@ class SimulatorOverrides(config.FrozenModel):
         chosen = self.companions(nominal.companions)
         return nominal if chosen == nominal.companions else nominal.model_copy(update={"companions": chosen})
 
-    def changes(self, nominal: config.Instrument) -> tuple[Alteration, ...]:
-        """Return every number and word of an instrument that is altered, by key.
-
-        Raises
-        ------
-        InputError
-            For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
-        """
-        with config.inside(_WHERE):
-            return alterations(nominal, (entry for entry in self.entries if entry.key != COMPANIONS))
-
     def instrument(self, nominal: config.Instrument) -> config.Instrument:
         """Return the instrument that is simulated, given the one of the prediction.
 
         Raises
         ------
         InputError
-            As `changes`; and for a value that the instrument cannot have, naming it.
+            For a key that the instrument does not have, a factor on what is no number, a value altered twice, and one
+            that the instrument cannot have.
         """
-        changes = self.changes(nominal)
-        if not changes:
-            return nominal
-        tree = {"name": f"{nominal.name}+overrides"} | tree_of(changes, _sourced)
+        with config.inside(_WHERE):
+            altered = alterations(nominal, (entry for entry in self.entries if entry.key != COMPANIONS))
+        tree: dict[str, Any] = {"name": f"{nominal.name}+overrides"}
+        for key, (change, before, after) in altered.items():
+            source = f"override of the simulator, {change.text}; nominal {before}"
+            tree = put(tree, key, {"value": after, "source": source, "confidence": "A"})
         try:
-            return nominal.changed(tree)
+            return nominal.changed(tree) if altered else nominal
         except InputError as error:
-            raise _refused(error, changes, self.text()) from None
+            raise self._refused(error, altered) from None
+
+    def _refused(self, error: InputError, altered: Mapping[str, tuple[Change, Any, Any]]) -> InputError:
+        """Return the instrument's refusal in the words of the overrides."""
+        key, would_be = error.key.removeprefix("instrument."), _short(error.value)
+        for name, (change, before, _) in altered.items():
+            if key == name or key.startswith(f"{name}."):
+                scaled = f"{key} is {_short(before)}, and would be {would_be}"
+                hint = scaled if change.action == "scale" else error.hint
+                refusal = InputError(change.key, change.value_text, unit=error.unit, allowed=error.allowed, hint=hint)
+                return config.at(_WHERE, refusal)
+        return InputError(_WHERE, self.text(), allowed=error.allowed, hint=f"{key} would be {would_be}")
 
 
 OverrideSource: TypeAlias = SimulatorOverrides | Mapping[str, Any] | str | Path | Iterable[str | Path] | None
@@ -712,25 +677,6 @@ def _stated(key: str, value: Any) -> Any:
     unit = config.unit_of(long_key(key))
     number = config.to_unit(long_key(key), value)
     return f"{number!r} {unit}" if unit else number
-
-
-def _sourced(item: Alteration) -> dict[str, Any]:
-    """Return an altered value with its standing, as an instrument's file has it."""
-    source = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
-    return {"value": item.altered, "source": source, "confidence": "A"}
-
-
-def _refused(error: InputError, changes: tuple[Alteration, ...], text: str) -> InputError:
-    """Return the instrument's refusal in the words of the overrides."""
-    key = error.key.removeprefix("instrument.")
-    for item in changes:
-        if key == item.key or key.startswith(f"{item.key}."):
-            change = item.change
-            scaled = f"{key} is {_short(item.nominal)}, and would be {_short(error.value)}"
-            hint = scaled if change.action == "scale" else error.hint
-            refusal = InputError(change.key, change.value_text, unit=error.unit, allowed=error.allowed, hint=hint)
-            return config.at(_WHERE, refusal)
-    return InputError(_WHERE, text, allowed=error.allowed, hint=f"{key} would be {_short(error.value)}")
 
 
 def _short(value: Any) -> str:

@@ -18,6 +18,7 @@ Numbers = Annotated[tuple[float, ...], BeforeValidator(shared.several)]
 PLACES = ("separation_arcsec", "separation_au", "semi_major_axis_au")
 """What places a planet."""
 _LEVELS = ("snr", "sigma", "detect")
+_QUICK = dial_of("quick")
 OWN_STAR = "my star"
 """Name of a star of one's own that is given none."""
 
@@ -206,7 +207,7 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
     def dial(self) -> Dial:
         """How firm answers have to be: ``quick`` without a fidelity or a tolerance."""
         plain = self.fidelity is None and self.tolerance is None
-        return dial_of("quick" if plain else self.fidelity, self.tolerance)
+        return _QUICK if plain else dial_of(self.fidelity, self.tolerance)
 
     @property
     def asks_time(self) -> bool:

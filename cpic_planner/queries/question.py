@@ -23,7 +23,6 @@ from pydantic_core import PydanticUndefined
 
 from cpic_core import InputError, files_read, load_mapping
 from simulator import config
-from simulator.config.scene import paths_beside
 
 Meaning = tuple[str, str]
 """A field, and the value of it with which another field has a meaning."""
@@ -519,6 +518,8 @@ class Question(config.FrozenModel):
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:
         """Return what a YAML file answers, for `of`; files that it names are looked for beside it first."""
+        from simulator.config.scene import paths_beside
+
         tree = load_mapping(source, "question", tuple(cls.model_fields))
         kind = tree.get("kind", "question")
         if kind == "question":

@@ -17,7 +17,6 @@ from cpic_planner.ranking.optimiser import (
     limits_of as limits_of,
     no_frame_status as no_frame_status,
     optimise as optimise,
-    separation_grid as separation_grid,
 )
 from cpic_planner.ranking.order import (
     MOST_OWN as MOST_OWN,

@@ -23,7 +23,6 @@ from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_factor2
-from simulator.imaging import BandGeometry
 from simulator.signal import ProgrammeLaw, SpeckleLaw, frame_limit, programme_parts
 from simulator.target import albedo_source
 
@@ -329,30 +328,6 @@ def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
 _CHANGES = ("without_motion", "without_speckles", "without_background")
 _REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_factor")
 _ROUNDING = 1e-9
-N_SEPARATIONS = 41
-MIN_BACKGROUND_APERTURES = 25.0
-"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-
-
-def separation_grid(model: etc.EtcModel, band: str) -> FloatArray:
-    """Return diagonal separations with the aperture in a band's zone, a defined threshold and room for noise."""
-    inner, outer = etc.usable_range_arcsec(model.instrument, band)
-    grid = _roomy(model.metrics[band].geometry, inner, outer, model.strategy.annulus_lambda_d)
-    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
-        grid = grid[np.array([etc.place_status(model, band, float(place))[0] is Status.OK for place in grid], bool)]
-    if grid.size == 0:
-        allowed = "a zone with room for aperture, background and three elements"
-        raise InputError("band", band, allowed=allowed, hint="see annulus_lambda_d, roll_deg and the hole's edges")
-    return grid
-
-
-@functools.lru_cache(maxsize=64)
-def _roomy(band: BandGeometry, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
-    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
-    room = band.annulus_pixels(grid, annulus_lambda_d) >= MIN_BACKGROUND_APERTURES * band.aperture_pixels
-    usable: FloatArray = grid[(band.resolution_elements(grid) >= 3.0) & room]
-    usable.flags.writeable = False
-    return usable
 
 
 @dataclass(frozen=True)
@@ -710,7 +685,8 @@ def optimise(
         return best_of([best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names])
     if snr is not None:
         etc.check_range("snr", snr, 1e-6, 1e6, "")
-    return best_of([_least_in_band(model, targets, band, snr, body, separation_arcsec) for band in names], by_time=True)
+    searches = (_Search(model, targets, band, body, separation_arcsec, snr) for band in names)
+    return best_of([search.best(*_least_programmes(search)) for search in searches], by_time=True)
 
 
 def best_in_band(
@@ -741,31 +717,51 @@ def best_in_band(
     return search.best(chosen, outlook, choice, programme, time_s, brief=brief)
 
 
-def _least_in_band(
-    model: etc.EtcModel,
-    targets: Targets,
-    band: str,
-    snr: float | None,
-    planet: ReferencePlanet,
-    separation_arcsec: float | None = None,
-) -> OptimalSetting:
-    """Return the least time of each target in one band, for an SNR or a detection."""
-    search = _Search(model, targets, band, planet, separation_arcsec, snr)
-    every = np.arange(len(targets))
+def _least_programmes(
+    search: "_Search",
+) -> tuple[Places, Outlook, etc.FrameChoice, etc.Programme]:
+    """Return the places, frames and programmes of least time for an SNR or a detection, and what decided them."""
+    model, every = search.model, np.arange(len(search.targets))
     best, outlook = search.lowest(every, Outlook.for_level, Outlook.for_level)
     chosen = search.places.picked(every, best)
     visits, visit = outlook.for_level()[1:]
-    if model.strategy.visits is None:
-        visits, visit = outlook.for_level(nearby(visits))[1:]
-        # Where visits are of few frames, those of one visit alone can be quicker.
-        visits = np.stack((visits, np.ones_like(visits)))
-    programme, choice = _least_frames(chosen, outlook, visits, visit, snr)
-    if model.strategy.visits is None:
-        both = programme.spread(visits.shape)
-        time_s = np.where(choice.n_frames > 0, visits * model.time_s(choice.visit_s), np.inf)
-        better = time_s[1] < time_s[0]
-        programme, choice = both.at(1).where(better, both.at(0)), choice.at(1).where(better, choice.at(0))
-    return search.best(chosen, outlook, choice, programme)
+    if model.strategy.visits is not None:
+        programme, choice = _least_frames(chosen, outlook, visits, visit, search.snr)
+        return chosen, outlook, choice, programme
+    visits, visit = outlook.for_level(nearby(visits))[1:]
+    # Where visits are of few frames, those of one visit alone can be quicker.
+    visits = np.stack((visits, np.ones_like(visits)))
+    programme, choice = _least_frames(chosen, outlook, visits, visit, search.snr)
+    both = programme.spread(visits.shape)
+    time_s = np.where(choice.n_frames > 0, visits * model.time_s(choice.visit_s), np.inf)
+    better = time_s[1] < time_s[0]
+    return chosen, outlook, choice.at(1).where(better, choice.at(0)), both.at(1).where(better, both.at(0))
+
+
+def quickest(model: etc.EtcModel, targets: Targets, planet: ReferencePlanet, bands: Sequence[str]) -> FloatArray:
+    """Return the least wall times of a detection and the visits of that, ``(2, n)``; NaN where there is none.
+
+    They are those of `optimise` with ``detect``, of which nothing else is worked out.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    planet : ReferencePlanet
+    bands : sequence of str
+    """
+    time_s, visits = np.full((2, len(bands), len(targets)), np.inf)
+    beyond = model.passbands.albedo_flags(albedo_source(planet.albedo))
+    for i, band in enumerate(bands):
+        _, _, choice, programme = _least_programmes(_Search(model, targets, band, planet, None))
+        made = np.where(choice.n_frames > 0, programme.visits, np.nan)
+        time_s[i] = np.nan_to_num(made * model.time_s(choice.visit_s), nan=np.inf)[:, 0]
+        visits[i] = made[:, 0]
+    last = ~np.isfinite(time_s) | np.array([[beyond[model.passbands.index(band)]] for band in bands], bool)
+    pick = np.lexsort((time_s, last), axis=0)[:1]
+    best, many = (np.take_along_axis(part, pick, axis=0)[0] for part in (time_s, visits))
+    return np.where(np.isfinite(best), (best, many), np.nan)
 
 
 def _least_frames(
@@ -825,7 +821,7 @@ class _Search:
     def grid(self) -> FloatArray:
         """Separations to look at."""
         given = self.separation_arcsec
-        return separation_grid(self.model, self.band) if given is None else np.array([given])
+        return etc.separation_grid(self.model, self.band) if given is None else np.array([given])
 
     @property
     def refusal(self) -> Reason:

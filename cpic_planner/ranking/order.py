@@ -22,7 +22,7 @@ from cpic_planner.ranking.optimiser import (
     detection_statuses,
     finite,
     limits_of,
-    optimise,
+    quickest,
     setting_fields,
     tier_of,
 )
@@ -190,29 +190,10 @@ MEDIAN_INCLINATION_DEG = 60.0
 """Half of all orbits, whose poles are isotropic, are inclined by more."""
 
 
-@dataclass(frozen=True, eq=False)
-class ReferenceVelocities:
-    """The reference planet where it stands, arrays of ``n`` stars.
-
-    Attributes
-    ----------
-    distance_au : ndarray
-        From its star: the radius of its orbit.
-    amplitude_m_s : ndarray
-        Of the star's velocity, where the planet has the least mass of its radius and the median inclination.
-    excluded : ndarray of bool
-        Whether velocities would have shown it.
-    """
-
-    distance_au: FloatArray
-    amplitude_m_s: FloatArray
-    excluded: BoolArray
-
-
 def reference_velocities(
     targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet
-) -> ReferenceVelocities:
-    """Return what velocities say of the reference planet.
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return what velocities say of the reference planet where it stands, arrays of ``n`` stars.
 
     Parameters
     ----------
@@ -221,12 +202,21 @@ def reference_velocities(
     separation_arcsec : ndarray, shape (n,)
         Projected, where the planet stands.
     planet : ReferencePlanet
+
+    Returns
+    -------
+    distance_au : ndarray
+        From its star: the radius of its orbit.
+    amplitude_m_s : ndarray
+        Of the star's velocity, where the planet has the least mass of its radius and the median inclination.
+    excluded : ndarray of bool
+        Whether velocities would have shown it.
     """
     names: list[str] = targets.name.tolist()
     distance = etc.reference_distance_au(targets, separation_arcsec[:, None], planet)[:, 0]
     msini = least_mass(planet.radius_rjup) * math.sin(math.radians(MEDIAN_INCLINATION_DEG))
     amplitude = amplitude_m_s(msini, distance, StarLimits.of(names, ()).star_mass_msun)
-    return ReferenceVelocities(distance, amplitude, excluded_by_rv(names, distance, planet.radius_rjup))
+    return distance, amplitude, excluded_by_rv(names, distance, planet.radius_rjup)
 
 
 @dataclass(frozen=True)
@@ -269,28 +259,20 @@ def ranked(
         raise InputError("targets", len(targets), allowed="at least one star")
     by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, brief=brief) for band in bands)
     best = best_of(by_band)
-    quickest = np.full((2, len(targets)), np.nan)
+    least = np.full((2, len(targets)), np.nan)
     if not brief or chosen.timed:
         floors = np.stack([item.floor_margin / item.needed_margin for item in by_band])
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
-        quickest[:, near] = _quickest(setting, targets.select(near)) if near.any() else np.nan
+        least[:, near] = quickest(model, targets.select(near), planet, bands) if near.any() else np.nan
         # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
-        found = np.isfinite(quickest[0])
+        found = np.isfinite(least[0])
         moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)
         best = replace(best, floor_margin=np.where(found, np.inf, 0.0), moves=moves)
     pairs = zip(bands, by_band, strict=True)
     counted = tuple(counts.completeness(model, band, item, brief=brief) for band, item in pairs)
-    numbers = _numbers(best, by_band, quickest[0], counted)
+    numbers = _numbers(best, by_band, least[0], counted)
     picked = np.argmax(chosen.by_band(numbers), axis=0)
-    return Ranked(
-        setting, best, by_band, quickest[0], quickest[1], counted, picked, np.asarray(chosen.value(numbers), float)
-    )
-
-
-def _quickest(setting: RankSetting, targets: Targets) -> FloatArray:
-    """Return the least time of a detection of the reference planet, and the visits of that; NaN for none."""
-    best = optimise(setting.model, targets, detect=True, planet=setting.planet, bands=setting.bands)
-    return np.where(best.n_frames >= 1, np.stack([best.time_s, best.visits]), np.nan)
+    return Ranked(setting, best, by_band, least[0], least[1], counted, picked, np.asarray(chosen.value(numbers), float))
 
 
 def _numbers(
@@ -417,14 +399,14 @@ def _row(
     i: int,
     ranks: Sequence[int],
     setting: dict[str, Any],
-    velocities: ReferenceVelocities,
+    velocities: tuple[FloatArray, FloatArray, BoolArray],
     companion_blooms: bool,
     clamped: bool,
 ) -> RankedTarget:
     best, model, planet = found.best, found.setting.model, found.setting.planet
     band = str(best.band[i])
     separation = float(best.separation_arcsec[i])
-    distance = float(velocities.distance_au[i])
+    distance, amplitude, excluded = (part[i].item() for part in velocities)
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.library_flags]
     flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
@@ -434,7 +416,7 @@ def _row(
     flags += filter(None, [str(best.inherited[i])])
     if companion_blooms:
         flags.append("companion_saturates")
-    if velocities.excluded[i]:
+    if excluded:
         flags.append("excluded_by_rv")
     counted = found.counted[found.picked[i]]
     time_s = float(found.completeness_time_s[i])
@@ -459,7 +441,7 @@ def _row(
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
         ref_planet_distance_au=distance,
-        rv_amplitude_m_s=float(velocities.amplitude_m_s[i]),
+        rv_amplitude_m_s=amplitude,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
         flags=flags,
         **setting,

@@ -1,31 +1,21 @@
 from cpic_planner.report.answers import (
     best_row as best_row,
+    both_blocks as both_blocks,
     check_figure_name as check_figure_name,
+    etc_blocks as etc_blocks,
     etc_curves as etc_curves,
     etc_figure as etc_figure,
-    print_both as print_both,
-    print_etc as print_etc,
-    print_fidelity as print_fidelity,
-    print_tradeoff as print_tradeoff,
     question_text as question_text,
+    tradeoff_blocks as tradeoff_blocks,
     write_figure as write_figure,
-)
-from cpic_planner.report.cells import (
-    Cells as Cells,
-    Sheet as Sheet,
-    displayable as displayable,
-    form_text as form_text,
-    offered_text as offered_text,
-    print_plain as print_plain,
 )
 from cpic_planner.report.confirm import (
     calibration_sentence as calibration_sentence,
+    confirm_blocks as confirm_blocks,
     outcome_text as outcome_text,
-    print_confirm as print_confirm,
 )
 from cpic_planner.report.document import (
     Block as Block,
-    Cell as Cell,
     Facts as Facts,
     Figure as Figure,
     Fold as Fold,
@@ -34,11 +24,12 @@ from cpic_planner.report.document import (
     Paragraph as Paragraph,
     Table as Table,
     code as code,
+    facts_of as facts_of,
     lines as lines,
+    own_column as own_column,
     page_link as page_link,
     small as small,
     strong as strong,
-    templates as templates,
 )
 from cpic_planner.report.drawing import (
     Picture as Picture,
@@ -61,22 +52,22 @@ from cpic_planner.report.image_figures import in_both_lights as in_both_lights
 from cpic_planner.report.known import (
     known_blocks as known_blocks,
     known_figure as known_figure,
-    print_known as print_known,
-    print_visibility as print_visibility,
+    visibility_blocks as visibility_blocks,
     visibility_csv as visibility_csv,
     visibility_figure as visibility_figure,
+    window_blocks as window_blocks,
 )
-from cpic_planner.report.plan import print_plan as print_plan, star_blocks as star_blocks
+from cpic_planner.report.plan import plan_blocks as plan_blocks, star_blocks as star_blocks
 from cpic_planner.report.plotted import Panel as Panel, panels_of as panels_of, values_blocks as values_blocks
 from cpic_planner.report.ranking import (
     TIERS as TIERS,
-    print_explanation as print_explanation,
-    print_moves as print_moves,
-    print_rank as print_rank,
-    print_sensitivity as print_sensitivity,
+    explanation_blocks as explanation_blocks,
+    move_blocks as move_blocks,
     priority_blocks as priority_blocks,
+    rank_blocks as rank_blocks,
     ranking_csv as ranking_csv,
     ranking_ecsv as ranking_ecsv,
+    sensitivity_blocks as sensitivity_blocks,
 )
 from cpic_planner.report.ranking_figures import (
     MOST_STARS as MOST_STARS,
@@ -87,23 +78,22 @@ from cpic_planner.report.searches import (
     CURVE_PRODUCTS as CURVE_PRODUCTS,
     ROC_PRODUCTS as ROC_PRODUCTS,
     curve_figure as curve_figure,
-    print_curve as print_curve,
-    print_roc as print_roc,
     roc_figure as roc_figure,
+    search_blocks as search_blocks,
     write_curve as write_curve,
     write_roc as write_roc,
 )
 from cpic_planner.report.simulation import (
-    print_check as print_check,
-    print_columns as print_columns,
-    print_instrument as print_instrument,
-    print_planned as print_planned,
-    print_simulation as print_simulation,
+    check_blocks as check_blocks,
+    columns_blocks as columns_blocks,
+    instrument_blocks as instrument_blocks,
+    planned_blocks as planned_blocks,
+    simulation_blocks as simulation_blocks,
 )
 from cpic_planner.report.whatif import (
     best_by_value as best_by_value,
     hanging_text as hanging_text,
-    print_whatif as print_whatif,
+    whatif_blocks as whatif_blocks,
 )
 from cpic_planner.report.words import (
     MISSING as MISSING,
@@ -111,4 +101,15 @@ from cpic_planner.report.words import (
     full_name as full_name,
     level_text as level_text,
     pretty_name as pretty_name,
+)
+from cpic_planner.report.writing import (
+    chosen as chosen,
+    displayable as displayable,
+    first_table as first_table,
+    form_text as form_text,
+    offered_text as offered_text,
+    print_blocks as print_blocks,
+    print_lines as print_lines,
+    print_table as print_table,
+    templates as templates,
 )

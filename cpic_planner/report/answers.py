@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from operator import itemgetter
@@ -15,16 +15,7 @@ import numpy as np
 
 from cpic_core import FloatArray, InputError, Status, write_named
 from cpic_planner import etc, results
-from cpic_planner.report import drawing, words
-from cpic_planner.report.cells import (
-    Cells,
-    explain_symbols,
-    print_note,
-    print_plain,
-    print_table,
-    row_cells,
-    status_cell,
-)
+from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
 from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.words import MISSING, significant
@@ -36,16 +27,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-    from rich.console import Console
 
     from cpic_planner.queries import EtcQuestion
 
 
-_ENDS = ("median", "low", "high")
 _SENTENCES = 2
 """Most sentences under a table."""
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
-_BAR_CELLS, _FEWEST_CELLS = 24, 6
+_BAR_CELLS = 24
 _SMALLEST_SHARE = 5e-4
 
 
@@ -72,103 +61,80 @@ def question_text(question: EtcQuestion) -> str:
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
 
 
-def answer_name(row: EtcAnswer) -> str:
-    """Return band and separation of an answer."""
-    return f"{row.band} at {row.separation_arcsec:.3f}″"
-
-
 def _known_planet(result: EtcResult) -> results.KnownPlanetLook | None:
     """Return the known planet that answers are about, if they are about one."""
     return next((row.known_planet for row in result.answers if row.known_planet is not None), None)
 
 
-def print_etc(
-    result: EtcResult,
-    console: Console,
-    *,
-    asked: str = "",
-    placed: bool = True,
-    every_budget: bool = False,
-    explain: bool = False,
-) -> None:
-    """Print the answers for one target.
+def etc_blocks(
+    result: EtcResult, *, asked: str = "", placed: bool = True, every_budget: bool = False, explain: bool = False
+) -> Iterator[doc.Block]:
+    """Yield the answers for one target.
 
     Parameters
     ----------
     result : EtcResult
-    console : Console
     asked : str
         The question in words.
     placed : bool
         The question gave the separation; otherwise it was chosen.
     every_budget : bool
-        Print the noise budget of every answer, not of the best one only.
+        Show the noise budget of every answer, not of the best one only.
     explain : bool
         Say more: which gains spare what, how likely detections are, what the visits are, how messages go on.
     """
     best, look = best_row(result), _known_planet(result)
-    _print_answers(result, console, best, asked)
-    print_note(console, *_verdict_sentences(result, best, placed, explain))
-    if explain:
-        print_note(console, *_explanations(result))
+    yield _answer_table(result, best, asked)
+    yield from doc.notes(*_verdict_sentences(result, best, placed, explain), look="")
+    yield from doc.notes(*(_explanations(result) if explain else ()), look="")
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
-        console.print()
-        _print_budget(row, console)
-        _print_binding(row, console, explain)
+        yield from _budget_blocks(row, explain)
     more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
-    if lines := [*flag_lines(result.answers, result.note), *(f"! {text}" for text in more)]:
-        console.print()
-        print_note(console, *lines)
+    yield from doc.notes(*flag_lines(result.answers, result.note), *(f"! {text}" for text in more))
+    yield from _checked_blocks(result)
 
 
-def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
+def _answer_table(result: EtcResult, best: EtcAnswer | None, asked: str) -> doc.Table:
     errors = {item.answer: item.predicted_error or {} for item in result.fidelity.answers} if result.fidelity else {}
     own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
     look = _known_planet(result)
     given = any(row.question != "contrast_limit" for row in result.answers)  # else it is the answer
-    range_ = "range " * (look is not None)
-    cells = row_cells(
+    columns = doc.row_columns(
         EtcAnswer,
-        f"band value {range_}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 em_gain/9 time_s/7 "
-        "snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 status",
+        f"band value {'range ' * (look is not None)}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 "
+        "em_gain/9 time_s/7 snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 "
+        "status",
         band=lambda row: ("→ " if row is best else "  ") + row.band,
-        value=replace(_ANSWER, numbers=_in_one_unit(result.answers)),
+        value=replace(_ANSWER, files=_in_one_unit(result.answers)),
         range=_RANGE,
-        separation_arcsec=_within("separation_arcsec", 3),
-        contrast=_within("contrast", 0),
-        snr=replace(_SNR, text=lambda row: _with_error(row.snr, own[id(row)])),
-        held=Cells("held by", _limits_cell, right=False, legend="what binds exposure (t) and gain (g)"),
+        separation_arcsec=lambda row: _within(row, "separation_arcsec", ".3f"),
+        contrast=lambda row: _within(row, "contrast", ".2e"),
+        snr=doc.own_column(
+            "SNR", lambda row: _with_error(row.snr, own[id(row)]), legend=_SNR_LEGEND, fields="snr", of=_ROW
+        ),
+        held=doc.own_column("held by", _limits_cell, look="left", legend="what binds exposure (t) and gain (g)"),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     star = words.star_text(result)
     if look is not None:
         star = f"{words.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
-    print_table(console, title, cells, result.answers, explained=True, legend=True)
+    return doc.Table(title, columns, result.answers, legend=True)
 
 
-def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[results.Taken, ...]:
+def _in_one_unit(answers: Sequence[EtcAnswer]) -> tuple[results.Column, ...]:
     """Return value and unit of answers for files; the unit is that of the column where all have the same."""
     value, unit = results.taken_of(EtcAnswer, "value", "unit")
     units = {row.unit for row in answers}
-    return replace(value, column=replace(value.column, unit="s" if units == {"s"} else "")), unit
+    return replace(value, unit="s" if units == {"s"} else ""), unit
 
 
-def _within(name: str, places: int) -> Callable[[EtcAnswer], str]:
-    """Return the cell of a planet's number; of a known one its median and half of the width of 68 % of draws."""
-
-    def written(value: float | None) -> str:
-        return MISSING if value is None else f"{value:.{places}f}" if places else words.ratio_text(value)
-
-    def text(row: EtcAnswer) -> str:
-        if row.known_planet is None:
-            return written(getattr(row, name))
-        spread = getattr(row.known_planet, name)
-        half = 0.5 * (spread.high - spread.low)
-        return f"{written(spread.median)} ± {half:.{places}f}" if places else f"{written(spread.median)} ± {half:.0e}"
-
-    return text
+def _within(row: EtcAnswer, name: str, form: str) -> str:
+    """Return a planet's number; of a known one its median and half of the width of 68 % of draws."""
+    if row.known_planet is None:
+        return words.formatted(getattr(row, name), form)
+    return words.formatted(getattr(row.known_planet, name), f"±{form}")
 
 
 def _with_error(value: float | None, share: float | None) -> str:
@@ -178,11 +144,9 @@ def _with_error(value: float | None, share: float | None) -> str:
 
 def _value_text(row: EtcAnswer, value: float | None) -> str:
     """Return a value in the unit of an answer."""
-    if row.unit == "s":
-        return "never" if value is None else words.duration_text(value)
-    if row.unit == "contrast":
-        return "none" if value is None else words.ratio_text(value)
-    return significant(value)
+    if value is None:
+        return {"s": "never", "contrast": "none"}.get(row.unit, MISSING)
+    return words.formatted(value, {"s": "time", "contrast": ".2e"}.get(row.unit, ".3g"))
 
 
 def _range_text(row: EtcAnswer) -> str:
@@ -190,7 +154,7 @@ def _range_text(row: EtcAnswer) -> str:
     look = row.known_planet
     if look is None or not look.value.answered_share:
         return MISSING
-    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in _ENDS)
+    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in ("median", "low", "high"))
     return f"{middle} ({low} to {high})"
 
 
@@ -200,22 +164,21 @@ def _limits_cell(row: EtcAnswer) -> str:
     return ", ".join(f"{name}: {words.short_limit(limit)}" for name, limit in limits if limit) or MISSING
 
 
-_ANSWER = Cells(
-    "answer", lambda row: MISSING if row.value is None else _value_text(row, row.value), fields=("value", "unit")
-)
-_RANGE = Cells(
+_ROW = (EtcAnswer, doc.itself)
+_ANSWER = doc.own_column("answer", lambda row: MISSING if row.value is None else _value_text(row, row.value))
+_RANGE = doc.own_column(
     "range",
     _range_text,
     legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
     "place and light, which may lie elsewhere",
-    fields=tuple(f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS),
+    fields=" ".join(
+        f"known_planet.{name}.{end}"
+        for name in ("value", "separation_arcsec", "contrast")
+        for end in ("median", "low", "high")
+    ),
+    of=_ROW,
 )
-_SNR = Cells(
-    "SNR",
-    lambda row: significant(row.snr),
-    legend="photometric SNR of the stack, with the planet's own noise, and its predicted error",
-    fields=("snr",),
-)
+_SNR_LEGEND = "photometric SNR of the stack, with the planet's own noise, and its predicted error"
 
 
 def _about_text(result: EtcResult) -> str:
@@ -306,16 +269,18 @@ def _explanations(result: EtcResult) -> list[str]:
 
 def _required_text(row: EtcAnswer) -> str:
     """Return the changes that would make the planet of an answer detected, one at a time; none where none would."""
-    parts = []
-    if row.required_visits is not None:
-        parts.append(f"{row.required_visits} such visits")
-    if row.required_time_s is not None:
-        parts.append(f"{words.duration_text(row.required_time_s)} in as many visits")
-    if row.required_drift_factor is not None:
-        parts.append(f"{significant(row.required_drift_factor, 2)} of the drift")
-    if row.required_contrast_factor is not None:
-        parts.append(f"a contrast {significant(row.required_contrast_factor, 3)} times as high")
-    return ", ".join(parts)
+    parts = {
+        "{} such visits": row.required_visits,
+        "{} in as many visits": row.required_time_s and words.duration_text(row.required_time_s),
+        "{} of the drift": row.required_drift_factor and significant(row.required_drift_factor, 2),
+        "a contrast {} times as high": row.required_contrast_factor and significant(row.required_contrast_factor, 3),
+    }
+    return ", ".join(text.format(value) for text, value in parts.items() if value is not None)
+
+
+def answer_name(row: EtcAnswer) -> str:
+    """Return band and separation of an answer."""
+    return f"{row.band} at {row.separation_arcsec:.3f}″"
 
 
 def _noise_terms(row: EtcAnswer) -> dict[str, float]:
@@ -323,48 +288,37 @@ def _noise_terms(row: EtcAnswer) -> dict[str, float]:
     return {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
 
 
-def _print_budget(row: EtcAnswer, console: Console) -> None:
+def _budget_blocks(row: EtcAnswer, explain: bool) -> Iterator[doc.Block]:
+    """Yield the noise of an answer by its terms, and what binds its frames."""
     terms = _noise_terms(row)
-    total = sum(terms.values())
-    if total <= 0:
-        return
-    shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
-    largest = max(terms.values())
-    cells = [
-        Cells("term", words.term_text, right=False),
-        Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
-        Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
-    ]
-    taken = sum(max(len(cell.header), *(len(cell.text(name)) for name in shown)) + 2 for cell in cells)
-    room = min(_BAR_CELLS, console.width - taken)
-    if room >= _FEWEST_CELLS:
-        cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
-    signal = significant(row.budget.get("signal_e"))
-    title = f"Noise in {answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
-    print_table(console, title, cells, shown, last_width=_BAR_CELLS)
-
-
-def _bar(share: float, room: int, console: Console) -> str:
-    """Return the bar of blocks in eighths, or of signs where the terminal has no blocks."""
-    try:
-        "█▏".encode(console.encoding)
-    except (UnicodeEncodeError, LookupError):
-        return "#" * max(round(share * room), 1)
-    eighths = max(round(share * room * 8), 1)
-    return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
-
-
-def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
-    if held := words.held_texts(row):
-        print_note(console, words.sentence("; ".join(held)))
+    total, largest = sum(terms.values()), max(terms.values(), default=0.0)
+    if total > 0:
+        shown = sorted(
+            (name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name]
+        )
+        columns = [
+            doc.own_column("term", words.term_text, look="left"),
+            doc.own_column("e- rms", lambda name: significant(terms[name] ** 0.5)),
+            doc.own_column("", lambda name: _bar(terms[name] / largest), look="left terminal", way=1),
+            doc.own_column("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
+        ]
+        signal = significant(row.budget.get("signal_e"))
+        title = f"Noise in {answer_name(row)}: {significant(total**0.5)} e- rms under a signal of {signal} e-"
+        yield doc.Table(title, columns, shown)
+    yield from doc.notes(words.sentence("; ".join(words.held_texts(row))))
     helpful = words.remedies_text(row.remedies)
     if row.remedies.get("twice_the_time", 2.0) < 1.0:
         helpful += "; longer visits would lower it, because the wavefront drifts during a visit"
-    if helpful:
-        print_note(console, f"What would raise the SNR: {helpful.removeprefix('; ')}.")
+    yield from doc.notes(f"What would raise the SNR: {helpful.removeprefix('; ')}." * bool(helpful))
     if explain and row.gain_caps and row.exposure_s is not None:
-        caps = (f"  {words.cap_sentence(name, gain)}." for name, gain in row.gain_caps.items())
-        print_note(console, f"In frames of {significant(row.exposure_s)} s:", *caps)
+        caps = "; ".join(words.cap_sentence(name, gain) for name, gain in row.gain_caps.items())
+        yield doc.Paragraph(f"In frames of {significant(row.exposure_s)} s: {caps}.", "note")
+
+
+def _bar(share: float) -> str:
+    """Return a bar of blocks in eighths."""
+    eighths = max(round(share * _BAR_CELLS * 8), 1)
+    return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
 
 
 def flag_lines(rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str) -> list[str]:
@@ -386,120 +340,101 @@ def flag_lines(rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str)
     return lines
 
 
-@dataclass(frozen=True)
-class _Row:
-    """An answer, the instrument that it is of, and the first instrument's answer to the same."""
-
-    instrument: str
-    answer: EtcAnswer
-    base: EtcAnswer | None
-
-    @property
-    def status(self) -> str:
-        return self.answer.status
-
-    @property
-    def ratio(self) -> str:
-        base, own = self.base, self.answer
-        if base is None or not base.value or own.value is None:
-            return MISSING
-        same = ["separation_arcsec"] + ["contrast"] * (own.question != "contrast_limit")  # there it is the answer
-        alike = all(math.isclose(getattr(own, name), getattr(base, name), rel_tol=_ALIKE) for name in same)
-        return significant(own.value / base.value, 3) if alike else _UNLIKE
-
-
+_Both = tuple[EtcAnswer, str, EtcAnswer | None]
+"""An answer, the instrument that it is of, and the first instrument's answer to the same."""
 _ALIKE = 1e-3
 """Relative difference up to which two separations or contrasts are the same in every digit that is shown."""
 _UNLIKE = "other planet"
 
 
-def print_both(results: Sequence[tuple[str, EtcResult]], console: Console) -> None:
-    """Print answers with several instruments, and their ratio to those of the first one.
+def _ratio(row: _Both) -> str:
+    """Return an answer over that of the first instrument, where both are of the same planet."""
+    own, _, base = row
+    if base is None or not base.value or own.value is None:
+        return MISSING
+    same = ["separation_arcsec"] + ["contrast"] * (own.question != "contrast_limit")  # there it is the answer
+    alike = all(math.isclose(getattr(own, name), getattr(base, name), rel_tol=_ALIKE) for name in same)
+    return significant(own.value / base.value, 3) if alike else _UNLIKE
+
+
+def both_blocks(each: Sequence[tuple[str, EtcResult]]) -> Iterator[doc.Block]:
+    """Yield answers with several instruments, and their ratio to those of the first one.
 
     Parameters
     ----------
-    results : sequence of (str, EtcResult)
+    each : sequence of (str, EtcResult)
         Name of each instrument, and what is answered with it.
-    console : Console
     """
-    rows = []
-    for band in dict.fromkeys(row.band for _, result in results for row in result.answers):
-        answers = [(name, [row for row in result.answers if row.band == band]) for name, result in results]
-        rows += [_Row(name, row, base) for name, own in answers for row, base in zip_longest(own, answers[0][1]) if row]
-    cells = row_cells(
+    rows: list[_Both] = []
+    for band in dict.fromkeys(row.band for _, result in each for row in result.answers):
+        answers = [(name, [row for row in result.answers if row.band == band]) for name, result in each]
+        rows += [(row, name, base) for name, own in answers for row, base in zip_longest(own, answers[0][1]) if row]
+    columns = doc.row_columns(
         EtcAnswer,
         "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
-        of=lambda row: row.answer,
-        instrument=Cells("instrument", lambda row: row.instrument, right=False),
-        value=replace(_ANSWER, text=lambda row: _ANSWER.text(row.answer)),
-        ratio=Cells("ratio", lambda row: row.ratio, legend="answer over that of the first instrument in the same band"),
-        limit=Cells("limit", lambda row: words.LIMITED_BY[row.answer.limited_by or "none"][0], right=False),
+        of=itemgetter(0),
+        instrument=doc.own_column("instrument", "{1}", look="left"),
+        value=doc.own_column("answer", lambda row: doc.cell(_ANSWER, row[0])),
+        ratio=doc.own_column("ratio", _ratio, legend="answer over that of the first instrument in the same band"),
+        limit=doc.own_column("limit", lambda row: words.LIMITED_BY[row[0].limited_by or "none"][0], look="left"),
     )
-    title = f"{words.full_name(results[0][1].target, results[0][1].hip)} with each instrument"
-    print_table(console, title, cells, rows, explained=True, legend=True)
-    if any(row.ratio == _UNLIKE for row in rows):
+    yield doc.Table(f"{words.full_name(each[0][1].target, each[0][1].hip)} with each instrument", columns, rows)
+    if any(_ratio(row) == _UNLIKE for row in rows):
         why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
-        print_plain(console, f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")
+        yield doc.Paragraph(f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")
 
 
 _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
+_Checked = tuple[results.AnswerFidelity, EtcAnswer]
 
 
-def print_fidelity(result: EtcResult, console: Console) -> None:
-    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
+def _checked_blocks(result: EtcResult) -> Iterator[doc.Block]:
+    """Yield what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
     record = result.fidelity
     if record is None or record.fidelity == "quick":
         return
-    console.print()
-    rows = [(item, result.answers[item.answer]) for item in record.answers]
+    rows: list[_Checked] = [(item, result.answers[item.answer]) for item in record.answers]
     alone = [pair for pair in rows if pair[0].fidelity == "quick" and pair[0].status == "ok"]
     if asked := [pair for pair in rows if pair not in alone]:
-        _print_checks(record, asked, console)
+        yield from _check_table(record, asked)
     for item, row in alone:
         error = words.error_text(item.predicted_error or {})
-        print_note(console, f"{answer_name(row)}: closed forms are enough; their stated error is at most {error}.")
+        said = f"{answer_name(row)}: closed forms are enough; their stated error is at most {error}."
+        yield doc.Paragraph(said, "note")
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
         names = ", ".join(answer_name(row) for item, row in rows if item.message == text)
-        print_note(console, f"{names}: {text}.")
+        yield doc.Paragraph(f"{names}: {text}.", "note")
     if not rows:
-        print_note(console, "No answer has frames that could be checked in images.")
+        yield doc.Paragraph("No answer has frames that could be checked in images.", "note")
 
 
-def _print_checks(
-    record: results.EtcFidelity, rows: list[tuple[results.AnswerFidelity, EtcAnswer]], console: Console
-) -> None:
-    def found(pair: tuple[results.AnswerFidelity, EtcAnswer]) -> str:
-        images = pair[0].images
-        return MISSING if images is None else f"{images.n_found} of {images.realisations}"
-
-    def agreement(pair: tuple[results.AnswerFidelity, EtcAnswer]) -> str:
+def _check_table(record: results.EtcFidelity, rows: list[_Checked]) -> Iterator[doc.Block]:
+    def agreement(pair: _Checked) -> str:
         item = pair[0]
         if item.images is None:
-            return status_cell(item.status, item.reason)
+            return doc.status_cell(item.status, item.reason)
         return "agrees" if item.images.agrees else "differs"
 
-    cells = [
-        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
-        *row_cells(
+    columns = [
+        *doc.row_columns(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *doc.row_columns(
             results.ImageCheck,
             "predicted_snr snr etc_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
             of=lambda pair: pair[0].images,
             predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
-            n_found=found,
-            agrees=Cells("", agreement, right=False),
+            n_found="{0.images.n_found} of {0.images.realisations}",
+            agrees=doc.own_column("", agreement, look="left"),
         ),
     ]
     drawn = [item.images.draw for item, _ in rows if item.images is not None]
     how = " and ".join(_DRAWS[name] for name in dict.fromkeys(drawn))
     dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity
-    print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
-    explain_symbols(console, [item.status for item, _ in rows])
-    if drawn:
-        print_note(console, words.text("texts.etc_checks"))
+    yield doc.Table(f"Checked in images ({dial}{f': {how}' if how else ''})", columns, rows)
+    yield from doc.notes(words.text("texts.etc_checks") * bool(drawn))
 
 
-def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
-    """Print one table a scene: every way with its time, memory and errors."""
+def tradeoff_blocks(result: results.TradeoffResult) -> Iterator[doc.Block]:
+    """Yield one table a scene: every way with its time, memory and errors."""
 
     def way(row: results.TradeoffRow) -> str:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
@@ -510,18 +445,18 @@ def print_tradeoff(result: results.TradeoffResult, console: Console) -> None:
             return ""
         return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"
 
-    cells = row_cells(
+    columns = doc.row_columns(
         results.TradeoffRow,
         "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
         flux_error=lambda row: error(row.flux_error, None),
         snr_error=lambda row: error(row.snr_error, row.snr_uncertainty),
-        title=Cells("way", way, right=False),
+        title=doc.own_column("way", way, look="left"),
     )
     for scene in result.scenes:
         rows = [row for row in result.rows if row.scene == scene.name]
-        print_table(console, f"{scene.title} ({scene.name}, {scene.band})", cells, rows)
+        yield doc.Table(f"{scene.title} ({scene.name}, {scene.band})", columns, rows)
     for name, ratio in result.speed_ups.items():
-        print_plain(console, f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
+        yield doc.Paragraph(f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
 
 
 N_TIMES, N_PLACES = 90, 25
@@ -593,8 +528,6 @@ def etc_curves(
     exposure_s, em_gain : float, optional
         What was fixed.
     """
-    from cpic_planner.ranking import separation_grid
-
     fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
     detects = any(answer.question != "signal_to_noise" for answer in answers)
     objective: etc.Objective = "snr" if sigma is None and (snr is not None or not detects) else "significance"
@@ -602,7 +535,7 @@ def etc_curves(
     drawn = [answer for answer in answers if answer.band == best_band or not several]
     times = _against_time(model, star, drawn, time_s, objective, fixed, several)
     bands = dict.fromkeys(answer.band for answer in answers)
-    ends = {band: separation_grid(model, band)[[0, -1]] for band in bands}
+    ends = {band: etc.separation_grid(model, band)[[0, -1]] for band in bands}
     grids = {band: np.geomspace(inner, outer, N_PLACES) for band, (inner, outer) in ends.items()}
     found = etc.contrast_limits(model, star, grids, time_s=time_s, snr=snr, sigma=sigma, **fixed)
     planets = {

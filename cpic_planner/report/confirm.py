@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.report import document as doc, words
-from cpic_planner.report.cells import Cells, frames_text, print_note, print_plain, print_table, row_cells, status_cell
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import shown_in_both_lights
-from cpic_planner.report.simulation import ModelledGroup, ModelledRow, largest_errors, modelled_groups
-from cpic_planner.report.words import MISSING, contrast_text, count_text, counted, decimals, significant
-from cpic_planner.results import BandConfirmation, CandidateRecord, ModellingRecord, SearchRecord
+from cpic_planner.report.simulation import largest_errors, modelled_blocks
+from cpic_planner.report.words import MISSING, count_text, counted, significant
+from cpic_planner.results import BandConfirmation, CandidateRecord, SearchRecord
 from simulator.knobs import Quantity
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 def calibration_sentence(result: results.ImagedResult) -> str:
@@ -109,23 +104,18 @@ MEASURED = (
     "separation_arcsec/3 visits frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} "
     "outcome"
 )
-"""What is shown of each measurement on the terminal; the rest is in the files."""
+"""What is shown of each measurement; the rest is in the tables of planets and stars, and in the files."""
 
 
-def measured_cells(layout: str, of: Callable[[Any], BandConfirmation], library: str) -> list[Cells]:
+def measured_columns(layout: str, of: Callable[[Any], BandConfirmation], library: str) -> list[results.Column]:
     """Return the columns of measurements that `MEASURED` names; ``of`` takes one from an entry of the table."""
 
-    def found(row: Any) -> str:
-        return MISSING if of(row).n_detected is None else f"{of(row).n_detected}/{of(row).realisations}"
+    def of_band(text: str | Callable[[BandConfirmation], doc.Inline]) -> Callable[[Any], doc.Inline]:
+        return lambda entry: doc.cell(doc.own_column("", text), of(entry))
 
-    def recovered(row: Any) -> str:
-        value, error = of(row).recovered_contrast, of(row).contrast_error
-        return MISSING if value is None or error is None else f"{value:.2e} ± {error:.0e}"
-
-    def outcome(row: Any) -> str:
-        item = of(row)
+    def outcome_cell(item: BandConfirmation) -> str:
         if item.status != "ok":
-            return status_cell(item.status, item.reason)
+            return doc.status_cell(item.status, item.reason)
         if item.detected:
             return f"{words.STATUS_SYMBOLS['ok']} confirmed"
         at_place = 2 * (item.n_significant or 0) >= (item.realisations or 1)
@@ -133,76 +123,61 @@ def measured_cells(layout: str, of: Callable[[Any], BandConfirmation], library: 
 
     legend = f"realisations in which {LIBRARIES[library].found}"
     seen = "seen at its place means significant there, but not found blind"
-    return row_cells(
+    counts: dict[str, Any] = {"fields": "n_detected realisations", "of": (BandConfirmation, of), "legend": legend}
+    return doc.row_columns(
         BandConfirmation,
         layout,
         of=of,
-        n_detected=Cells("found", found, legend=legend, fields=("n_detected", "realisations")),
-        recovered_contrast=recovered,
-        outcome=Cells("outcome", outcome, right=False, legend=seen),
+        n_detected=doc.own_column("found", of_band("{n_detected}/{realisations}"), **counts),
+        recovered_contrast=of_band("{recovered_contrast:.2e} ± {contrast_error:.0e}"),
+        outcome=doc.own_column("outcome", of_band(outcome_cell), look="left", legend=seen),
     )
 
 
-def print_comparison(
-    result: results.ImagedResult, bands: Sequence[BandConfirmation], console: Console, *, measured: bool = True
-) -> None:
-    """Print what is altered in the images, how they compare with the prediction, and where a tier is not enough."""
-    if altered := overrides_sentence(result):
-        print_plain(console, altered, bold=True)
-    if measured:
-        print_plain(console, calibration_sentence(result), bold=True)
-    print_plain(console, *dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"))
+def comparison_blocks(result: results.ImagedResult, bands: Sequence[BandConfirmation]) -> Iterator[doc.Block]:
+    """Yield what is altered in the images, how they compare with the prediction, and where a tier is not enough."""
+    yield from doc.notes(overrides_sentence(result), look="altered")
+    yield from doc.notes(calibration_sentence(result), look="lead")
+    invalid = dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid")
+    yield from doc.notes(*invalid, look="")
 
 
-_SHOWN = 5
-
-
-def print_confirm(result: results.ConfirmResult, console: Console, *, full: bool = True) -> None:
-    """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
+def confirm_blocks(result: results.ConfirmResult, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield measurements, blind candidates, positions and albedo fits of a scene, as a terminal shows them.
 
     Parameters
     ----------
     result : ConfirmResult
-    console : Console
     full : bool
-        Also what was run frame by frame, and how images were made.
+        Also how images were made.
     """
+    names = ["planets", *["search"] * bool(result.searches), "found"]
+    yield from doc.parts(confirm_document(ConfirmReport(result, {}, {}, _SHOWN)), *names)
+    yield from doc.notes(
+        *dict.fromkeys(f"{one.band}: {one.message}" for one in result.bands if one.status == "invalid")
+    )
+    if full:
+        yield from doc.notes(modelled_sentence(result.bands), setup_text(result))
+
+
+def _scene_table(result: results.ConfirmResult) -> doc.Table:
+    """Return a line for each planet and band of a scene."""
     several = len({item.planet for item in result.bands}) > 1
     layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
-    cells = measured_cells(layout, lambda item: item, result.reference_library)
+    columns = measured_columns(layout, doc.itself, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
-    if rows:
-        title = f"{result.scene}: {outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
-        print_table(console, title, cells, rows, explained=True, legend=not full)
-    else:
-        print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
-    if full:
-        print_plain(console, *_audit_lines(result.bands))
-    if result.searches:
-        _print_searches(result.searches, console)
-    print_note(console, *programme_sentences(result))
-    if result.positions:
-        print_table(console, "Measured places, beside the true ones", _PLACES, result.positions)
-    print_plain(console, *map(albedo_text, result.albedos))
-    print_comparison(result, result.bands, console, measured=bool(rows))
-    if full:
-        print_note(console, *filter(None, [modelled_sentence(result.bands)]), setup_text(result))
+    title = f"{result.scene}: {outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
+    return doc.Table(title, columns, rows, legend=True)
 
 
-def _audit_lines(bands: Sequence[BandConfirmation]) -> Iterator[str]:
-    """Yield what came of the realisations that were run frame by frame."""
-    for item, audit in ((band, band.audit) for band in bands if band.audit is not None):
-        run = f"{audit.frames_run} of {audit.frames_in_all} frames one by one"
-        snr = f"SNR {significant(audit.recovered_snr)} ({significant(audit.predicted_snr)} predicted)"
-        off = f"contrast off by {decimals(audit.deviation_sigma, 1)} of its errors"
-        found = "found" if audit.detected else "not found"
-        yield f"{item.planet}, {item.band}, with every effect ({run}): {snr}, {off}, {found}"
-
-
+_SHOWN = 5
+"""Candidates of a band on a terminal."""
 _Candidate = tuple[SearchRecord, CandidateRecord | None]
 
 
-def _print_searches(searches: list[SearchRecord], console: Console) -> None:
+def _search_blocks(searches: Sequence[SearchRecord], most: int | None = None) -> Iterator[doc.Block]:
+    """Yield what blind searches name in the first realisation: the clearest, all detections and planets at first."""
+
     def name(row: _Candidate) -> str:
         item = row[1]
         if item is None:
@@ -212,38 +187,46 @@ def _print_searches(searches: list[SearchRecord], console: Console) -> None:
     rows: list[_Candidate] = []
     for search in searches:
         named = sorted(search.candidates, key=lambda item: -item.snr)
-        shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
-        rows += [(search, item) for item in shown] or [(search, None)]
-    cells = [
-        *row_cells(SearchRecord, "band visits frames/2 em_gain/2", of=itemgetter(0)),
-        *row_cells(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=itemgetter(1)),
-        Cells("is", name, right=False),
+        first = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0]
+        rows += [(search, item) for item in (named if most is None else first[:most])] or [(search, None)]
+    columns = [
+        *doc.row_columns(SearchRecord, "band visits frames/2 em_gain/2 resolution_elements:page", of=itemgetter(0)),
+        *doc.row_columns(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=itemgetter(1)),
+        doc.own_column("is", name, look="left"),
     ]
+    title = "What the blind search names, first realisation"
+    yield doc.Table(title, columns, rows, words.text("texts.search"), last_width=30)
     elsewhere = sum(search.false_detections for search in searches)
     total = sum(search.realisations for search in searches)
-    print_table(console, "What the blind search names, first realisation", cells, rows, last_width=30)
     word = "detection that is" if elsewhere == 1 else "detections that are"
-    print_note(console, f"{elsewhere} {word} no planet of the scene, in {total} searches.")
+    yield doc.Paragraph(f"{elsewhere} {word} no planet of the scene, in {total} searches.", "note")
 
 
-def _with_error(value: float, error: float, places: int) -> str:
-    return f"{decimals(value, places)} ± {decimals(error, places)}"
-
-
-_PLACES = [
-    Cells("planet", lambda item: item.planet, right=False),
-    Cells("sep ″", lambda item: _with_error(item.separation_arcsec, item.separation_error_arcsec, 4)),
-    Cells("true", lambda item: decimals(item.true_separation_arcsec, 4)),
-    Cells("PA deg", lambda item: _with_error(item.pa_deg, item.pa_error_deg, 2)),
-    Cells("true", lambda item: decimals(item.true_pa_deg, 2)),
-    Cells("bands", lambda item: ", ".join(item.bands), right=False),
-]
-
-
-def albedo_text(albedo: results.AlbedoRecord) -> str:
-    """Return what contrasts say of metallicity and clouds."""
-    about = {"bands": ", ".join(albedo.bands), "status": words.ALBEDO_STATUS[albedo.status]}
-    return words.text("texts.albedo", albedo=albedo, **about)
+def _fitted_blocks(result: results.ConfirmResult) -> Iterator[doc.Block]:
+    """Yield fitted positions, and what contrasts say of metallicity and clouds."""
+    positions = [
+        doc.own_column("planet", "{planet}", look="row left"),
+        doc.own_column("sep ″", "{separation_arcsec:.4f} ± {separation_error_arcsec:.4f}"),
+        doc.own_column("true", "{true_separation_arcsec:.4f}"),
+        doc.own_column("PA deg", "{pa_deg:.2f} ± {pa_error_deg:.2f}"),
+        doc.own_column("true", "{true_pa_deg:.2f}"),
+        doc.own_column("bands", "{bands}", look="left"),
+    ]
+    albedos = [
+        doc.own_column("planet", "{planet}", look="row left"),
+        doc.own_column("log10 M/H", "{log10_mh:.2f} ({log10_mh_interval.0:.2f} to {log10_mh_interval.1:.2f})"),
+        doc.own_column("log10 f_sed", "{log10_fsed:.2f} ({log10_fsed_interval.0:.2f} to {log10_fsed_interval.1:.2f})"),
+        doc.own_column("correlation", "{correlation:.2f}"),
+        doc.own_column("χ² (degrees)", "{chi2:.2f} ({degrees_of_freedom})", way=1),
+        doc.own_column("bands", "{bands}", look="left", way=2),
+        doc.own_column("standing", lambda item: words.ALBEDO_STATUS[item.status], look="left wide"),
+    ]
+    if result.positions:
+        caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."
+        yield doc.Table("Measured places, beside the true ones", positions, result.positions, caption)
+    if result.albedos:
+        caption = words.text("texts.albedo_fits")
+        yield doc.Table("Metallicity and clouds", albedos, result.albedos, caption, last_width=60)
 
 
 MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."
@@ -263,24 +246,8 @@ def outcome(band: BandConfirmation) -> doc.Mark:
     return doc.badge("ok", "detected") if band.detected else doc.badge("unreachable", "not detected")
 
 
-def _quantities() -> list[doc.Column[BandConfirmation]]:
-    """Return the rows of the table of measurements, one a quantity."""
-
-    def of_realisations(name: str) -> Callable[[BandConfirmation], str]:
-        return lambda band: MISSING if getattr(band, name) is None else f"{getattr(band, name)} of {band.realisations}"
-
-    def contrast_error(band: BandConfirmation) -> doc.Inline:
-        if band.contrast_error is None:
-            return MISSING
-        return doc.lines(*(f"± {contrast_text(error, 2)}" for error in (band.contrast_error, band.contrast_mean_error)))
-
-    def position(band: BandConfirmation) -> doc.Inline:
-        if band.found_separation_arcsec is None:
-            return MISSING
-        return doc.lines(
-            f"{decimals(band.found_separation_arcsec, 4)} ± {decimals(band.found_separation_error_arcsec, 4)}″",
-            f"PA {decimals(band.found_pa_deg, 2)} ± {decimals(band.found_pa_error_deg, 2)}°",
-        )
+def _quantities() -> list[results.Column]:
+    """Return what is told of each measurement, one quantity a column."""
 
     def star_flux(band: BandConfirmation) -> str:
         error = "" if band.star_flux_error is None else f" ({words.percent_text(band.star_flux_error)})"
@@ -297,6 +264,8 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         drawn = words.DRAWN_AS[band.drawn_as] if band.drawn_as else ""
         return doc.lines(count_text(band.realisations), doc.small(drawn))
 
+    place = "{found_separation_arcsec:.4f} ± {found_separation_error_arcsec:.4f}″"
+    found = f"{place}\nPA {{found_pa_deg:.2f}} ± {{found_pa_error_deg:.2f}}°"
     return doc.row_columns(
         BandConfirmation,
         "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
@@ -304,13 +273,15 @@ def _quantities() -> list[doc.Column[BandConfirmation]]:
         "search_snr search_threshold n_significant false_detections found true_contrast recovered_contrast "
         "contrast_error star_flux rdi_throughput rdi_modes_used core_throughput n_background_apertures "
         "saturated_in_hole saturated_outside verdict",
-        outcome=Cells("", outcome, label="outcome"),
+        outcome=doc.own_column("outcome", outcome),
         realisations=realisations,
-        predicted_error=Cells("", predicted_error, label="predicted error of the images", unit="beside the reference"),
-        n_detected=of_realisations("n_detected"),
-        n_significant=of_realisations("n_significant"),
-        found=Cells("", position, label="found at", unit="first realisation that finds it"),
-        contrast_error=Cells("", contrast_error, label="its error", unit="one observation; mean"),
+        predicted_error=doc.own_column("predicted error of the images", predicted_error, "beside the reference"),
+        n_detected="{n_detected} of {realisations}",
+        n_significant="{n_significant} of {realisations}",
+        found=doc.own_column("found at", found, "first realisation that finds it"),
+        contrast_error=doc.own_column(
+            "its error", "± {contrast_error:.1e}\n± {contrast_mean_error:.1e}", "one observation; mean"
+        ),
         star_flux=star_flux,
         verdict=verdict,
     )
@@ -330,36 +301,37 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
         Band whose column is shaded.
     """
 
-    def column(band: BandConfirmation) -> doc.Column[doc.Column[BandConfirmation]]:
+    def column(band: BandConfirmation) -> results.Column:
         picked = band.band == chosen
-        heading: doc.Inline = [band.band, " ", doc.small("(chosen)")] if picked else band.band
-        return doc.Column(heading, lambda quantity: quantity.value(band), look="pick" if picked else "")
+        heading = f"{band.band} (chosen)" if picked else band.band
+        return doc.own_column(heading, lambda quantity: doc.cell(quantity, band), look="pick" if picked else "")
 
-    def named(quantity: doc.Column[BandConfirmation]) -> doc.Inline:
-        return [quantity.heading, " ", doc.small(f"({quantity.unit})")] if quantity.unit else quantity.heading
+    def named(quantity: results.Column) -> doc.Inline:
+        unit = doc.unit_shown(quantity)
+        return [doc.name_shown(quantity), " ", doc.small(f"({unit})")] if unit else doc.name_shown(quantity)
 
-    first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
     text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
     if any(band.search_threshold is not None for band in bands):
         text = f"{text} {words.prose()['two_statistics']}"
-    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
+    columns = [doc.own_column("quantity", named, look="row left"), *map(column, bands)]
+    return doc.Table(f"Bands of {name}", columns, _quantities(), text, look="bands")
 
 
 def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.Block]:
     """Yield the table of the realisations that were run frame by frame, if there are any."""
     if audited := [(band, band.audit) for band in bands if band.audit is not None]:
-        yield doc.row_table(
-            f"Frame by frame, {name}",
-            words.text("texts.audit"),
+        columns = doc.row_columns(
             results.AuditRecord,
-            "band:row frames_run frames_in_all predicted_snr recovered_snr true_contrast contrast deviation_sigma "
-            "detected false_detections hits rejected_fraction saturated_in_hole saturated_outside",
-            audited,
+            "band:row planet/9 frames_run frames_in_all/3 predicted_snr/2 recovered_snr true_contrast/4 contrast "
+            "deviation_sigma false_detections/5 hits/9 rejected_fraction/8 saturated_in_hole/7 saturated_outside/6 "
+            "detected",
             of=itemgetter(1),
-            band=Cells("", lambda case: case[0].band, right=False, label="band"),
-            true_contrast=Cells("", lambda case: contrast_text(case[0].true_contrast), label="true contrast"),
+            band=doc.own_column("band", "{0.band}", look="left"),
+            planet=doc.own_column("planet", "{0.planet}", look="left"),
+            true_contrast=doc.own_column("true contrast", "{0.true_contrast:.2e}"),
             detected=lambda case: _yes_or_no(case[1].detected, "found", "not found"),
         )
+        yield doc.Table(f"Frame by frame, {name}", columns, audited, words.text("texts.audit"))
 
 
 def _yes_or_no(found: bool, yes: str, no: str) -> doc.Mark:
@@ -372,58 +344,6 @@ def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str
     if shown:
         yield doc.Paragraph(words.text("texts.panels"), "note")
     yield from (doc.Figure(picture, before=name) for picture in shown)
-
-
-_Effect = tuple[ModelledRow, Counter[str]]
-"""One effect in all images of a report: its largest size, and what became of it in how many of them."""
-
-
-def _effects(groups: Sequence[ModelledGroup]) -> list[_Effect]:
-    """Return every effect once, largest first."""
-    every: dict[str, list[tuple[ModelledGroup, ModelledRow]]] = {}
-    for group in groups:
-        for row in group.rows:
-            every.setdefault(row.effect.effect, []).append((group, row))
-    rows = []
-    for found in every.values():
-        group, row = max(found, key=lambda item: item[1].order)
-        decisions: Counter[str] = Counter()
-        for other, same in found:
-            decisions[same.word] += len(other.names)
-        alike = len({same.size for _, same in found}) == 1
-        where = row.where or ("" if alike else group.names[0])
-        rows.append((ModelledRow(row.effect, where, row.size, row.word), decisions))
-    return sorted(rows, key=lambda item: -item[0].order)
-
-
-def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
-    """Yield how images were made, each distinct way in a paragraph, and a folded table of all effects."""
-
-    def decision(item: _Effect) -> doc.Inline:
-        """Return what became of an effect; where that differs between images, in how many."""
-        row, decisions = item
-        kept = "ok" if row.effect.decision == "kept" else "unreachable"
-        others = ", ".join(f"{word} in {count}" for word, count in decisions.items())
-        return doc.lines(doc.badge(kept, row.word), doc.small(others) if len(decisions) > 1 else "")
-
-    groups = modelled_groups(named)
-    if not groups:
-        yield doc.Paragraph("No image was made.")
-        return
-    for group in groups:
-        knobs = group.knobs[:1].upper() + group.knobs[1:]
-        made = f": {', '.join(group.names)}. {knobs}. Predicted error beside the reference: {group.errors}."
-        yield doc.Paragraph([doc.strong(group.title), made])
-    columns: tuple[doc.Column[_Effect], ...] = (
-        doc.Column("Effect", lambda item: item[0].effect.effect, look="row left"),
-        doc.Column("Predicted size", lambda item: item[0].size or MISSING, "largest of flux and SNR"),
-        doc.Column("Largest in", lambda item: item[0].where, look="left"),
-        doc.Column("Modelled", decision, look="left"),
-        doc.Column("How, or why not", lambda item: item[0].effect.reason, look="left wide"),
-    )
-    rows = _effects(groups)
-    made_table = doc.table("Effects in the images", words.text("texts.modelled"), columns, rows)
-    yield doc.Fold(f"All effects ({len(rows)})", [made_table])
 
 
 def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
@@ -455,11 +375,14 @@ class ConfirmReport:
         By the keys of `CONFIRM_FIGURES`, or by a title.
     images : mapping of str to Picture
         Image panels by band.
+    most : int, optional
+        Most candidates of a band that are told; all by default.
     """
 
     result: results.ConfirmResult
     figures: Mapping[str, Picture]
     images: Mapping[str, Picture]
+    most: int | None = None
 
     @property
     def calibration(self) -> str:
@@ -495,82 +418,22 @@ def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
     by_planet: dict[str, list[BandConfirmation]] = {}
     for item in report.result.bands:
         by_planet.setdefault(item.planet, []).append(item)
+    if by_planet:
+        yield _scene_table(report.result)
     for number, (name, bands) in enumerate(by_planet.items(), 1):
-        blocks = [measure_table(name, bands, f"{name} by band."), *audit_blocks(name, bands)]
-        yield doc.Group(f"planet-{number}", name, blocks)
+        yield doc.Group(f"planet-{number}", name, [measure_table(name, bands, f"{name} by band.")])
+    yield from audit_blocks(report.result.scene, report.result.bands)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "search", "Blind search")
 def _search(report: ConfirmReport) -> Iterator[doc.Block]:
-    def of_search(text: Callable[[SearchRecord], str]) -> Callable[[_Candidate], str]:
-        """Return the cell of a search, in its first row alone."""
-        return lambda row: text(row[0]) if row[1] is None or row[1] is row[0].candidates[0] else ""
-
-    def of_candidate(text: Callable[[CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
-        return lambda row: MISSING if row[1] is None else text(row[1])
-
-    def separation(row: _Candidate) -> doc.Inline | doc.Span:
-        return doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3)
-
     searches = report.result.searches
-    if not searches:
-        yield doc.Paragraph(words.text("texts.no_search"))
-        return
-    elements = of_search(lambda search: count_text(round(search.resolution_elements)))
-    elsewhere = of_search(lambda search: f"{search.false_detections} of {search.realisations}")
-    detected = of_candidate(lambda item: _yes_or_no(item.detected, "detected", "below"))
-    columns: tuple[doc.Column[_Candidate], ...] = (
-        doc.Column("Band", lambda row: row[0].band, look="row left"),
-        doc.Column("Frames × exposure", of_search(frames_text), "s"),
-        doc.Column("EM gain", of_search(lambda search: significant(search.em_gain))),
-        doc.Column("Resolution elements", elements),
-        doc.Column("Detections elsewhere", elsewhere, "of searches"),
-        doc.Column("Separation", separation, "arcsec"),
-        doc.Column("PA", of_candidate(lambda item: decimals(item.pa_deg, 1)), "deg"),
-        doc.Column("SNR", of_candidate(lambda item: significant(item.snr)), "matched filter"),
-        doc.Column("Threshold", of_candidate(lambda item: significant(item.threshold))),
-        doc.Column("Detected", detected, look="left"),
-        doc.Column("Planet", of_candidate(lambda item: item.planet or MISSING), look="left"),
-    )
-    rows: list[_Candidate] = []
-    for search in searches:
-        rows += [(search, item) for item in search.candidates] or [(search, None)]
-    yield doc.table("Blind search", words.text("texts.search"), columns, rows)
-
-
-_POSITIONS: tuple[doc.Column[results.PositionRecord], ...] = (
-    doc.Column("Planet", lambda item: item.planet, look="row left"),
-    doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("Separation", lambda one: _with_error(one.separation_arcsec, one.separation_error_arcsec, 4), "arcsec"),
-    doc.Column("true", lambda item: decimals(item.true_separation_arcsec, 4)),
-    doc.Column("PA", lambda item: _with_error(item.pa_deg, item.pa_error_deg, 2), "deg"),
-    doc.Column("true", lambda item: decimals(item.true_pa_deg, 2)),
-)
-
-
-def _interval(median: float, interval: Sequence[float]) -> str:
-    return f"{decimals(median, 2)}; {words.interval_text(interval[0], interval[1])}"
-
-
-_ALBEDOS: tuple[doc.Column[results.AlbedoRecord], ...] = (
-    doc.Column("Planet", lambda item: item.planet, look="row left"),
-    doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
-    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "median; interval"),
-    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "median; interval"),
-    doc.Column("Correlation", lambda item: decimals(item.correlation, 2)),
-    doc.Column("χ²", lambda item: f"{decimals(item.chi2, 2)} ({item.degrees_of_freedom})", "degrees of freedom"),
-    doc.Column("Standing", lambda item: words.ALBEDO_STATUS[item.status], look="left wide"),
-)
+    return _search_blocks(searches, report.most) if searches else iter([doc.Paragraph(words.text("texts.no_search"))])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "found", "Positions and albedos")
-def _positions_and_albedos(report: ConfirmReport) -> Iterator[doc.Block]:
-    result = report.result
-    if result.positions:
-        caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."
-        yield doc.table("Positions", caption, _POSITIONS, result.positions)
-    if result.albedos:
-        yield doc.table("Albedo fits", words.text("texts.albedo_fits"), _ALBEDOS, result.albedos)
+def _found(report: ConfirmReport) -> Iterator[doc.Block]:
+    return _fitted_blocks(report.result)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "images", "Images")

@@ -1,33 +1,26 @@
-"""A report as a document: sections of paragraphs, tables, figures and lists.
+"""An answer as a document: sentences, tables, figures and lists, which a terminal and a page write each in its way.
 
-A section is one entry of a page's registry: an anchor, a title, and a function that makes its blocks from the data of
-the page. One that makes no block is not shown. Texts are plain, or hold marks (`badge`, `small`, ...): nothing here is
-markup, so that names from outside stay text.
+Texts are plain, or hold marks (`badge`, `small`, ...): nothing here is markup, so that names from outside stay text.
+The columns of a table are those of its rows (`row_columns`), or made (`own_column`). A report is a document of
+sections; each is one entry of a registry: an anchor, a title, and a function that makes its blocks from the data of the
+page. One that makes no block is not shown.
 """
 
 from __future__ import annotations
 
-import base64
-import functools
-import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar, Union
+import re
+import string
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Literal, TypeAlias, TypeVar, Union
 
 from cpic_core import Registry, visible
-from cpic_planner.report.cells import Special, row_cells
+from cpic_planner import results
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.words import STATUS_SYMBOLS
-from cpic_planner.results import Result
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
+from cpic_planner.report.words import LIMITED_BY, MISSING, STATUS_SYMBOLS, VERDICTS, formatted, status_text
+from cpic_planner.results import Column, Result
 
 D = TypeVar("D")
-
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -80,177 +73,75 @@ def lines(*parts: Inline) -> Inline:
     return [item for part in kept for item in (Mark("break"), part)][1:]
 
 
-def notes_fact(notes: Sequence[str]) -> list[tuple[str, Inline]]:
-    """Return remarks on the reading of a user's tables as a term and its text; none without remarks."""
-    return [("Remarks on your tables", lines(*notes))] if notes else []
+def marked(text: str) -> Inline:
+    """Return a text of ours in which backticks stand around what a computer reads."""
+    return [code(part) if number % 2 else part for number, part in enumerate(text.split("`"))]
 
 
-class _Templated:
-    """A part that the page writes by the macro of its own name."""
-
-    @property
-    def template(self) -> str:
-        """Name of the macro."""
-        return type(self).__name__.lower()
+def plain(text: Inline) -> str:
+    """Return a text without marks: symbols in front of badges, and brackets around asides below a line."""
+    if isinstance(text, str):
+        return text
+    if isinstance(text, Mark):
+        return {"break": " ", "badge": f"{text.symbol} {text.text}"}.get(text.kind, text.text)
+    parts, said = list(text), ""
+    for before, part in zip(["", *parts], parts, strict=False):
+        below = isinstance(part, Mark) and part.kind == "small" and isinstance(before, Mark) and before.kind == "break"
+        aside = below and not plain(part).startswith(("(", "±"))
+        said += f"({plain(part)})" if aside else plain(part)
+    return said
 
 
 @dataclass(frozen=True)
-class Paragraph(_Templated):
-    """Text; ``look`` is ``lead``, ``note`` or ``altered``."""
+class Paragraph:
+    """Text; ``look`` is ``lead``, ``note``, ``altered`` or, of lines that are copied and do not wrap, ``whole``."""
 
     text: Inline
     look: str = ""
 
 
 @dataclass(frozen=True)
-class Heading(_Templated):
+class Heading:
     """A heading inside a section."""
 
     text: Inline
 
 
 @dataclass(frozen=True)
-class Span:
-    """A cell that stands in the place of several."""
-
-    text: Inline
-    columns: int
-
-
-@dataclass(frozen=True)
-class Column(Generic[T]):
-    """One column of a table: heading, cells, and how they look.
+class Table:
+    """A table: what it is called, its columns, and what they are of, one a row.
 
     Attributes
     ----------
-    heading : Inline
-        Without the unit.
-    value : callable
-        Cell of an item.
-    unit : str
-        Unit or remark below the heading.
-    look : str
-        Classes of the cells: ``left``, ``wide``, ``star``, ...; with ``row`` the cell is the heading of its row.
-    """
-
-    heading: Inline
-    value: Callable[[T], Inline | Span]
-    unit: str = ""
-    look: str = ""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One cell: text, classes, whether it heads its row, and over how many columns it goes."""
-
-    text: Inline
-    look: str = ""
-    heads: bool = False
-    span: int = 1
-
-
-@dataclass(frozen=True)
-class Table(_Templated):
-    """A table with a label and a caption; ``heads`` are its first row, ``picked`` the rows that are shaded."""
-
-    label: str
-    caption: Inline
-    heads: tuple[Cell, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    look: str = ""
-    picked: frozenset[int] = frozenset()
-
-
-def table(
-    label: str,
-    caption: Inline,
-    columns: Sequence[Column[T]],
-    items: Iterable[T],
-    *,
-    look: str = "",
-    picked: Callable[[T], bool] = lambda _: False,
-) -> Table:
-    """Return the table of some items.
-
-    Parameters
-    ----------
-    label : str
-        Name for people who do not see it.
-    caption : Inline
-        What it shows.
+    title : str
+        What it is, and in further lines what it is about.
     columns : sequence of Column
-    items : iterable
-        One a row.
+        The text of one that is no field is a template, see `cell`, or a function of the entry.
+    entries : sequence
+    caption : Inline
+        How to read it. Without one the headings are explained, each by its description.
     look : str
-        Class of the table.
+        Class of the table in pages.
     picked : callable
-        Whether the row of an item is shaded.
+        Whether the row of an entry is shaded.
+    last_width : int
+        Width beyond which the last column wraps on a terminal.
+    legend : bool
+        Whether a terminal explains the headings.
     """
-    rows = list(items)
-    heads = tuple(Cell(lines(one.heading, small(one.unit)), _of_heading(one.look)) for one in columns)
-    marked = frozenset(i for i, item in enumerate(rows) if picked(item))
-    return Table(label, caption, heads, tuple(tuple(_cells(columns, item)) for item in rows), look, marked)
 
-
-def row_table(
-    label: str,
-    caption: Inline,
-    kind: type[Result],
-    layout: str,
-    items: Iterable[T],
-    *,
-    of: Callable[[Any], Any] = lambda row: row,
-    look: str = "",
-    **special: Special,
-) -> Table:
-    """Return the table of rows: headings, units, formats and sides of its columns are said with the fields of these.
-
-    Parameters
-    ----------
-    label, caption, items, look
-        As of `table`.
-    kind, layout, of, **special
-        As of `cpic_planner.report.cells.row_cells`.
-    """
-    return table(label, caption, row_columns(kind, layout, of=of, **special), items, look=look)
-
-
-def row_columns(
-    kind: type[Result], layout: str, /, *, of: Callable[[Any], Any] = lambda row: row, **special: Special
-) -> list[Column[Any]]:
-    """Return columns of a table from those of its rows, as `cpic_planner.report.cells.row_cells` takes them."""
-    columns = []
-    for cell in row_cells(kind, layout, of=of, page=True, **special):
-        heading, unit = cell.label[:1].upper() + cell.label[1:], _UNITS.get(cell.unit, cell.unit)
-        columns.append(Column(heading, cell.text, unit, cell.look if cell.right else f"left {cell.look}"))
-    return columns
-
-
-_UNITS = {"AU": "au", "solLum": "L☉"}
-"""Units as people write them, where astropy has another way."""
-
-
-def _of_heading(look: str) -> str:
-    """Return the classes of a column that its heading shares."""
-    return " ".join(name for name in look.split() if name in ("left", "pick"))
-
-
-def _cells(columns: Sequence[Column[T]], item: T) -> Iterator[Cell]:
-    left = 0
-    for column in columns:
-        if left:
-            left -= 1
-            continue
-        value = column.value(item)
-        looks = column.look.split()
-        look = " ".join(name for name in looks if name != "row")
-        span = value if isinstance(value, Span) else Span(value, 1)
-        left = span.columns - 1
-        yield Cell(span.text, look, "row" in looks, span.columns)
+    title: str
+    columns: Sequence[Column]
+    entries: Sequence[Any]
+    caption: Inline = ""
+    look: str = ""
+    picked: Callable[[Any], bool] = lambda _: False
+    last_width: int = 18
+    legend: bool = False
 
 
 @dataclass(frozen=True)
-class Figure(_Templated):
+class Figure:
     """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``.
 
     ``panels`` are what it shows, as JSON, where the page itself holds that (`cpic_planner.report.plotted`).
@@ -265,7 +156,7 @@ class Figure(_Templated):
 
 
 @dataclass(frozen=True)
-class Facts(_Templated):
+class Facts:
     """Terms and what there is to say of them; ``wide`` ones take a line each."""
 
     items: Sequence[tuple[Inline, Inline]]
@@ -273,14 +164,14 @@ class Facts(_Templated):
 
 
 @dataclass(frozen=True)
-class Items(_Templated):
+class Items:
     """A list."""
 
     texts: Sequence[Inline]
 
 
 @dataclass(frozen=True)
-class Group(_Templated):
+class Group:
     """Blocks that belong together, under a heading with an anchor."""
 
     anchor: str
@@ -289,7 +180,7 @@ class Group(_Templated):
 
 
 @dataclass(frozen=True)
-class Fold(_Templated):
+class Fold:
     """Blocks that show when asked for, with an anchor where something leads to them."""
 
     summary: str
@@ -299,6 +190,286 @@ class Fold(_Templated):
 
 
 Block: TypeAlias = Paragraph | Heading | Table | Figure | Facts | Items | Group | Fold
+
+
+def notes(*texts: str, look: str = "note") -> list[Block]:
+    """Return paragraphs of remarks; none of empty texts."""
+    return [Paragraph(text, look) for text in texts if text]
+
+
+def notes_fact(texts: Sequence[str]) -> list[tuple[Inline, Inline]]:
+    """Return remarks on the reading of a user's tables as a term and its text; none without remarks."""
+    return [("Remarks on your tables", lines(*texts))] if texts else []
+
+
+def itself(entry: Any) -> Any:
+    """Return the entry of a table, where that is the row."""
+    return entry
+
+
+class _Missing(Exception):
+    """A value that a template names is not there."""
+
+
+class _Template(string.Formatter):
+    """Writes fields of an entry, places of a tuple among them, as `cpic_planner.report.words.formatted` does."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, str]:
+        value = args[0]
+        for part in filter(None, field_name.split(".")):
+            value = None if value is None else value[int(part)] if part.isdigit() else getattr(value, part)
+        if value is None:
+            raise _Missing
+        return value, field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        return formatted(value, format_spec)
+
+
+def _line(template: str, entry: Any) -> str:
+    try:
+        return _Template().format(template, entry)
+    except _Missing:
+        return ""
+
+
+def cell(column: Column, entry: Any) -> Inline:
+    """Return what stands in a column of an entry.
+
+    A template holds fields in braces, with dots between those of records, and numbers in place of names for the parts
+    of a tuple: ``{0.band}``, ``{snr:.3g}``. Further lines of it are asides. A line of which a value is missing is left
+    out; where it is the first one, a dash stands there.
+    """
+    if callable(column.text):
+        text: Inline = column.text(entry)
+        return text
+    if isinstance(column.text, str):
+        first, *below = (_line(line, entry) for line in column.text.split("\n"))
+        return lines(first or MISSING, *map(small, below)) if below else first or MISSING
+    assert column.value is not None
+    form, _, error = column.format.partition(" ± ")
+    value = formatted(column.value(entry), form)
+    spread = column.files[1].value(entry) if error and column.files[1].value is not None else None
+    return value if spread is None else f"{value} ± {formatted(spread, error)}"
+
+
+def facts_of(entry: Any, terms: Mapping[str, str | Callable[[Any], Inline]]) -> list[tuple[Inline, Inline]]:
+    """Return terms with what there is to say of an entry, by templates as of `cell`; none of what is missing."""
+    said = ((term, cell(own_column("", text), entry)) for term, text in terms.items())
+    return [(term, text) for term, text in said if text not in ("", MISSING)]
+
+
+def cell_text(column: Column, entry: Any) -> str:
+    """Return the text of a cell as terminals and files have it: names may hold what steers a terminal."""
+    return visible(plain(cell(column, entry)))
+
+
+_SIGNS = re.compile(f"^[→·{''.join(STATUS_SYMBOLS.values())}\\s]+")
+
+
+def bare_text(column: Column, entry: Any) -> str:
+    """Return the text of a cell without the signs in front of it."""
+    return _SIGNS.sub("", cell_text(column, entry))
+
+
+def files_of(column: Column) -> Sequence[Column]:
+    """Return the columns that stand in files for one: numbers where it has some, else its text without signs."""
+    if column.files or column.value is not None:
+        return column.files or (column,)
+    name = re.sub(r"\W+", "_", column.heading.casefold()).strip("_") or "text"
+    return (Column(name, "string", column.description, value=lambda entry: bare_text(column, entry)),)
+
+
+def own_column(
+    heading: str,
+    text: str | Callable[[Any], Inline],
+    unit: str = "",
+    look: str = "",
+    *,
+    label: str = "",
+    legend: str = "",
+    way: int = 0,
+    fields: str = "",
+    of: tuple[type[Result], Callable[[Any], Any]] | None = None,
+    files: Sequence[Column] = (),
+) -> Column:
+    """Return a column that is no field of a row.
+
+    Parameters
+    ----------
+    heading : str
+        On terminals, and in pages where there is no ``label``.
+    text : str or callable
+        Template, see `cell`, or what returns a cell of an entry.
+    unit : str
+        Unit or remark below the heading in pages.
+    look : str
+        Classes of the cells in pages; with ``left`` the column holds texts.
+    label, legend : str
+        Heading in pages, and what it means.
+    way : int
+        How soon the column gives way on a narrow terminal.
+    fields : str
+        Fields of the row that stand in files for it.
+    of : (type, callable), optional
+        Kind of the row, and what returns it of an entry.
+    files : sequence of Column
+        Columns that stand in files for it.
+    """
+    dtype = "string" if "left" in look.split() else ""
+    taken = tuple(files) or (results.taken_of(of[0], *fields.split(), of=of[1]) if fields and of else ())
+    return Column("", dtype, legend, unit, label, heading, "", False, None, text, way, look, tuple(taken), of)
+
+
+def computed(
+    heading: str,
+    value: Callable[[Any], Any],
+    text: Callable[[Any], str],
+    legend: str = "",
+    name: str = "",
+    unit: str = "",
+) -> Column:
+    """Return a column whose numbers are worked out from the entry, and stand in files under a name of their own."""
+    taken = Column(name or heading.replace(" ", "_"), "float64", legend, unit, value=value)
+    return own_column(heading, lambda entry: text(value(entry)), legend=legend, files=[taken])
+
+
+Special: TypeAlias = str | Callable[[Any], Any] | Column
+"""What is written in a column instead of the row's own value."""
+_SOON = 9
+"""How soon columns give way that nobody named."""
+
+
+def row_columns(
+    kind: type[Result], layout: str, /, *, of: Callable[[Any], Result | None] = itself, **special: Special
+) -> list[Column]:
+    """Return the columns of a table from those of its rows.
+
+    Parameters
+    ----------
+    kind : type
+        Kind of the rows: headings, sides and formats are those of its columns.
+    layout : str
+        Names of the columns, in order; ``:row,star`` behind a name: looks of its cells in pages; ``/3`` behind that:
+        how soon it gives way. ``frames`` stands for number and exposure of frames, ``status`` for verdict and reason.
+        Columns that ask for it (``console=True``) and are not named stand before the last one.
+    of : callable
+        The row of an entry of the table; cells without a row are dashes.
+    **special
+        What is written in a column instead, from the entry; an `own_column` where the row has no such field.
+
+    Returns
+    -------
+    list of Column
+    """
+    shared = _SHARED if "verdict" in kind.model_fields else {"frames": _SHARED["frames"]}
+    columns, named = [], []
+    for each in layout.split():
+        word, _, way = each.partition("/")
+        name, _, look = word.partition(":")
+        own = special.get(name)
+        if own is None and name in shared:
+            own = shared[name](kind, of)
+        made = own if isinstance(own, Column) else _field(kind, name, own, of)
+        looks = " ".join(filter(None, (look.replace(",", " "), "" if made.right or "left" in look else "left")))
+        columns.append(replace(made, gives_way=int(way or 0), look=looks or made.look, row=(kind, of)))
+        named.append(name)
+    more = [column.name for column in results.columns_of(kind) if column.console and column.name not in named]
+    columns[-1:-1] = [replace(_field(kind, name, None, of), gives_way=_SOON, row=(kind, of)) for name in more]
+    return columns
+
+
+def _field(kind: type[Result], name: str, text: str | Callable[[Any], Any] | None, of: Callable[[Any], Any]) -> Column:
+    """Return the column of a field, with its error where the format has one."""
+    column = results.column_of(kind, name)
+    names = [name, f"{name}_error"] if " ± " in column.format else [name]
+    files = results.taken_of(kind, *names, of=of)
+    legend = column.description.partition(";")[0] if column.short and column.right else ""
+    legend = legend.removesuffix(f", {column.unit}")  # the cells may be in another one
+    value = (lambda entry: getattr(of(entry), name, None)) if text is None else None
+    short = column.label if column.format in WITH_UNIT and not column.short else column.short
+    return replace(column, description=legend, short=short, files=tuple(files), text=text, value=value)
+
+
+WITH_UNIT = ("time", "bytes")
+"""Formats that write the unit themselves."""
+
+
+_UNITS = {"AU": "au", "solLum": "L☉"}
+"""Units as people write them, where astropy has another way."""
+
+
+def unit_shown(column: Column) -> str:
+    """Return the unit that people read at the heading of a column."""
+    form = column.format.partition(" ± ")[0]
+    return form if form in ("%", "min") else "" if form in WITH_UNIT else _UNITS.get(column.unit, column.unit)
+
+
+def name_shown(column: Column) -> str:
+    """Return the heading of a column in pages, without the unit."""
+    name = column.label or column.heading
+    return name if name.startswith("e-") else name[:1].upper() + name[1:]
+
+
+def meaning(column: Column) -> str:
+    """Return what the heading of a column means; empty where it says so itself."""
+    told = column.description
+    return "" if told.casefold() in (column.heading.casefold(), name_shown(column).casefold()) else told
+
+
+def user_columns(rows: Sequence[Any]) -> list[Column]:
+    """Return the columns of a user's table that rows carry, which stand in files alone unless they are named."""
+    return [replace(column, short=column.name, title=column.name, look="files") for column in results.own_taken(rows)]
+
+
+_MEDIA = {"files", "terminal", "page"}
+"""Looks of columns that stand nowhere else: in files, on terminals, in pages."""
+
+
+def shown_columns(table: Table, medium: Literal["files", "terminal", "page"]) -> list[Column]:
+    """Return the columns of a table that stand in files, on terminals or in pages."""
+    others = _MEDIA - {medium} - ({"terminal"} if medium == "files" else set())
+    return [column for column in table.columns if others.isdisjoint(column.look.split())]
+
+
+def status_cell(status: str, reason: str) -> str:
+    """Return the symbol and the short reason of a status."""
+    return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
+
+
+def verdict_cell(item: results.EtcAnswer | results.RankedTarget | results.BandStanding) -> str:
+    """Return the verdict of an answer in a cell; the mark of a success stands before a detection only."""
+    if item.status == "ok":
+        if item.verdict == "detected":
+            return f"{STATUS_SYMBOLS['ok']} {VERDICTS['detected']}"
+        return status_text("ok") if item.verdict is None else f"· {VERDICTS[item.verdict]}"
+    if item.reason in ("speckle_floor", "common_speckle_floor") and item.limited_by in ("photons", "background"):
+        return f"{STATUS_SYMBOLS[item.status]} {LIMITED_BY[item.limited_by][0]}"
+    return status_cell(item.status, item.reason)
+
+
+FRAMES = "{n_frames} × {exposure_s:.3g}"
+"""Number of frames and their exposure."""
+
+
+def frames_text(item: Any) -> str:
+    """Return the number of frames and their exposure."""
+    return MISSING if item is None else _line(FRAMES, item) or MISSING
+
+
+def _frames(kind: type[Result], of: Callable[[Any], Any]) -> Column:
+    about: dict[str, Any] = {"label": "frames × exposure", "fields": "n_frames exposure_s", "of": (kind, of)}
+    return own_column("frames × s", lambda entry: frames_text(of(entry)), "s", **about)
+
+
+def _verdict(kind: type[Result], of: Callable[[Any], Any]) -> Column:
+    def text(entry: Any) -> str:
+        return MISSING if of(entry) is None else verdict_cell(of(entry))
+
+    return own_column("status", text, "", "left", fields="verdict status reason", of=(kind, of))
+
+
+_SHARED = {"frames": _frames, "status": _verdict}
 
 
 @dataclass(frozen=True)
@@ -348,16 +519,7 @@ class Document:
     opening: str = "Summary"
 
 
-def document_of(
-    page: Registry[Section[D]],
-    data: D,
-    *,
-    title: str,
-    heading: str,
-    about: str,
-    summary: Iterable[Block],
-    opening: str = "Summary",
-) -> Document:
+def document_of(page: Registry[Section[D]], data: D, *, summary: Iterable[Block], **head: str) -> Document:
     """Return the document that a page makes of its data.
 
     Parameters
@@ -366,15 +528,19 @@ def document_of(
         Sections, in order.
     data
         What they are made of.
-    title, heading, about : str
-        Title of the window, heading, and the line below it.
     summary : iterable of Block
         Shown before all sections.
-    opening : str
-        Heading of that.
+    **head
+        Texts of the `Document`.
     """
     made = ((entry.name, entry.title, list(entry.blocks(data))) for entry in page.values())
-    return Document(title, heading, about, list(summary), [section for section in made if section[2]], opening)
+    return Document(summary=list(summary), sections=[section for section in made if section[2]], **head)
+
+
+def parts(document: Document, *names: str) -> list[Block]:
+    """Return the summary of a document and the blocks of some of its sections: what a terminal shows of it."""
+    named = [block for name, _, blocks in document.sections if name in names for block in blocks]
+    return [*document.summary, *named]
 
 
 def reproduced_blocks(
@@ -398,37 +564,3 @@ def reproduced_blocks(
     facts += [("Seed", str(result.seed if seed is None else seed)), ("Schema version", str(result.schema_version))]
     same = "The same configuration and seed give the same numbers with any number of workers."
     return [Paragraph(same), Facts(facts, wide=False), Paragraph(note, "note")]
-
-
-def marked(text: str) -> Inline:
-    """Return a text of ours in which backticks stand around what a computer reads."""
-    return [code(part) if number % 2 else part for number, part in enumerate(text.split("`"))]
-
-
-def page_html(document: Document) -> str:
-    """Return a document as one HTML file: style, images and the one script that may run are in it, nothing is fetched.
-
-    The script sorts, filters and copies tables; the page says all without it.
-    """
-    environment = templates("cpic_planner.report")
-    script = environment.get_template("page.js").render()
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return environment.get_template("page.html.j2").render(document=document, digest=digest)
-
-
-@functools.cache
-def templates(*packages: str) -> Environment:
-    """Return the templates of packages; of one name that of the first package counts.
-
-    Values are escaped for HTML, and what steers the order or look of signs is made visible.
-    """
-    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-
-    trimmed: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True}
-    loader = ChoiceLoader([PackageLoader(package) for package in packages])
-    return Environment(loader=loader, autoescape=True, finalize=_seen, undefined=StrictUndefined, **trimmed)
-
-
-def _seen(value: Any) -> Any:
-    """Return plain text with control characters as escapes; markup of templates as it is."""
-    return visible(value, "\n") if type(value) is str else value

@@ -12,7 +12,6 @@ from cpic_planner import results
 from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm import ConfirmReport, confirm_document, measurements_csv
-from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import Mark, MarkKind, Panels
 from cpic_planner.report.plan import PlanReport, plan_document
@@ -20,6 +19,7 @@ from cpic_planner.report.ranking import ranking_csv, ranking_ecsv
 from cpic_planner.report.ranking_figures import HoleEdges, LimitCurve
 from cpic_planner.report.whatif import WhatIfReport, targets_csv, whatif_document
 from cpic_planner.report.words import pretty_name
+from cpic_planner.report.writing import page_html
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene

@@ -11,16 +11,14 @@ from catalogs.known_planets import FLAGS
 from cpic_core import FloatArray, NDArray, listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, drawing, words
-from cpic_planner.report.cells import Cells, Sheet, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import BAND_STYLE, Look, literal, with_style
-from cpic_planner.report.words import BLOCK_WORDS, MISSING, count_text, decimals, formatted, pretty_name
+from cpic_planner.report.words import BLOCK_WORDS, MISSING, count_text, pretty_name
 from cpic_planner.results import KnownPlanetRow, KnownResult, VisibilityResult, VisibleTarget
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
-    from rich.console import Console
 
 
 _EXACT = ": taken as exact"
@@ -44,11 +42,7 @@ def windows_text(row: KnownPlanetRow) -> doc.Inline:
     own = [window for window in row.windows if window.band == band]
     spans = [f"{window.start_utc} to {window.end_utc}" for window in own[:_N_WINDOWS]]
     more = f"and {len(own) - _N_WINDOWS} more" if len(own) > _N_WINDOWS else ""
-    return doc.lines(f"{band}: {', '.join(spans)}", doc.small(more) if more else "")
-
-
-def _with_width(value: results.Quantiles, digits: int) -> str:
-    return f"{value.median:.{digits}f} ± {0.5 * (value.high - value.low):.{digits}f}"
+    return doc.lines(f"{band}: {', '.join(spans)}", doc.small(more))
 
 
 def lacking_lines(planets: Mapping[str, Sequence[str]], unused: Sequence[str]) -> list[str]:
@@ -80,7 +74,52 @@ def lacking_lines(planets: Mapping[str, Sequence[str]], unused: Sequence[str]) -
     return lines
 
 
-def known_blocks(known: KnownResult) -> Iterator[doc.Block]:
+_DECIDES = ("phase_unknown", *(flag for flag in FLAGS if flag.endswith("_err_unknown")))
+"""Flags that say what decides where a planet stands."""
+
+
+def known_blocks(result: KnownResult, limit: int = 40, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield the planets, widest on the sky first unless a star was asked for, and what the headings mean.
+
+    Parameters
+    ----------
+    result : KnownResult
+    limit : int
+        Most planets.
+    full : bool
+        Also every window, orbit and status with its reference, and what the numbers are from.
+    """
+    hole, of_star = result.holes[0], result.years is not None
+    counted = [row for row in result.planets if row.counted]
+    others = [row for row in result.planets if not row.counted]
+    shown = [*counted[:limit], *others]
+    if not of_star:
+        shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)[:limit]
+    stars = words.counted(len({row.star for row in counted}), "star")
+    told = f"{len(counted[:limit])} of {count_text(len(counted))} around {stars}" if counted else "none that is counted"
+    more = f"; {count_text(len(others))} {'more ' * bool(counted)}listed and not counted" if others else ""
+    title = f"Known planets: {told}, {result.date_utc[:10]}, {hole.band}{more}"
+    window = "" if result.years is None else "window/1 best_day/1 "
+    yield doc.Table(title, _columns(result, f"{_LAYOUT} {window}status"), shown, legend=not full)
+    flags = {row.planet: [flag for flag in row.flags if full or _decides(flag, row)] for row in shown}
+    lacking = lacking_lines(flags if of_star else {}, result.columns_not_used)
+    since = f"within {result.years:g} years from {result.date_utc[:10]}" if of_star else ""
+    if not full:
+        if of_star:
+            yield from doc.notes(words.text("texts.known_window", since=since), *_caveats(shown))
+        yield from doc.notes(*lacking)
+        return
+    if of_star:
+        if never := ", ".join(known_planet_name(row) for row in counted[:limit] if not row.windows):
+            yield doc.Paragraph(f"In no band more likely than not in the dark hole {since}: {never}.")
+        for row in counted[:limit]:
+            yield from doc.notes(*_windows_lines(row, result), _standing_text(row), look="")
+    yield from doc.notes(*map(_standing_text, others), look="")
+    numbers = words.text("texts.known_columns", hole=hole)
+    yield from doc.notes(numbers, *(lacking if of_star else ()), words.text("texts.known_draws", result=result))
+
+
+def window_blocks(known: KnownResult) -> Iterator[doc.Block]:
     """Yield the known planets of the first stars with the next days on which the dark hole covers them.
 
     Parameters
@@ -91,70 +130,21 @@ def known_blocks(known: KnownResult) -> Iterator[doc.Block]:
 
     def contrast(row: KnownPlanetRow) -> str:
         band = next(item for item in row.bands if item.band == best_window(row).band)
-        return words.contrast_text(band.contrast.median)
+        return words.ratio_text(band.contrast.median)
 
-    def best_day(row: KnownPlanetRow) -> str:
-        return f"{best_window(row).best_utc}: {100.0 * best_window(row).best_share:.0f} %"
-
-    rows = [row for row in known.planets if row.counted]
-    place = "separation at the date (arcsec)"
-    yield doc.row_table(
-        "Known planets and their next windows",
-        words.text("texts.known_windows", known=known, date=known.date_utc[:10]),
-        KnownPlanetRow,
-        "planet:row,text status semi_major_axis_au separation_arcsec contrast window:wide best",
-        [row for row in rows if row.windows],
-        look="firm",
-        planet=known_planet_name,
-        semi_major_axis_au=lambda row: words.significant(row.semi_major_axis_au.median, 3),
-        separation_arcsec=Cells("", lambda row: _with_width(row.separation_arcsec, 3), label=place),
-        contrast=Cells("", contrast, label="contrast"),
-        window=Cells("", windows_text, right=False, label="next in the dark hole"),
-        best=Cells("", best_day, label="best day"),
+    columns = _columns(
+        known,
+        "planet:row,text status semi_major_axis_au separation_arcsec contrast window:wide best_day",
+        contrast=doc.own_column("contrast", contrast),
+        window=doc.own_column("next in the dark hole", windows_text, look="left"),
     )
+    rows = [row for row in known.planets if row.counted]
+    caption = words.text("texts.known_windows", known=known, date=known.date_utc[:10])
+    seen = [row for row in rows if row.windows]
+    yield doc.Table("Known planets and their next windows", columns, seen, caption, look="firm")
     if never := [known_planet_name(row) for row in rows if not row.windows]:
         yield doc.Paragraph(f"In no dark hole more likely than not in that time: {', '.join(never)}.", "note")
-    for text in lacking_lines({}, known.columns_not_used):
-        yield doc.Paragraph(text, "note")
-
-
-_DECIDES = ("phase_unknown", *(flag for flag in FLAGS if flag.endswith("_err_unknown")))
-"""Flags that say what decides where a planet stands."""
-_WINDOWS = 6
-"""Windows of a planet that are printed."""
-
-
-def print_known(result: KnownResult, console: Console, limit: int = 40, *, full: bool = True) -> None:
-    """Print the planets, widest on the sky first unless a star was asked for, and what the headings mean.
-
-    With ``full`` also every window, orbit and status with its reference, and what the numbers are from.
-    """
-    hole, of_star = result.holes[0], result.years is not None
-    counted = [row for row in result.planets if row.counted]
-    listed = [row for row in result.planets if not row.counted]
-    first = counted[:limit]
-    shown = [*first, *listed] if of_star else sorted(counted, key=lambda row: -row.bands[0].hole_share)[:limit]
-    stars = words.counted(len({row.star for row in counted}), "star")
-    told = f"{len(first)} of {count_text(len(counted))} around {stars}" if counted else "none that is counted"
-    more = f"; {count_text(len(listed))} {'more ' * bool(counted)}listed and not counted" if listed else ""
-    title = f"Known planets: {told}, {result.date_utc[:10]}, {hole.band}{more}"
-    print_table(console, title, _cells(result), shown, legend=not full)
-    flags = {row.planet: [flag for flag in row.flags if full or _decides(flag, row)] for row in shown}
-    lines = lacking_lines(flags if of_star else {}, result.columns_not_used)
-    since = f"within {result.years:g} years from {result.date_utc[:10]}" if of_star else ""
-    if not full:
-        if of_star:
-            print_note(console, words.text("texts.known_window", since=since), *_caveats(shown))
-        print_note(console, *lines)
-        return
-    if of_star:
-        if never := ", ".join(known_planet_name(row) for row in first if not row.windows):
-            print_plain(console, f"In no band more likely than not in the dark hole {since}: {never}.")
-        for row in first:
-            print_plain(console, *_windows_lines(row, result), _standing_text(row))
-    print_plain(console, *map(_standing_text, listed))
-    numbers = words.text("texts.known_columns", hole=hole)
-    print_note(console, numbers, *(lines if of_star else ()), words.text("texts.known_draws", result=result))
+    yield from doc.notes(*lacking_lines({}, known.columns_not_used))
 
 
 def _decides(flag: str, row: KnownPlanetRow) -> bool:
@@ -173,7 +163,13 @@ def _caveats(rows: Sequence[KnownPlanetRow]) -> list[str]:
     return [f"In doubt: {'; '.join(said)} (-v: who says so)."] if said else []
 
 
-def _cells(result: KnownResult) -> list[Cells]:
+_LAYOUT = (
+    "planet:row,text distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
+    "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/3"
+)
+
+
+def _columns(result: KnownResult, layout: str, **special: doc.Special) -> list[results.Column]:
     hole = result.holes[0]
     inside = words.text("texts.known_in_hole", hole=hole)
 
@@ -184,28 +180,27 @@ def _cells(result: KnownResult) -> list[Cells]:
         return best.start_utc if best.end_utc == best.start_utc else f"{best.start_utc} to {best.end_utc}"
 
     def best_day(row: KnownPlanetRow) -> str:
-        return f"{best_window(row).best_utc}, {best_window(row).best_share:.0%}" if row.windows else MISSING
+        if not row.windows:
+            return MISSING
+        return f"{best_window(row).best_utc}: {100.0 * best_window(row).best_share:.0f} %"
 
-    return row_cells(
-        KnownPlanetRow,
-        "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
-        "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/3 "
-        f"{'' if result.years is None else 'window/1 best_day/1 '}status",
-        planet=known_planet_name,
-        separation_arcsec=Cells(
-            "sep ″",
-            lambda row: _with_width(row.separation_arcsec, 3),
-            label="separation",
-            legend="projected separation, the median of the draws ± half of the width that holds 68 % of them",
-            fields=("separation_arcsec",),
+    separation = "projected separation, the median of the draws ± half of the width that holds 68 % of them"
+    of: dict[str, Any] = {"fields": "separation_arcsec", "of": (KnownPlanetRow, doc.itself), "legend": separation}
+    likely = "that on which it stands there most likely, and how likely"
+    unknown = {True: "no", False: "yes"}
+    made: dict[str, Any] = {
+        "planet": known_planet_name,
+        "separation_arcsec": doc.own_column("sep ″", "{separation_arcsec:±.3f}", label="separation", **of),
+        "phase_deg": "{phase_deg:±.0f}",
+        "contrast": doc.computed(
+            "contrast", lambda row: row.bands[0].contrast.median, words.ratio_text, f"in {hole.band}"
         ),
-        phase_deg=lambda row: _with_width(row.phase_deg, 0),
-        contrast=computed("contrast", lambda row: row.bands[0].contrast.median, words.ratio_text, f"in {hole.band}"),
-        in_hole=computed("in hole", lambda row: row.bands[0].hole_share, lambda x: f"{100.0 * x:.0f} %", inside),
-        phase_known=Cells("phase known", lambda row: "no" if "phase_unknown" in row.flags else "yes", right=False),
-        window=Cells("window", window, right=False),
-        best_day=Cells("best day", best_day, legend="that on which it stands there most likely, and how likely"),
-    )
+        "in_hole": doc.computed("in hole", lambda row: row.bands[0].hole_share, lambda x: f"{100.0 * x:.0f} %", inside),
+        "phase_known": doc.own_column("phase known", lambda row: unknown["phase_unknown" in row.flags], look="left"),
+        "window": doc.own_column("window", window, look="left"),
+        "best_day": doc.own_column("best day", best_day, legend=likely),
+    }
+    return doc.row_columns(KnownPlanetRow, layout, **(made | special))
 
 
 def _standing_text(row: KnownPlanetRow) -> str:
@@ -239,7 +234,7 @@ def _windows_lines(row: KnownPlanetRow, result: KnownResult) -> list[str]:
     bands: dict[str, list[str]] = {}
     for hole in result.holes if row.windows else ():
         mine = [_span(window) for window in row.windows if window.band == hole.band]
-        inside = f"more likely than not in the dark hole {listed(mine, _WINDOWS)}"
+        inside = f"more likely than not in the dark hole {listed(mine, _MOST_SPANS)}"
         bands.setdefault(inside if mine else "at no time more likely than not in it", []).append(hole.band)
     return [f"{known_planet_name(row)}, {', '.join(names)}: {inside}" for inside, names in bands.items()]
 
@@ -250,8 +245,8 @@ def _span(window: results.KnownWindow) -> str:
     return f"{window.start_utc} to {window.end_utc} (best {window.best_utc}: {window.best_share:.0%})"
 
 
-_SEASONS = 6
-_LAST_COLUMN = 36
+_MOST_SPANS = 6
+"""Windows of a planet, and seasons of a star, that are told."""
 _YEAR_DAYS = 366.0
 _ENDS = (
     "Windows end where the Earth covers the star; passages through the South Atlantic Anomaly are not cut out of them."
@@ -265,63 +260,54 @@ def pointing_sentence(pointing: results.PointingRecord) -> str:
     return words.text("texts.pointing", pointing=pointing, turned=turned, anomaly=100 * pointing.saa_fraction)
 
 
-def print_visibility(result: VisibilityResult, console: Console, *, full: bool = True) -> None:
-    """Print seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out."""
-    asked = isinstance(console, Sheet) and (bool(console.columns) or console.form not in ("table", "page"))
-    if len(result.targets) > 1 or asked:
-        title = f"Visibility of {len(result.targets)} stars, {result.n_days} days from {result.start_utc[:10]}"
-        cells = _visibility_cells(years=result.mjd[-1] - result.mjd[0] > _YEAR_DAYS)
-        print_table(console, title, cells, result.targets, last_width=_LAST_COLUMN, legend=not full)
-    else:
-        _print_star(result, console)
+def visibility_blocks(result: VisibilityResult, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out."""
+    stars = words.counted(len(result.targets), "star")
+    title = f"Visibility of {stars}, {result.n_days} days from {result.start_utc[:10]}"
+    columns = _visibility_columns(years=result.mjd[-1] - result.mjd[0] > _YEAR_DAYS)
+    yield doc.Table(title, columns, result.targets, last_width=36, legend=not full)
+    if len(result.targets) == 1:
+        yield from _star_blocks(result)
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
     orbit = f"circular, {result.altitude_km:g} km, {result.inclination_deg:g} deg, node drifting"
     worked = f"Each {step} is its middle orbit of {result.period_s / 60:.1f} min ({orbit}). {_ENDS} "
     how = f"{worked}A season goes on behind a passage of the Moon." if full else _ENDS
-    print_note(console, how, pointing_sentence(result.pointing))
+    yield from doc.notes(how, pointing_sentence(result.pointing))
 
 
-def _print_star(result: VisibilityResult, console: Console) -> None:
+def _star_blocks(result: VisibilityResult) -> Iterator[doc.Block]:
+    """Yield what the row of a single star leaves out: its seasons day by day, and where its windows have no end."""
     target = result.targets[0]
-    where = f"ecliptic latitude {decimals(target.ecliptic_latitude_deg, 1)} deg"
-    name = words.full_name(target.name, target.hip)
-    print_plain(console, f"{name}, {where}: {result.n_days} days from {result.start_utc[:10]}", bold=True)
-    for season in target.seasons:
-        print_plain(console, f"  season {season.start_utc[:16]} to {season.end_utc[:16]}: seen on {season.days:g} days")
+    seasons = [
+        f"Season {season.start_utc[:16]} to {season.end_utc[:16]}: seen on {season.days:g} days"
+        for season in target.seasons
+    ]
+    yield from doc.notes(*seasons, look="")
     blocked = [f"{days:g} {BLOCK_WORDS[name]}" for name, days in target.blocked_days.items() if days > 0]
-    print_plain(console, f"  {target.observable_days:g} days seen; blocked: {', '.join(blocked) or 'never'}")
+    yield doc.Paragraph(f"{target.observable_days:g} days seen; blocked: {', '.join(blocked) or 'never'}")
     if target.visible_s is None:
-        print_plain(console, "  never seen in this time")
-        return
-    longest = target.longest_window_s or 0.0
-    endless = longest >= result.period_s * (1 - 1e-9)
-    window = "without end: on some days it never sets" if endless else f"{formatted(longest, 'min')} min"
-    best = f"{formatted(target.best_visible_s, 'min')} min on the best day, {(target.best_utc or '')[:10]}"
-    print_plain(
-        console,
-        f"  per orbit {formatted(target.visible_s, 'min')} min (median), {best}",
-        f"  longest window {window}",
-        f"  roll free by {decimals(target.roll_half_range_deg, 1)} deg either way (median)",
-    )
+        yield doc.Paragraph("Never seen in this time.")
+    elif (target.longest_window_s or 0.0) >= result.period_s * (1 - 1e-9):
+        yield doc.Paragraph("On some days it never sets: the longest window is without end.")
 
 
-def _visibility_cells(*, years: bool) -> list[Cells]:
-    def blocked(name: str) -> Cells:
+def _visibility_columns(*, years: bool) -> list[results.Column]:
+    def blocked(name: str) -> results.Column:
         about = {"legend": f"days blocked, {BLOCK_WORDS[name]}", "name": f"blocked_{name}_days", "unit": "d"}
-        return computed(_BLOCKED[name], lambda row: row.blocked_days[name], "{:g}".format, **about)
+        return doc.computed(_BLOCKED[name], lambda row: row.blocked_days[name], "{:g}".format, **about)
 
     def seasons(target: VisibleTarget) -> str:
         cut = 0 if years else 5
         spans = [f"{one.start_utc[:10][cut:]} to {one.end_utc[:10][cut:]}" for one in target.seasons]
-        return listed(spans, _SEASONS) or MISSING
+        return listed(spans, _MOST_SPANS) or MISSING
 
     days: dict[str, Any] = {name: blocked(name) for name in _BLOCKED}
-    return row_cells(
+    return doc.row_columns(
         VisibleTarget,
         "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "
         "longest_window_s/4 roll_half_range_deg/6 seasons",
         best_utc=lambda row: MISSING if row.best_utc is None else row.best_utc[:10],
-        seasons=Cells("seasons", seasons, right=False),
+        seasons=doc.own_column("seasons", seasons, look="left"),
         **days,
     )
 

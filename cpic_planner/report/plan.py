@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
-from typing import TYPE_CHECKING
 
 from catalogs import data_credits
 from cpic_core import Registry, listed
@@ -15,17 +14,13 @@ from cpic_planner import results
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.registry import SCORES
 from cpic_planner.report import confirm, document as doc, ranking, words
-from cpic_planner.report.cells import Cells, explain_symbols, frames_text, print_note, print_plain, print_table
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import Panels, PanelSheet, snr_figure
-from cpic_planner.report.known import known_blocks, known_planet_name, windows_text
+from cpic_planner.report.known import known_planet_name, window_blocks, windows_text
 from cpic_planner.report.ranking_figures import HoleEdges, LimitCurve, contrast_diagram, margin_figure, sky_map
-from cpic_planner.report.words import MISSING, count_text, counted, decimals, duration_text, pretty_name, significant
+from cpic_planner.report.simulation import modelled_blocks
+from cpic_planner.report.words import MISSING, count_text, counted, duration_text, pretty_name, significant
 from cpic_planner.results import BandConfirmation, ConfirmedTarget, PlanResult, RankedTarget, RankResult
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 _MOST_LEFT_OUT = 10
 
@@ -61,51 +56,69 @@ def not_imaged_lines(plan: PlanResult) -> list[str]:
     return [f"No images of row{'s' * (len(named) > 1)} {', '.join(named)}: {why}." for why, named in rows.items()]
 
 
-_STAR = tuple(results.taken_of(results.ConfirmedTarget, "name", "hip", of=itemgetter(3)))
-_BAND = tuple(results.taken_of(results.BandConfirmation, "band", of=itemgetter(2)))
+_Measured = tuple[ConfirmedTarget, BandConfirmation]
 
 
-def print_plan(plan: PlanResult, console: Console, *, full: bool = True) -> None:
-    """Print the confirmed targets of a plan, band by band, and how the ETC stands.
+def _measured_table(
+    plan: PlanResult, named: Callable[[ConfirmedTarget], doc.Inline], *, legend: bool = False
+) -> doc.Table:
+    """Return a line for each target and band that was simulated as images."""
+    rows = [(target, band) for target in plan.targets for band in target.bands]
+
+    def target(row: _Measured) -> doc.Inline:
+        return named(row[0]) if row[1] is row[0].bands[0] else ""
+
+    star = results.taken_of(ConfirmedTarget, "name", "hip", of=itemgetter(0))
+    band = results.taken_of(BandConfirmation, "band", of=itemgetter(1))
+    chosen = "→ marks the one to observe in"
+    columns = [
+        doc.own_column("target", target, look="row left star", files=star),
+        doc.own_column("band", _band_cell, look="left", legend=chosen, files=band),
+        *confirm.measured_columns(confirm.MEASURED.format(more=""), itemgetter(1), plan.reference_library),
+    ]
+    found = sum(any(band.detected for band in target.bands) for target in plan.targets)
+    of = f"{found} of {counted(len(plan.targets), 'target')}"
+    title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
+    caption = words.text("texts.plan_columns", library=LIBRARIES[plan.reference_library])
+    return doc.Table(title, columns, rows, caption, picked=_is_chosen, legend=legend)
+
+
+def _is_chosen(row: _Measured) -> bool:
+    return row[1].band == row[0].chosen_band
+
+
+def _band_cell(row: _Measured) -> str:
+    return ("→ " if _is_chosen(row) else "  ") + row[1].band
+
+
+def plan_blocks(plan: PlanResult, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield the confirmed targets of a plan, band by band, and how the ETC stands.
 
     Parameters
     ----------
     plan : PlanResult
-    console : Console
     full : bool
         Also the verdicts of the targets, how images were made, and where targets come from.
     """
-    rows = []
-    for target in plan.targets:
-        for number, item in enumerate(target.bands):
-            arrow = "→ " if item.band == target.chosen_band else "  "
-            rows.append((words.short_name(target.name) if number == 0 else "", arrow + item.band, item, target))
-    cells = [
-        Cells("target", itemgetter(0), right=False, numbers=_STAR),
-        Cells("band", itemgetter(1), right=False, legend="→ marks the one to observe in", numbers=_BAND),
-        *confirm.measured_cells(confirm.MEASURED.format(more=""), itemgetter(2), plan.reference_library),
-    ]
-    bands = [row[2] for row in rows]
-    found = sum(any(band.detected for band in target.bands) for target in plan.targets)
-    of = f"{found} of {counted(len(plan.targets), 'target')}"
-    title = f"Confirmed by simulated images: {of}, {counted(plan.realisations, 'realisation')} each"
-    print_table(console, title, cells, rows, legend=not full)
-    explain_symbols(console, [band.status for band in bands if band.status != "ok"])
-    print_note(console, *filter(None, [words.unused_text(bands)]))
-    for target in plan.targets if full else ():
-        print_plain(console, f"{pretty_name(target.name)}: {words.plus_minus(target.verdict)}")
-    confirm.print_comparison(plan, bands, console)
+    bands = [band for target in plan.targets for band in target.bands]
+    yield _measured_table(plan, lambda target: words.short_name(target.name), legend=not full)
+    yield from doc.notes(words.unused_text(bands))
+    yield from doc.notes(*(_verdict_lines(plan) if full else ()), look="")
+    yield from confirm.comparison_blocks(plan, bands)
     if not full:
-        print_note(console, *_left_out_lines(plan))
+        yield from doc.notes(*_left_out_lines(plan))
         return
-    print_note(
-        console,
-        *filter(None, [confirm.modelled_sentence(bands)]),
-        words.text("texts.plan_columns", library=LIBRARIES[plan.reference_library]),
+    ranked = words.chosen_text(plan.n_ranked, plan.n_in_catalogue)
+    yield from doc.notes(
+        confirm.modelled_sentence(bands),
         *targets_sentences(plan),
         *not_imaged_lines(plan),
-        f"{words.chosen_text(plan.n_ranked, plan.n_in_catalogue)} ranked. {confirm.setup_text(plan)}",
+        f"{ranked} ranked. {confirm.setup_text(plan)}",
     )
+
+
+def _verdict_lines(plan: PlanResult) -> list[str]:
+    return [f"{pretty_name(target.name)}: {words.plus_minus(target.verdict)}" for target in plan.targets]
 
 
 def _left_out_lines(plan: PlanResult) -> list[str]:
@@ -127,11 +140,6 @@ def _picks(plan: PlanResult) -> list[_Pick]:
     """Return the targets of a plan with their chosen bands."""
     chosen = (next((band for band in one.bands if band.band == one.chosen_band), None) for one in plan.targets)
     return [(number, *pick) for number, pick in enumerate(zip(plan.targets, chosen, strict=True), 1)]
-
-
-def _of_band(text: Callable[[BandConfirmation], doc.Inline]) -> Callable[[_Pick], doc.Inline]:
-    """Return the cell of what a chosen band says; a dash without one."""
-    return lambda pick: MISSING if pick[2] is None else text(pick[2])
 
 
 def _star_cell(name: doc.Inline, hip: int | None) -> doc.Inline:
@@ -217,33 +225,25 @@ def _first_table(report: PlanReport) -> doc.Table:
             low, high = round(row.rank_p05), round(row.rank_p95)
         return MISSING if low is None or high is None else f"{low} to {high}" if low < high else f"{low}"
 
-    def below(
-        text: Callable[[BandConfirmation], str], small: Callable[[BandConfirmation], str]
-    ) -> Callable[[_Pick], doc.Inline]:
-        return _of_band(lambda best: doc.lines(text(best), doc.small(small(best))))
+    def seen(pick: _Pick) -> doc.Inline:
+        return doc.lines(*_seasons_texts(plan, pick[1].name)) or MISSING
 
     n_assumptions = 0 if report.sensitivity is None else len(report.sensitivity.rows)
     doubted = "5 to 95 % of instruments" if report.rank.ensemble else f"under {counted(n_assumptions, 'assumption')}"
-    chance = _of_band(lambda best: words.formatted(best.predicted_detection_probability, "%"))
-    frames = below(lambda best: words.formatted(best.visits), lambda best: f"{frames_text(best)} s")
-    columns: list[doc.Column[_Pick]] = [
-        doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
-        doc.Column("Star", star, look="row left star"),
-        doc.Column("Band", below(lambda best: best.band, lambda best: f"gain {significant(best.em_gain)}")),
-        doc.Column("Visits", frames, "frames × exposure"),
-        doc.Column(
-            "Telescope time",
-            below(lambda best: _hours_text(best.telescope_h), lambda best: duration_text(best.time_s)),
-            "wall time",
-        ),
-        doc.Column("A detection asks for", least, "at least"),
-        doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-        doc.Column("Found blind", chance, "predicted, %"),
-        doc.Column("Rank", ranks, doubted),
-        doc.Column("Can be seen", lambda pick: doc.lines(*_seasons_texts(plan, pick[1].name)) or MISSING, look="left"),
-        doc.Column("In images", _badge, look="left"),
+    columns = [
+        doc.own_column("#", "{1.ranked.rank}"),
+        doc.own_column("star", star, look="row left star"),
+        doc.own_column("band", "{2.band}\ngain {2.em_gain:.3g}"),
+        doc.own_column("visits", "{2.visits}\n{2.n_frames} × {2.exposure_s:.3g} s", "frames × exposure"),
+        doc.own_column("telescope time", "{2.telescope_h:.3g} h\n{2.time_s:time}", "wall time"),
+        doc.own_column("a detection asks for", least, "at least"),
+        doc.own_column("SNR", "{2.predicted_snr:.3g}", "predicted"),
+        doc.own_column("found blind", "{2.predicted_detection_probability:%}", "predicted, %"),
+        doc.own_column("rank", ranks, doubted),
+        doc.own_column("can be seen", seen, look="left"),
+        doc.own_column("in images", _badge, look="left"),
     ]
-    return doc.table("What to observe first", words.text("texts.plan_first"), columns, _picks(plan), look="firm")
+    return doc.Table("What to observe first", columns, _picks(plan), words.text("texts.plan_first"), look="firm")
 
 
 def _reference_text(plan: PlanResult) -> str:
@@ -340,7 +340,7 @@ def _star_pages(report: PlanReport) -> Iterator[doc.Block]:
     if others:
         yield doc.Heading("Stars without images")
     for row in others:
-        facts = [*_star_facts(row), *_priority_facts(row), *_known_facts(row, report.known)]
+        facts = [*doc.facts_of(row, _STAR_FACTS), *_known_facts(row, report.known)]
         tier = "" if row.tier is None else f", tier {row.tier}"
         title = f"{row.rank}. {words.full_name(row.name, row.hip)}{tier}"
         yield doc.Fold(title, [doc.Facts(facts, wide=False), *_caveats(row)], anchor=report.anchors[row.name])
@@ -350,56 +350,34 @@ def _caveats(star: RankedTarget) -> list[doc.Block]:
     return [doc.Facts([("Caveats", "; ".join(map(words.flag_text, star.flags)))])] if star.flags else []
 
 
-def _star_facts(star: RankedTarget) -> _Facts:
-    facts: _Facts = [
-        ("Catalogue name", star.name),
-        ("Position (ICRS)", f"{words.ra_text(star.ra_deg)}, {words.dec_text(star.dec_deg)}"),
-        ("Type, V", f"{star.sp_type}, {decimals(star.v_mag, 2)} mag"),
-        ("Distance", f"{significant(star.distance_pc, 4)} pc"),
-    ]
-    if star.luminosity_lsun is not None:
-        facts.append(("Luminosity", [f"{significant(star.luminosity_lsun)} L", doc.Mark("sub", "☉")]))
-    if star.companion_separation_arcsec is not None:
-        angle, error = star.companion_pa_deg, star.companion_position_error_arcsec
-        spread = "" if error is None else f" ± {significant(error, 1)}"
-        turned = "not known" if angle is None else f"{round(angle)} deg"
-        place = f"{significant(star.companion_separation_arcsec, 3)} arcsec{spread}, position angle {turned}"
-        facts.append(("Nearest known companion", place))
-    sunlight = star.ref_planet_insolation_au
-    lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
-    reference = f"{significant(star.ref_planet_distance_au)} au from the star{lit}"
-    return [*facts, ("Reference planet", f"{reference}, contrast {words.contrast_text(star.contrast)}")]
+def _companion_text(star: RankedTarget) -> doc.Inline:
+    if star.companion_separation_arcsec is None:
+        return MISSING
+    place = doc.own_column("", "{companion_separation_arcsec:.3g} ± {companion_position_error_arcsec:.1g} arcsec")
+    turned = "not known" if star.companion_pa_deg is None else f"{round(star.companion_pa_deg)} deg"
+    return doc.lines(doc.cell(place, star), doc.small(f"position angle {turned}"))
 
 
-def _priority_facts(star: RankedTarget) -> _Facts:
-    """Return what a detection asks for, what is missing, and how sure that is."""
-    facts: _Facts = []
-    if star.tier is not None:
-        facts.append(("Tier", f"{star.tier}: {ranking.TIERS[star.tier]}"))
-    facts.append(("A detection asks for", _asks_text(star)))
-    if star.limited_by is not None and star.limited_by != "none":
-        facts.append(("Limited by", words.LIMITED_BY[star.limited_by][1]))
-    drift, brighter = star.required_drift_factor, star.required_contrast_factor
-    missing = [f"a drift ×{significant(drift, 2)}"] * bool(drift)
-    missing += [f"a planet ×{significant(brighter, 2)} as bright"] * bool(brighter)
-    if missing:
-        facts.append(("Enough would be", " or ".join(missing)))
-    complete = f"{words.share_text(star.completeness)} % in {star.completeness_band}"
-    if star.completeness_known_place is not None:
-        placed = words.share_text(star.completeness_known_place)
-        complete = f"{complete} by a blind search, {placed} % at known places"
-    if star.completeness_unconditional is not None:
-        blind = words.share_text(star.completeness_unconditional)
-        complete = f"{complete}; blind {blind} % whatever is known of the star"
-    facts.append(("Completeness", complete))
-    if star.expected_planets is not None:
-        of_all = star.expected_planets_unconditional
-        known = "" if of_all is None else f"; {significant(of_all, 2)} if nothing were known of the star"
-        facts.append(("Expected planets of one observation", f"{significant(star.expected_planets, 2)}{known}"))
-    if star.p_reachable is not None and star.rank_p05 is not None and star.rank_p95 is not None:
-        share = f"detected by {words.percent_text(star.p_reachable)} of them"
-        facts.append(("Under the ensemble of instruments", f"{share}, rank {star.rank_p05:.0f} to {star.rank_p95:.0f}"))
-    return facts
+_STAR_FACTS: Mapping[str, str | Callable[[RankedTarget], doc.Inline]] = {
+    "Catalogue name": "{name}",
+    "Position (ICRS)": lambda star: f"{words.ra_text(star.ra_deg)}, {words.dec_text(star.dec_deg)}",
+    "Type, V": "{sp_type}, {v_mag:.2f} mag",
+    "Distance": "{distance_pc:.4g} pc",
+    "Luminosity": "{luminosity_lsun:.3g} L☉",
+    "Nearest known companion": _companion_text,
+    "Reference planet": "{ref_planet_distance_au:.3g} au from the star, contrast {contrast:power}\n"
+    "sunlight of {ref_planet_insolation_au:.3g} au",
+    "Tier": lambda star: MISSING if star.tier is None else f"{star.tier}: {ranking.TIERS[star.tier]}",
+    "A detection asks for": _asks_text,
+    "Limited by": lambda star: words.LIMITED_BY[star.limited_by or "none"][1].removeprefix("nothing"),
+    "Drift that would be enough": "×{required_drift_factor:.2g}",
+    "Brightness of the planet that would be enough": "×{required_contrast_factor:.2g}",
+    "Completeness": "{completeness:%} % in {completeness_band}\n{completeness_known_place:%} % at known places\n"
+    "blind {completeness_unconditional:%} % whatever is known of the star",
+    "Expected planets of one observation": "{expected_planets:.2g}\n"
+    "{expected_planets_unconditional:.2g} if nothing were known of the star",
+    "Under the ensemble of instruments": "detected by {p_reachable:%} % of them, rank {rank_p05:.0f} to {rank_p95:.0f}",
+}
 
 
 def _known_facts(star: RankedTarget, known: results.KnownResult | None) -> _Facts:
@@ -438,7 +416,7 @@ def star_blocks(
     """
     star, name = target.ranked, pretty_name(target.name)
     margin = ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}")
-    yield doc.Facts([*_star_facts(star), *_priority_facts(star), margin, *_visits_facts(target), *more], wide=False)
+    yield doc.Facts([*doc.facts_of(star, _STAR_FACTS), margin, *_visits_facts(target), *more], wide=False)
     yield from _caveats(star)
     if target.verdict:
         yield doc.Paragraph(doc.strong(words.sentence(target.verdict)))
@@ -556,46 +534,20 @@ def plan_document(report: PlanReport) -> doc.Document:
 @doc.section_of(PLAN_SECTIONS, "first", "What the images show")
 def _images(report: PlanReport) -> Iterator[doc.Block]:
     plan = report.plan
-
-    def recovered(best: BandConfirmation) -> doc.Inline:
-        error = best.recovered_snr_error
-        spread = "" if error is None else doc.small(f"± {significant(error, 2)}")
-        return doc.lines(significant(best.recovered_snr), spread)
-
-    def significance(best: BandConfirmation) -> str:
-        return f"{significant(best.recovered_significance)} / {significant(best.threshold)}"
-
-    def star(pick: _Pick) -> doc.Inline:
-        return _star_cell(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip)
-
-    nowhere = doc.Span("the images show the planet in no band; see its page", 6)
-    columns: tuple[doc.Column[_Pick], ...] = (
-        doc.Column("Star", star, look="row left star"),
-        doc.Column("Band", lambda pick: nowhere if pick[2] is None else pick[2].band, look="left"),
-        doc.Column("Separation", _of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
-        doc.Column("Contrast", _of_band(lambda best: words.contrast_text(best.true_contrast))),
-        doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
-        doc.Column("SNR", _of_band(recovered), "recovered"),
-        doc.Column("Significance", _of_band(significance), "/ threshold"),
-        doc.Column(
-            "Verdict", lambda pick: doc.lines(_badge(pick), words.plus_minus(pick[1].verdict)), look="left verdict"
-        ),
-    )
     yield doc.Items(summary_sentences(plan, report.rank))
     if plan.targets:
-        caption = words.text("texts.plan_images", plan=plan, found=LIBRARIES[plan.reference_library].found)
-        yield doc.table("What the images show", caption, columns, _picks(plan))
+        yield _measured_table(plan, lambda target: doc.link(report.anchors[target.name], pretty_name(target.name)))
+        yield doc.Items(_verdict_lines(plan))
     else:
         yield doc.Paragraph("No target was simulated as images.")
-    for text in (*targets_sentences(plan), *not_imaged_lines(plan)):
-        yield doc.Paragraph(text, "note")
+    yield from doc.notes(*targets_sentences(plan), *not_imaged_lines(plan))
 
 
 @doc.section_of(PLAN_SECTIONS, "priorities", "Priorities")
 def _priorities(report: PlanReport) -> Iterator[doc.Block]:
     yield from ranking.priority_blocks(report.rank, report.rows, report.named)
     if report.known is not None:
-        yield from known_blocks(report.known)
+        yield from window_blocks(report.known)
 
 
 @doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
@@ -651,7 +603,7 @@ def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
 def _modelled(report: PlanReport) -> Iterator[doc.Block]:
     bands = ((pretty_name(target.name), band) for target in report.plan.targets for band in target.bands)
     made = [(f"{name} {band.band}", band.modelled) for name, band in bands if band.modelled is not None]
-    return confirm.modelled_blocks(made)
+    return modelled_blocks(made)
 
 
 @doc.section_of(PLAN_SECTIONS, "missing", "What is not modelled")
@@ -675,23 +627,20 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
         return doc.lines(badge, limit if row.reason else "")
 
     stars = words.chosen_text(len(rank.targets), rank.n_in_catalogue, "ranked star")
-    caption = words.text("texts.plan_ranking", n_rows=len(rows), stars=stars, score=score)
-    yield doc.row_table(
-        "Ranking",
-        doc.marked(caption),
+    columns = doc.row_columns(
         RankedTarget,
         f"rank {'rank_in_catalogue ' * rank.filtered}name:row,star v_mag sp_type distance_pc score completeness "
-        "completeness_unconditional band separation_arcsec contrast frames em_gain snr detection_margin status:wide "
-        "flags:flags",
-        rows,
-        look="compact",
+        "completeness_unconditional band separation_arcsec contrast frames em_gain snr detection_margin "
+        "status:left,wide flags:left,flags",
         name=lambda row: _star_cell(report.named(row), row.hip),
-        distance_pc=lambda row: significant(row.distance_pc, 4),
-        score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.written[1]),
+        distance_pc="{distance_pc:.4g}",
+        score=ranking.score_column(score.name),
         completeness=completeness,
         status=standing,
         flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),
     )
+    caption = doc.marked(words.text("texts.plan_ranking", n_rows=len(rows), stars=stars, score=score))
+    yield doc.Table("Ranking", columns, rows, caption, look="compact")
     yield from _velocities(report)
     if reasons := sorted({row.reason for row in rows if row.reason}):
         yield doc.Heading("Reasons used here")
@@ -707,14 +656,12 @@ def _velocities(report: PlanReport) -> Iterator[doc.Block]:
     if expected := ranking.expected_sentence(report.rank):
         yield doc.Paragraph(expected)
     if rows := ranking.unprobed_stars(report.rank, len(report.rows)):
-        yield doc.row_table(
-            "Where velocities are missing",
-            words.text("texts.plan_velocities"),
+        columns = doc.row_columns(
             RankedTarget,
             "rank name:row,star completeness completeness_unconditional rv_amplitude_m_s ref_planet_distance_au",
-            rows,
             name=lambda row: _star_cell(report.named(row), row.hip),
         )
+        yield doc.Table("Where velocities are missing", columns, rows, words.text("texts.plan_velocities"))
 
 
 @doc.section_of(PLAN_SECTIONS, "glossary", "Glossary")

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from functools import partial
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from cpic_planner.report import document as doc
-from cpic_planner.report.words import MISSING, contrast_text, significant
+from cpic_planner.report.words import contrast_text, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,51 +26,11 @@ _DIGITS, _PLACE_DIGITS = 5, 8
 _NAMELESS = re.compile(r"_(child|container)\d+|_nolegend_|")
 
 
-class Scale(TypedDict):
-    """An axis: its label, whether it is logarithmic or counts days since 1970, and its ends."""
-
-    label: str
-    log: bool
-    days: bool
-    low: float
-    high: float
-
-
-class Line(TypedDict):
-    """A line by its points; None where it has a gap."""
-
-    name: str
-    x: list[float | None]
-    y: list[float | None]
-
-
-class Level(TypedDict):
-    """A line at one height."""
-
-    name: str
-    y: float
-
-
-class Bar(TypedDict):
-    """A bar in a row, from its low to its high end; a point begins at 0."""
-
-    name: str
-    row: int
-    low: float
-    high: float
-
-
-class Panel(TypedDict):
-    """One pair of axes; ``box`` is left, bottom, width and height as shares of the figure, ``rows`` name its rows."""
-
-    title: str
-    box: list[float]
-    x: Scale
-    y: Scale
-    rows: list[str]
-    lines: list[Line]
-    levels: list[Level]
-    bars: list[Bar]
+Panel: TypeAlias = dict[str, Any]
+"""One pair of axes, as JSON: ``title``; ``box``, left, bottom, width and height as shares of the figure; ``x`` and
+``y``, each with ``label``, ``low``, ``high``, ``log``, and ``days`` where it counts days since 1970; ``rows``, the
+names of rows; ``lines``, each with ``name``, ``x`` and ``y``, null where it has a gap; ``levels``, lines at one height;
+``bars`` with ``name``, ``row``, ``low`` and ``high`` end, where a point begins at 0."""
 
 
 def panels_of(figure: Figure) -> list[Panel]:
@@ -83,7 +42,7 @@ def panels_of(figure: Figure) -> list[Panel]:
 def _panel(axes: Axes) -> Panel:
     from matplotlib.patches import StepPatch
 
-    rows, lines, levels = _rows(axes), list[Line](), list[Level]()
+    rows, lines, levels = _rows(axes), list[Panel](), list[Panel]()
     bars = list(_bars(axes)) if rows else []
     for line in axes.lines:
         name = _name(line.get_label())
@@ -109,7 +68,7 @@ def _panel(axes: Axes) -> Panel:
     return Panel(title=title, box=box, x=scales[0], y=scales[1], rows=rows, lines=lines, levels=levels, bars=bars)
 
 
-def _bars(axes: Axes) -> Iterator[Bar]:
+def _bars(axes: Axes) -> Iterator[Panel]:
     from matplotlib.container import BarContainer
 
     for container in axes.containers:
@@ -128,13 +87,13 @@ def _rows(axes: Axes) -> list[str]:
     return axis.get_major_formatter().format_ticks(list(axis.get_majorticklocs())) if named else []
 
 
-def _scale(axis: Axis, ends: tuple[float, float]) -> Scale:
+def _scale(axis: Axis, ends: tuple[float, float]) -> Panel:
     from matplotlib.dates import DateLocator
 
     days = isinstance(axis.get_major_locator(), DateLocator)
     low, high = (_rounded(end, _PLACE_DIGITS) for end in ends)
     label = _plain(axis.get_label_text()) or ("date" if days else "")
-    return Scale(label=label, log=axis.get_scale() == "log", days=days, low=low, high=high)
+    return Panel(label=label, log=axis.get_scale() == "log", days=days, low=low, high=high)
 
 
 def _plain(text: str) -> str:
@@ -162,7 +121,7 @@ def values_blocks(panels: Iterable[Panel]) -> Iterator[doc.Block]:
     for panel in panels:
         if panel["bars"]:
             yield _row_table(panel)
-        groups: dict[tuple[float | None, ...], list[Line]] = {}
+        groups: dict[tuple[float | None, ...], list[Panel]] = {}
         for line in panel["lines"]:
             groups.setdefault(tuple(line["x"]), []).append(line)
         for lines in groups.values():
@@ -172,34 +131,26 @@ def values_blocks(panels: Iterable[Panel]) -> Iterator[doc.Block]:
             yield doc.Paragraph(f"{panel['y']['label']}: {told}.", "note")
 
 
-def _line_table(panel: Panel, lines: list[Line]) -> doc.Table:
+def _line_table(panel: Panel, lines: list[Panel]) -> doc.Table:
     scale, names = panel["x"], ", ".join(line["name"] for line in lines)
     told = [at for at in range(len(lines[0]["x"])) if any(line["y"][at] is not None for line in lines)]
-    columns = [doc.Column[int](scale["label"], lambda at: _place(scale, lines[0]["x"][at]), look="row")]
-    columns += [doc.Column(line["name"], partial(_height, line)) for line in lines]
-    caption = f"{panel['y']['label']}{': ' * bool(panel['title'])}{panel['title']}"
-    shown = range(told[0], told[-1] + 1) if told else ()
-    return doc.table(f"{panel['y']['label']}: {names}", f"{caption}.", columns, shown)
+    columns = [doc.own_column(scale["label"], lambda at: _place(scale, lines[0]["x"][at]), look="row")]
+    columns += [doc.own_column(line["name"], lambda at, line=line: _text(line["y"][at])) for line in lines]  # type: ignore[misc]
+    title = f"{panel['y']['label']}: {names}"
+    caption = f"{panel['y']['label']}{': ' * bool(panel['title'])}{panel['title']}."
+    return doc.Table(title, columns, range(told[0], told[-1] + 1) if told else (), caption)
 
 
 def _row_table(panel: Panel) -> doc.Table:
-    found: dict[str, dict[int, Bar]] = {}
+    lengths: dict[str, dict[int, float]] = {}
     for bar in panel["bars"]:
-        found.setdefault(bar["name"], {})[bar["row"]] = bar
-    columns = [doc.Column[int]("", lambda row: panel["rows"][row], look="row left")]
-    columns += [doc.Column(name, partial(_length, bars)) for name, bars in found.items()]
-    return doc.table(panel["x"]["label"], f"{panel['x']['label']}.", columns, range(len(panel["rows"])))
+        lengths.setdefault(bar["name"], {})[bar["row"]] = bar["high"] - bar["low"]
+    columns = [doc.own_column("", lambda row: panel["rows"][row], look="row left")]
+    columns += [doc.own_column(name, lambda row, own=own: _text(own.get(row))) for name, own in lengths.items()]  # type: ignore[misc]
+    return doc.Table(panel["x"]["label"], columns, range(len(panel["rows"])), "Values of the bars.")
 
 
-def _height(line: Line, at: int) -> str:
-    return _text(line["y"][at])
-
-
-def _length(bars: dict[int, Bar], row: int) -> str:
-    return _text(bars[row]["high"] - bars[row]["low"]) if row in bars else MISSING
-
-
-def _place(scale: Scale, value: float | None) -> str:
+def _place(scale: Panel, value: float | None) -> str:
     if scale["days"] and value is not None:
         return str(np.datetime64(int(np.floor(value)), "D"))
     return _text(value)

@@ -6,21 +6,16 @@ import re
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.registry import SCORES
 from cpic_planner.report import document as doc, words
-from cpic_planner.report.cells import Cells, own_cells, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.ranking_figures import N_BARS, ensemble_picture
 from cpic_planner.report.words import MISSING, count_text, counted, duration_text, pretty_name, significant
 from cpic_planner.results import RankedTarget, RankResult, SensitivityRow
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 _MOST_NAMED = 5
 TIERS = {int(tier): meaning for tier, meaning in words.WORDS["tiers"].items()}
@@ -141,29 +136,29 @@ def detected_sentence(rank: RankResult) -> str:
     return f"{said}, in {extent}{span}{f'; {paid}' if paid else ''}."
 
 
-def print_rank(rank: RankResult, console: Console, limit: int = 20, *, full: bool = True) -> None:
-    """Print the first ``limit`` rows of a ranking, and what its numbers refer to; in two sentences unless ``full``."""
+def rank_blocks(rank: RankResult, limit: int = 20, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield the first ``limit`` rows of a ranking, and what its numbers refer to; in two sentences unless ``full``."""
     shown, total = rank.targets[:limit], len(rank.targets)
     some = f"first {len(shown)} of " if total > 1 else ""
     stars = words.chosen_text(total, rank.n_in_catalogue)
     title = f"Ranking: {some}{stars}, by {SCORES[rank.score_name].title}"
     own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
-    cells = row_cells(
+    columns = doc.row_columns(
         RankedTarget,
-        f"rank {'rank_in_catalogue ' * rank.filtered}name v_mag/5 distance_pc/5 {own}completeness "
+        f"rank {'rank_in_catalogue ' * rank.filtered}name:row v_mag/5 distance_pc/5 {own}completeness "
         "completeness_known_place completeness_unconditional/3 "
         "completeness_band/9 band/1 separation_arcsec/6 contrast/7 frames/11 em_gain/12 visits visit_time_s/8 "
         "time_s/10 snr/4 detection_margin/2 detection_probability detection_probability_known_place/3 status",
-        score=_score_cells(rank.score_name),
+        score=score_column(rank.score_name),
     )
-    print_table(console, title, [*cells, *own_cells(shown)], shown, explained=True, legend=not full)
+    yield doc.Table(title, [*columns, *doc.user_columns(shown)], shown, legend=not full)
     if rank.counts_limited_by:
         limits = f"{programme_text(rank)}: {limits_text(rank.counts_limited_by)}"
-        print_note(console, f"Reference planets in {duration_text(rank.time_s)}, {limits}.")
-    print_note(console, *(_about_rank(rank, limit) if full else filter(None, [_zeros(rank).strip()])))
-    print_note(console, *lacking_lines({}, rank.population.columns_not_used))
+        yield doc.Paragraph(f"Reference planets in {duration_text(rank.time_s)}, {limits}.")
+    yield from doc.notes(*(_about_rank(rank, limit) if full else [_zeros(rank).strip()]), look="")
+    yield from doc.notes(*lacking_lines({}, rank.population.columns_not_used))
     if rank.ensemble is not None:
-        print_ensemble(rank.ensemble, shown, console)
+        yield from _ensemble_blocks(rank.ensemble, shown)
 
 
 def _about_rank(rank: RankResult, limit: int) -> list[str]:
@@ -189,16 +184,15 @@ def _zeros(rank: RankResult) -> str:
     return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
-def _score_cells(name: str) -> Cells:
+def score_column(name: str) -> results.Column:
+    """Return the column of a score, in files with the unit of that score."""
     score = SCORES[name]
-    look: dict[str, Any] = {"label": score.title, "unit": score.written[1], "numbers": (_score_taken(name),)}
-    return Cells(score.label, lambda row: words.score_number(row.score, name), **look)
-
-
-def _score_taken(name: str) -> results.Taken:
-    """Return the column of a score in files, with the unit of that score."""
     (taken,) = results.taken_of(RankedTarget, "score")
-    return replace(taken, column=replace(taken.column, unit=SCORES[name].unit))
+    own = replace(taken, unit=score.unit)
+    unit = score.written[1]
+    return doc.own_column(
+        score.label, lambda row: words.score_number(row.score, name), unit, label=score.title, files=[own]
+    )
 
 
 def ranking_csv(rank: RankResult, limit: int | None = None) -> str:
@@ -208,7 +202,7 @@ def ranking_csv(rank: RankResult, limit: int | None = None) -> str:
     a ``limit`` the first stars alone.
     """
     rows = rank.targets[:limit]
-    names = (*results.names_of(RankedTarget), *(item.column.name for item in results.own_taken(rows)))
+    names = (*results.names_of(RankedTarget), *(item.name for item in results.own_taken(rows)))
     return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
 
 
@@ -223,31 +217,32 @@ def ranking_ecsv(rank: RankResult, limit: int | None = None) -> str:
     if len(rows) < len(rank.targets):
         meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
     columns = [*results.taken_of(RankedTarget), *results.own_taken(rows)]
-    score = _score_taken(rank.score_name)
-    return results.ecsv_text([score if item.column.name == "score" else item for item in columns], rows, meta)
+    (score,) = score_column(rank.score_name).files
+    return results.ecsv_text([score if item.name == "score" else item for item in columns], rows, meta)
 
 
-def print_sensitivity(result: results.SensitivityResult, console: Console) -> None:
-    """Print how the ranking depends on what is assumed."""
+def sensitivity_blocks(result: results.SensitivityResult) -> Iterator[doc.Block]:
+    """Yield how the ranking depends on what is assumed."""
 
-    def kept(name: str, first: int) -> Cells:
+    def kept(name: str, first: int) -> results.Column:
         """Return the column of how many of the first stars stay among them."""
-        return Cells(f"of {first}", lambda row: count_text(getattr(row, name)), fields=(name,), kind=SensitivityRow)
+        about: dict[str, Any] = {"label": f"kept of first {first}", "fields": name, "of": (SensitivityRow, doc.itself)}
+        return doc.own_column(f"of {first}", f"{{{name}:d}}", **about)
 
-    cells = row_cells(
+    columns = doc.row_columns(
         SensitivityRow,
-        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text",
+        "n_ok kept_first kendall_tau_b n_compared/5 kept/2 best/3 largest_fall/4 largest_fall_ranks/4 text:row,text",
         kept_first=kept("kept_first", result.first),
         kept=kept("kept", result.top),
     )
     title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
-    print_table(console, title, cells, result.rows, last_width=44)
-    print_plain(console, result.statement)
-    print_note(console, words.text("texts.sensitivity_columns", result=result, tau=words.tau_text(result.top)))
+    caption = words.text("texts.sensitivity", sensitivity=result, tau=words.tau_text(result.top))
+    yield doc.Table(title, columns, result.rows, caption, last_width=44, legend=True)
+    yield doc.Paragraph(result.statement)
 
 
-def print_moves(result: results.RankComparison, console: Console, limit: int = 20) -> None:
-    """Print what moves from one ranking to another one, of the first ``limit`` stars of either."""
+def move_blocks(result: results.RankComparison, limit: int = 20) -> Iterator[doc.Block]:
+    """Yield what moves from one ranking to another one, of the first ``limit`` stars of either."""
 
     def setting(item: results.SettingChange) -> str:
         """Return a setting before and after; of texts in several parts, such as samples, those that differ."""
@@ -257,87 +252,85 @@ def print_moves(result: results.RankComparison, console: Console, limit: int = 2
 
     old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
     rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
-    cells = [
-        Cells("before", lambda move: count_text(move.before.rank), fields=("before.rank",), kind=results.RankMove),
-        Cells("after", lambda move: count_text(move.after.rank), fields=("after.rank",), kind=results.RankMove),
-        *row_cells(results.RankMove, "name score_ratio/1 why"),
+    of = (results.RankMove, doc.itself)
+    columns = [
+        *(doc.own_column(end, f"{{{end}.rank:d}}", fields=f"{end}.rank", of=of) for end in ("before", "after")),
+        *doc.row_columns(results.RankMove, "name:row score_ratio/1 why"),
     ]
     count = len(result.targets)
     first = f"the first {f'{limit} ' * (limit > 1)}of either" if limit < count else counted(count, "star")
     title = f"What moves from {result.before.name} (before) to {result.after.name} (after): {first}"
-    print_plain(console, title, bold=True)
-    print_table(console, "", cells, rows, last_width=70)
+    yield doc.Table(title, columns, rows, words.text("texts.move_columns"), last_width=70, legend=True)
     named = {*result.only_before, *result.only_after, *(move.name for move in result.targets)}
     spoken = "|".join(re.escape(name) for name in sorted(named, key=len, reverse=True))
-    print_plain(console, re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement))
+    statement = re.sub(rf"(?<!\w)(?:{spoken})(?!\w)", lambda found: pretty_name(found[0]), result.statement)
     said = "The file does not say how its ranking was made: settings are not compared."
     if result.settings is not None:
         said = f"Settings that differ: {'; '.join(map(setting, result.settings)) or 'none'}."
-    print_note(console, said, words.text("texts.move_columns"))
+    yield from doc.notes(statement, said, look="")
 
 
-def print_explanation(explanation: results.Explanation, console: Console) -> None:
-    """Print why a star stands where it stands."""
+def explanation_blocks(explanation: results.Explanation) -> Iterator[doc.Block]:
+    """Yield why a star stands where it stands."""
     star = explanation.star
-    print_plain(console, words.full_name(star.name, star.hip), bold=True)
-    print_plain(console, *explanation.sentences)
-    console.print()
-    cells = row_cells(
+    yield doc.Heading(words.full_name(star.name, star.hip))
+    yield from doc.notes(*explanation.sentences, look="")
+    columns = doc.row_columns(
         RankedTarget,
-        "rank name score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
+        "rank name:row score completeness/1 completeness_unconditional/5 completeness_band/5 v_mag/3 distance_pc/4 "
         "detection_margin/2 status",
-        score=_score_cells(explanation.score_name),
+        score=score_column(explanation.score_name),
     )
     rows = [row for row in (explanation.better, star, explanation.worse) if row is not None]
-    print_table(console, "Between its neighbours", cells, rows)
-    console.print()
-    cells = row_cells(
+    yield doc.Table("Between its neighbours", columns, rows)
+    columns = doc.row_columns(
         results.BandStanding,
         "band completeness completeness_unconditional/4 in_zone/3 observable/4 separation_arcsec/4 contrast/2 "
         "contrast_limit/2 time_s/7 snr/6 detection_margin floor_margin/1 dominant/5 status",
         dominant=lambda band: words.term_text(band.dominant),
     )
     title = "Its reference planet and its population, band by band"
-    print_table(console, title, cells, explanation.bands, explained=True, legend=True)
+    yield doc.Table(title, columns, explanation.bands, legend=True)
     band = next((item for item in explanation.bands if item.band == star.band), None)
     if band is not None and band.exposure_s is not None:
-        frames = f"frames of {significant(band.exposure_s)} s"
-        print_note(console, *(f"{band.band}: {held}." for held in words.held_texts(band)))
-        caps = (words.cap_sentence(name, gain) for name, gain in band.gain_caps.items())
-        print_note(console, *(f"{band.band}, {frames}: {cap}." for cap in caps))
+        said = words.held_texts(band)
+        said += [
+            f"in frames of {significant(band.exposure_s)} s {words.cap_sentence(*cap)}"
+            for cap in band.gain_caps.items()
+        ]
         if helpful := words.remedies_text(band.remedies):
-            print_note(console, f"{band.band}: what would raise the SNR: {helpful}.")
+            said.append(f"what would raise the SNR: {helpful}")
+        yield from doc.notes(*(f"{band.band}: {text}." for text in said))
     if explanation.ranks:
         ranks = (f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in explanation.ranks.items())
-        print_note(console, f"Rank under other assumptions: {', '.join(ranks)}.")
+        yield doc.Paragraph(f"Rank under other assumptions: {', '.join(ranks)}.", "note")
 
 
-def _between(row: RankedTarget) -> str:
-    return MISSING if row.rank_p05 is None else f"{row.rank_p05:.0f} to {row.rank_p95:.0f}"
+_BETWEEN = doc.own_column("5 to 95 %", "{rank_p05:.0f} to {rank_p95:.0f}")
 
 
-def print_ensemble(ensemble: results.EnsembleRecord, shown: Sequence[RankedTarget], console: Console) -> None:
-    """Print what becomes of the shown stars under an ensemble of instruments, and what changes it."""
-    cells = row_cells(
+def _ensemble_blocks(ensemble: results.EnsembleRecord, shown: Sequence[RankedTarget]) -> Iterator[doc.Block]:
+    """Yield what becomes of the shown stars under an ensemble of instruments, and what changes it."""
+    columns = doc.row_columns(
         RankedTarget,
-        "rank name tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
+        "rank name:row tier rank_median between p_rank_le_10 p_reachable detection_time_s/3 detection_visits/2 "
         "limited_by/1",
-        between=Cells("5 to 95 %", _between),
+        between=_BETWEEN,
     )
     title = f"The same stars under {count_text(ensemble.n_instruments)} instruments that fit what is known"
-    print_table(console, title, cells, shown)
+    yield doc.Table(title, columns, shown)
     bars = [
-        *row_cells(results.EnsembleBar, "label"),
-        Cells("values, 5 to 95 %", lambda bar: f"{bar.low} to {bar.high}", right=False),
-        Cells("planets", lambda bar: f"{significant(bar.planets_low, 2)} to {significant(bar.planets_high, 2)}"),
-        Cells("stars detected", lambda bar: f"{bar.n_reachable_low} to {bar.n_reachable_high}"),
-        Cells("tau", lambda bar: words.interval_text(bar.tau_low, bar.tau_high), gives_way=1),
+        *doc.row_columns(results.EnsembleBar, "label"),
+        doc.own_column("values, 5 to 95 %", "{low} to {high}", look="left"),
+        doc.own_column("planets", "{planets_low:.2g} to {planets_high:.2g}"),
+        doc.own_column("stars detected", "{n_reachable_low} to {n_reachable_high}"),
+        doc.own_column("tau", "{tau_low:.2f} to {tau_high:.2f}", way=1),
     ]
     title = "What the expected planets of one observation of every star hang on, one number at a time"
-    print_table(console, title, bars, ensemble.bars[:N_BARS])
-    print_plain(console, ensemble.statement)
     nominal = f"{ensemble.planets_nominal:.2g} planets, {ensemble.n_reachable_nominal} stars"
-    print_note(console, words.text("texts.ensemble_columns", ensemble=ensemble, nominal=nominal))
+    caption = words.text("texts.ensemble_columns", ensemble=ensemble, nominal=nominal)
+    yield doc.Table(title, bars, ensemble.bars[:N_BARS], caption)
+    yield doc.Paragraph(ensemble.statement)
 
 
 def priority_blocks(
@@ -355,49 +348,23 @@ def priority_blocks(
     named : callable
         Writes the name of a star.
     """
-
-    def factor(name: str, label: str) -> Cells:
-        """Return the column of a factor that would be enough."""
-
-        def text(row: RankedTarget) -> str:
-            value = getattr(row, name)
-            return MISSING if value is None else f"×{significant(value, 2)}"
-
-        return Cells("", text, label=label)
-
-    def limit(row: RankedTarget) -> str:
-        return words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING
-
     sure = "" if rank.ensemble is None else " p_reachable rank_median between p_rank_le_10"
-    yield doc.row_table(
-        "Priorities",
-        words.text("texts.priorities", tiers="; ".join(f"{tier}: {text}" for tier, text in TIERS.items())),
+    columns = doc.row_columns(
         RankedTarget,
         "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
         f"expected_planets_unconditional{sure}",
-        rows,
         name=named,
-        limit=Cells("", limit, label="limit"),
-        drift=factor("required_drift_factor", "drift factor"),
-        brighter=factor("required_contrast_factor", "planet factor"),
-        between=Cells("", _between, label="5 to 95 %"),
+        limit=doc.own_column("limit", limit_cell),
+        drift=doc.own_column("drift factor", "×{required_drift_factor:.2g}"),
+        brighter=doc.own_column("planet factor", "×{required_contrast_factor:.2g}"),
+        between=_BETWEEN,
     )
+    caption = words.text("texts.priorities", tiers="; ".join(f"{tier}: {text}" for tier, text in TIERS.items()))
+    yield doc.Table("Priorities", columns, rows, caption)
     if rank.ensemble is not None:
         yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
 
 
-def sensitivity_blocks(sensitivity: results.SensitivityResult) -> Iterator[doc.Block]:
-    """Yield how the ranking depends on assumptions."""
-    tau = words.tau_text(sensitivity.top)
-    yield doc.Paragraph(sensitivity.statement)
-    yield doc.row_table(
-        "Sensitivity of the ranking",
-        words.text("texts.sensitivity", sensitivity=sensitivity, tau=tau),
-        SensitivityRow,
-        "text:row,text n_ok kept_first kept kendall_tau_b n_compared largest_fall largest_fall_ranks best",
-        sensitivity.rows,
-        kept_first=Cells("", lambda row: str(row.kept_first), label=f"kept of first {sensitivity.first}"),
-        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {sensitivity.top}"),
-        largest_fall=lambda row: pretty_name(row.largest_fall),
-        best=lambda row: pretty_name(row.best),
-    )
+def limit_cell(row: RankedTarget) -> str:
+    """Return what limits a star, in one or two words."""
+    return words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING

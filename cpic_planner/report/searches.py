@@ -15,14 +15,13 @@ from cpic_planner.jobs import RunFolder
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.answers import flag_lines
-from cpic_planner.report.cells import print_note, print_table, row_cells
 from cpic_planner.report.drawing import Look, Picture, literal, with_style
+from cpic_planner.report.writing import page_html
 from cpic_planner.results import CompletenessMap, CurveResult, CurveRow, RecoveredRow, RocResult, RocRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from rich.console import Console
 
 
 _HALF_STEPS = 2.0
@@ -95,57 +94,34 @@ def _programme_text(band: results.SearchedProgramme) -> str:
     return f"{words.counted(band.visits, 'visit')}, {words.duration_text(band.time_s)} in all"
 
 
-def print_curve(result: CurveResult, console: Console, *, full: bool = False) -> None:
-    """Print contrast limits, recovered planets, and what they say; with ``full`` also the programme of each band."""
-    time = words.duration_text(result.time_s)
-    title = f"{words.star_text(result)}; contrast limits at {result.sigma:g}σ in {time}"
-    measured = any(row.measured_limit is not None for row in result.points)
-    cells = row_cells(CurveRow, f"{_POINTS.format(measured=_MEASURED * measured)} status")
-    print_table(console, title, cells, result.points, explained=True, legend=True)
-    if result.recovered:
-        console.print()
-        cells = row_cells(RecoveredRow, _RECOVERED)
-        print_table(console, "Injected planets", cells, result.recovered, legend=True)
-    _print_below(result, results.SearchedProgramme, curve_sentences(result), console, full)
-
-
-def print_roc(result: RocResult, console: Console, *, full: bool = False) -> None:
-    """Print levels of a search, its false alarms and detections, and what they say.
+def search_blocks(result: CurveResult | RocResult, *, full: bool = False) -> Iterator[doc.Block]:
+    """Yield what searches of a star find, as a terminal shows it.
 
     Parameters
     ----------
-    result : RocResult
-    console : Console
+    result : CurveResult or RocResult
     full : bool
         Also the programme of each band, and every level.
     """
-    images = any(row.n_searches for row in result.levels)
-    counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
-    layout = (
-        f"band sigma false_alarms detection_probability {counted}false_alarms_known_place/5 "
-        "detection_probability_known_place/4"
-    )
-    rows = [row for row in result.levels if full or row.sigma == result.sigma or not row.sigma * _HALF_STEPS % 1.0]
-    title = f"{words.star_text(result)}; detections and false alarms"
-    print_table(console, title, row_cells(RocRow, layout), rows, legend=True)
-    _print_below(result, results.RocProgramme, roc_sentences(result), console, full)
-
-
-def _print_below(
-    result: CurveResult | RocResult,
-    kind: type[results.SearchedProgramme],
-    said: Sequence[str],
-    console: Console,
-    full: bool,
-) -> None:
-    """Say what numbers mean, and what is to be known beside them."""
+    page = SearchedReport(result, {}, full)
+    yield from _curves(page) if isinstance(result, CurveResult) else _detections(page)
+    if isinstance(result, CurveResult):
+        yield from _injected(page)
     if full:
-        console.print()
-        print_table(console, "Programmes", row_cells(kind, _PROGRAMME), result.bands, legend=True)
-    print_note(console, *said)
-    if flags := flag_lines(result.bands, result.note):
-        console.print()
-        print_note(console, *flags)
+        yield _programme_table(result)
+    yield from doc.notes(*search_sentences(result), look="")
+    yield from doc.notes(*flag_lines(result.bands, result.note))
+
+
+def search_sentences(result: CurveResult | RocResult) -> list[str]:
+    """Return what contrast curves or operating characteristics say, in sentences."""
+    return curve_sentences(result) if isinstance(result, CurveResult) else roc_sentences(result)
+
+
+def _programme_table(result: CurveResult | RocResult) -> doc.Table:
+    kind = results.RocProgramme if isinstance(result, RocResult) else results.SearchedProgramme
+    caption = "The programme that every number of a band is about."
+    return doc.Table("Programmes", doc.row_columns(kind, f"{_PROGRAMME} images:page"), result.bands, caption)
 
 
 _LIMITS: tuple[tuple[str, str, Look], ...] = (
@@ -377,10 +353,15 @@ _WORDS = "contrast; significance; threshold; speckle floor; blind search; separa
 
 @dataclass(frozen=True)
 class SearchedReport:
-    """Searches and their pictures, by the keys of `curve_pictures` or `roc_pictures`."""
+    """Searches and their pictures, by the keys of `curve_pictures` or `roc_pictures`; ``full``: show every level."""
 
     result: Any
     pictures: Mapping[str, Picture]
+    full: bool = True
+
+    def drawn(self, *keys: str) -> Iterator[doc.Figure]:
+        """Yield some of the pictures, those that there are."""
+        return (doc.Figure(self.pictures[key], key=key) for key in keys if key in self.pictures)
 
 
 CURVE_SECTIONS: Registry[doc.Section[SearchedReport]] = Registry("section")
@@ -394,15 +375,15 @@ def write_curve(folder: RunFolder, result: CurveResult) -> None:
     folder.write("curve.csv", _csv(CurveRow, result.points))
     folder.write("completeness.csv", completeness_csv(result))
     folder.write("recovered.csv", _csv(RecoveredRow, result.recovered))
-    page = SearchedReport(result, curve_pictures(result))
-    folder.write("report.html", _page(CURVE_SECTIONS, page, "contrast curve", curve_sentences(result)))
+    folder.write("report.html", _page(CURVE_SECTIONS, SearchedReport(result, curve_pictures(result)), "contrast curve"))
 
 
 def write_roc(folder: RunFolder, result: RocResult) -> None:
     """Write ``roc.csv`` and ``report.html``, each whole."""
     folder.write("roc.csv", _csv(RocRow, result.levels))
-    page = SearchedReport(result, roc_pictures(result))
-    folder.write("report.html", _page(ROC_SECTIONS, page, "detection statistics", roc_sentences(result)))
+    folder.write(
+        "report.html", _page(ROC_SECTIONS, SearchedReport(result, roc_pictures(result)), "detection statistics")
+    )
 
 
 def completeness_csv(result: CurveResult) -> str:
@@ -421,47 +402,52 @@ def _csv(kind: type[results.Result], rows: Sequence[results.Result]) -> str:
     return results.csv_text(results.names_of(kind), [results.values_of(row) for row in rows])
 
 
-def _page(
-    sections: Registry[doc.Section[SearchedReport]], page: SearchedReport, what: str, sentences: Sequence[str]
-) -> str:
+def _page(sections: Registry[doc.Section[SearchedReport]], page: SearchedReport, what: str) -> str:
     result, star = page.result, words.full_name(page.result.target, page.result.hip)
     title = f"CPI-C {what} of {star}, configuration {result.config_hash}"
     about = words.text(f"texts.{result.kind}_about")
-    summary = [doc.Paragraph(" ".join(sentences), "lead")]
-    return doc.page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
+    summary = [doc.Paragraph(" ".join(search_sentences(result)), "lead")]
+    return page_html(doc.document_of(sections, page, title=title, heading=star, about=about, summary=summary))
 
 
 @doc.section_of(CURVE_SECTIONS, "curves", "Contrast curves")
 def _curves(page: SearchedReport) -> Iterator[doc.Block]:
-    yield doc.Figure(page.pictures["curves"], key="curves")
-    layout, caption = _POINTS.format(measured=_MEASURED), "Limits by band and separation."
-    yield doc.row_table("Contrast limits", caption, CurveRow, layout, page.result.points)
+    result: CurveResult = page.result
+    yield from page.drawn("curves")
+    time = words.duration_text(result.time_s)
+    title = f"{words.star_text(result)}; contrast limits at {result.sigma:g}σ in {time}"
+    measured = any(row.measured_limit is not None for row in result.points)
+    columns = doc.row_columns(CurveRow, f"{_POINTS.format(measured=_MEASURED * measured)} status")
+    yield doc.Table(title, columns, result.points, legend=True)
 
 
 @doc.section_of(CURVE_SECTIONS, "completeness", "Completeness")
 def _completeness(page: SearchedReport) -> Iterator[doc.Block]:
-    if "maps" in page.pictures:
-        yield doc.Figure(page.pictures["maps"], key="maps")
+    return page.drawn("maps")
 
 
 @doc.section_of(CURVE_SECTIONS, "injected", "Injected planets")
 def _injected(page: SearchedReport) -> Iterator[doc.Block]:
-    if "recovered" in page.pictures:
-        yield doc.Figure(page.pictures["recovered"], key="recovered")
-        caption = "Planets found by blind searches, with the interval that holds 68 %, and what the law expects."
-        yield doc.row_table("Injected planets", caption, RecoveredRow, _RECOVERED, page.result.recovered)
+    yield from page.drawn("recovered")
+    if page.result.recovered:
+        columns = doc.row_columns(RecoveredRow, _RECOVERED)
+        yield doc.Table("Injected planets", columns, page.result.recovered, legend=True)
 
 
 @doc.section_of(ROC_SECTIONS, "detections", "Detections and false alarms")
 def _detections(page: SearchedReport) -> Iterator[doc.Block]:
-    for key, picture in page.pictures.items():
-        yield doc.Figure(picture, key=key)
+    result: RocResult = page.result
+    yield from page.drawn("roc", "alarms")
+    images = any(row.n_searches for row in result.levels)
+    counted = "n_searches/3 n_false/2 n_planets/3 n_detected/2 recovered/1 " if images else ""
     layout = (
-        "band:row,left sigma false_alarms detection_probability false_alarms_known_place "
-        "detection_probability_known_place n_searches n_false n_planets n_detected recovered"
+        f"band sigma false_alarms detection_probability {counted}false_alarms_known_place/5 "
+        "detection_probability_known_place/4"
     )
-    caption = "Levels of a detection: what the law expects, and what searches of simulated images counted."
-    yield doc.row_table("Levels", caption, RocRow, layout, page.result.levels)
+    sigma, all_levels = result.sigma, page.full
+    rows = [row for row in result.levels if all_levels or row.sigma == sigma or not row.sigma * _HALF_STEPS % 1.0]
+    title = f"{words.star_text(result)}; detections and false alarms"
+    yield doc.Table(title, doc.row_columns(RocRow, layout), rows, legend=True)
 
 
 @doc.section_of(CURVE_SECTIONS, "programmes", "Programmes and assumptions")
@@ -469,12 +455,9 @@ def _detections(page: SearchedReport) -> Iterator[doc.Block]:
 def _programmes(page: SearchedReport) -> Iterator[doc.Block]:
     """Yield the programme of each band, and what was taken for granted."""
     result = page.result
-    kind = results.RocProgramme if isinstance(result, RocResult) else results.SearchedProgramme
-    caption = "The programme that every number of a band is about."
-    yield doc.row_table("Programmes", caption, kind, f"{_PROGRAMME} images", result.bands)
-    for one in result.bands:
-        if one.message or one.images_message:
-            yield doc.Paragraph(f"{one.band}: {one.message or one.images_message}", "note")
+    yield _programme_table(result)
+    said = {one.band: one.message or one.images_message for one in result.bands}
+    yield from doc.notes(*(f"{band}: {text}" for band, text in said.items() if text))
     if flags := flag_lines(result.bands, result.note):
         yield doc.Items(flags)
     library = LIBRARIES[result.reference_library]

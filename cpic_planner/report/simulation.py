@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cpic_core import listed
 from cpic_planner import results
-from cpic_planner.report import words
-from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report import document as doc, words
 from cpic_planner.report.words import count_text, counted, shortened
 from cpic_planner.results import ModellingRecord
 from simulator.knobs import Quantity
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-
-_WIDE = 60
+_WIDE, _WIDEST = 60, 1000
+"""Widths of last columns that hold sentences."""
 _FEW = 3
 _OPTION = {"stars": "--catalog", "planets": "--known-planets"}
 """Option that takes a table of each kind."""
@@ -30,8 +27,8 @@ _COARSER = ("wavelength_nodes", "pixel_nodes", "precision", "drift_epochs", "pup
 
 
 @dataclass(frozen=True)
-class ModelledRow:
-    """One effect of a table.
+class EffectRow:
+    """One effect in several image sets.
 
     Attributes
     ----------
@@ -39,91 +36,98 @@ class ModelledRow:
         With its largest size.
     where : str
         Image set in which it is that large; empty where all are alike.
-    size : str
-        In per cent.
-    word : str
-        What became of it.
+    decisions : Counter
+        What became of it, and in how many of them.
     """
 
     effect: results.EffectRecord
     where: str
-    size: str
-    word: str
-
-    @property
-    def order(self) -> float:
-        """What effects are sorted by; those without a size stand before what is not there."""
-        size = self.effect.size
-        return size if size else 0.5 * words.LEAST_SIZE * words.LEAST_SIZE if size is None else 0.0
+    decisions: Counter[str]
 
 
-@dataclass(frozen=True)
-class ModelledGroup:
-    """Image sets that are made alike.
-
-    Attributes
-    ----------
-    title : str
-        How they are made.
-    names : tuple of str
-        Their names.
-    knobs, errors : str
-        Settings of the optics; largest predicted errors, and what was asked for.
-    rows : tuple of ModelledRow
-        Largest size first.
-    """
-
-    title: str
-    names: tuple[str, ...]
-    knobs: str
-    errors: str
-    rows: tuple[ModelledRow, ...]
-
-
-def modelled_groups(named: Sequence[tuple[str, ModellingRecord]]) -> list[ModelledGroup]:
-    """Return one table for every distinct way to make images.
+def effect_rows(named: Sequence[tuple[str, ModellingRecord]]) -> list[EffectRow]:
+    """Return every effect once, the largest first; those without a size stand before what is not there.
 
     Parameters
     ----------
     named : sequence of (str, ModellingRecord)
-        Name of each image set, and how it was made. Sets that differ in nothing but sizes share a table, which shows
-        the largest.
+        Name of each image set, and how it was made.
     """
-    groups: dict[tuple[object, ...], list[tuple[str, ModellingRecord]]] = {}
+
+    def order(item: tuple[str, results.EffectRecord]) -> float:
+        size = item[1].size
+        return 0.5 * words.LEAST_SIZE**2 if size is None else size
+
+    every: dict[str, list[tuple[str, results.EffectRecord]]] = {}
     for name, record in named:
-        kept = tuple((row.effect, row.decision) for row in record.effects)
-        content = (record.draw, record.region, record.epochs, record.knobs.content_hash, kept)
-        groups.setdefault(content, []).append((name, record))
-    return [_group(members) for members in groups.values()]
-
-
-def _group(members: list[tuple[str, ModellingRecord]]) -> ModelledGroup:
-    record, knobs, ways = members[0][1], members[0][1].knobs, words.WORDS["draws"][members[0][1].draw]
-    about = {"wavelengths": counted(knobs.wavelength_nodes, "wavelength"), "epochs": counted(record.epochs, "epoch")}
-    about["region"] = words.WORDS["regions"][record.region]
+        for effect in record.effects:
+            every.setdefault(effect.effect, []).append((name, effect))
     rows = []
-    for effects in zip(*(record.effects for _, record in members), strict=True):
-        sizes = ["" if effect.size is None else words.error_percent(effect.size) for effect in effects]
-        each = [
-            ModelledRow(effect, name, size, _decision(effect))
-            for (name, _), effect, size in zip(members, effects, sizes, strict=True)
-        ]
-        largest, alike = max(each, key=lambda row: row.order), len({effect.size for effect in effects}) == 1
-        rows.append(ModelledRow(largest.effect, "" if alike else largest.where, largest.size, largest.word))
-    asked = f" (asked: at most {words.error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
-    return ModelledGroup(
-        title=ways[:1].upper() + ways[1:],
-        names=tuple(dict.fromkeys(name for name, _ in members)),
-        knobs=words.text("texts.modelled_knobs", knobs=knobs, **about),
-        errors=f"{words.error_text(largest_errors([item for _, item in members]))}{asked}",
-        rows=tuple(sorted(rows, key=lambda row: -row.order)),
-    )
+    for found in sorted(every.values(), key=lambda found: -max(map(order, found))):
+        where, largest = max(found, key=order)
+        alike = len({effect.size for _, effect in found}) == 1
+        rows.append(EffectRow(largest, "" if alike else where, Counter(_decision(effect) for _, effect in found)))
+    return rows
 
 
 def _decision(row: results.EffectRecord) -> str:
     if row.decision == "kept":
         return "kept"
     return "coarser" if row.key in _COARSER else "as sums" if row.key == "summed_frames" else "left out"
+
+
+def _size(row: EffectRow) -> str:
+    return words.MISSING if row.effect.size is None else words.error_percent(row.effect.size)
+
+
+def ways_texts(named: Sequence[tuple[str, ModellingRecord]]) -> list[tuple[str, str]]:
+    """Return every distinct way to make images, and for which of them it is, with settings and predicted errors."""
+    ways: dict[tuple[object, ...], list[tuple[str, ModellingRecord]]] = {}
+    for name, record in named:
+        content = (record.draw, record.region, record.epochs, record.knobs.content_hash)
+        ways.setdefault(content, []).append((name, record))
+    texts = []
+    for members in ways.values():
+        record, knobs = members[0][1], members[0][1].knobs
+        about = {
+            "wavelengths": counted(knobs.wavelength_nodes, "wavelength"),
+            "epochs": counted(record.epochs, "epoch"),
+        }
+        about["region"] = words.WORDS["regions"][record.region]
+        made = words.text("texts.modelled_knobs", knobs=knobs, **about)
+        errors = words.error_text(largest_errors([item for _, item in members]))
+        asked = f" (asked: at most {words.error_text(record.tolerance)})" if any(record.tolerance.values()) else ""
+        names = ", ".join(dict.fromkeys(name for name, _ in members))
+        said = f"{names}. {made[:1].upper()}{made[1:]}. Predicted error beside the reference: {errors}{asked}."
+        way = words.WORDS["draws"][record.draw]
+        texts.append((way[:1].upper() + way[1:], said))
+    return texts
+
+
+def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
+    """Yield how images were made, each distinct way in a paragraph, and a folded table of all effects."""
+
+    def decision(row: EffectRow) -> doc.Inline:
+        """Return what became of an effect; where that differs between images, in how many."""
+        kept = "ok" if row.effect.decision == "kept" else "unreachable"
+        others = ", ".join(f"{word} in {count}" for word, count in row.decisions.items())
+        several = len(row.decisions) > 1
+        return doc.lines(doc.badge(kept, _decision(row.effect)), doc.small(others if several else ""))
+
+    if not named:
+        yield doc.Paragraph("No image was made.")
+        return
+    yield from (doc.Paragraph([doc.strong(way), ": ", said]) for way, said in ways_texts(named))
+    columns = [
+        doc.own_column("effect", "{effect.effect}", look="row left"),
+        doc.own_column("predicted size", _size, "largest of flux and SNR"),
+        doc.own_column("largest in", "{where}", look="left"),
+        doc.own_column("modelled", decision, look="left"),
+        doc.own_column("how, or why not", "{effect.reason}", look="left wide"),
+    ]
+    rows = effect_rows(named)
+    table = doc.Table("Effects in the images", columns, rows, words.text("texts.modelled"))
+    yield doc.Fold(f"All effects ({len(rows)})", [table])
 
 
 def largest_errors(records: Iterable[ModellingRecord]) -> dict[Quantity, float | None]:
@@ -136,8 +140,8 @@ def largest_errors(records: Iterable[ModellingRecord]) -> dict[Quantity, float |
     return largest
 
 
-def print_columns(result: results.ColumnsResult, console: Console) -> None:
-    """Print what the columns of a file are taken for, and how many of its rows can be used."""
+def columns_blocks(result: results.ColumnsResult) -> Iterator[doc.Block]:
+    """Yield what the columns of a file are taken for, and how many of its rows can be used."""
 
     def unit(row: results.ColumnTaken) -> str:
         return f"{row.unit} (assumed)" if row.unit_assumed else row.unit or words.MISSING
@@ -154,62 +158,60 @@ def print_columns(result: results.ColumnsResult, console: Console) -> None:
         said = note.removeprefix(f"{result.file}: ")
         return said.startswith("columns not used") or " left out: " in said or " taken as missing: " in said
 
-    taken: dict[str, Any] = {"quantity": lambda row: row.quantity or "not used", "unit": unit, "reason": remark}
-    left_out: dict[str, Any] = {"first": Cells("first", first, right=False, label="first of them")}
+    special: dict[str, Any] = {"quantity": lambda row: row.quantity or "not used", "unit": unit, "reason": remark}
     for table in result.tables:
         rows = f"{table.n_usable} of {table.n_rows} row{'s' * (table.n_rows != 1)} can be used"
         title = f"{result.file} as a table of {table.taken_as} ({_OPTION[table.taken_as]}): {rows}"
-        cells = row_cells(results.ColumnTaken, "heading quantity unit reason", **taken)
-        print_table(console, title, cells, table.columns, last_width=_WIDE)
+        columns = doc.row_columns(results.ColumnTaken, "heading quantity unit reason", **special)
+        yield doc.Table(title, columns, table.columns, last_width=_WIDE)
         if table.left_out:
-            cells = row_cells(results.ReasonLeftOut, "done count column first reason", **left_out)
-            print_table(console, "Left out, by reason", cells, table.left_out, last_width=_WIDE)
-        print_plain(console, *(note for note in table.notes if not is_shown(note)))
+            example = doc.own_column("first", first, look="left", label="first of them")
+            columns = doc.row_columns(results.ReasonLeftOut, "done count column first reason", first=example)
+            yield doc.Table("Left out, by reason", columns, table.left_out, last_width=_WIDE)
+        yield from doc.notes(*(note for note in table.notes if not is_shown(note)), look="")
     if len(result.tables) > 1:
-        print_note(console, "The file can be read both as stars and as planets: the option decides.")
+        yield doc.Paragraph("The file can be read both as stars and as planets: the option decides.", "note")
     if any(row.unit_assumed for table in result.tables for row in table.columns):
-        print_note(console, "(assumed): the file names no unit, and this one is taken.")
+        yield doc.Paragraph("(assumed): the file names no unit, and this one is taken.", "note")
 
 
-def _sequence_cells(
+def _sequence_columns(
     kind: type[results.Result], sequences: Sequence[results.PlannedSequenceRow], more: str
-) -> list[Cells]:
+) -> list[results.Column]:
     """Return the columns of sequences, with the visit where there are programmes."""
-    visit = " visit" if any(item.visit for item in sequences) else ""
-    special: dict[str, Any] = {
-        "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
-        "target": lambda item: shortened(item.target),
-        "frames": Cells(
-            "frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}", fields=("n_frames", "exposure_s")
-        ),
-        "adu": Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}", fields=("adu_min", "adu_max")),
-        "start_utc": lambda item: item.start_utc[:19],
-    }
-    return row_cells(kind, f"obsid kind{visit} target/2 band frames {more}", **special)
+    visit, of = " visit" if any(item.visit for item in sequences) else "", (kind, doc.itself)
+    return doc.row_columns(
+        kind,
+        f"obsid kind{visit} target/2 band frames {more}",
+        kind=lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
+        target=lambda item: shortened(item.target),
+        frames=doc.own_column("frames × s", "{n_frames} × {exposure_s:g}", fields="n_frames exposure_s", of=of),
+        adu=doc.own_column("ADU", "{adu_min}–{adu_max}", fields="adu_min adu_max" * ("adu" in more.split()), of=of),
+        start_utc=lambda item: item.start_utc[:19],
+    )
 
 
-def print_simulation(result: results.SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
-    """Print what the frames of each sequence hold, and where its files are."""
+def simulation_blocks(result: results.SimulationResult, out: Path, *, limit: int = 40) -> Iterator[doc.Block]:
+    """Yield what the frames of each sequence hold, and where its files are."""
     sequences = result.sequences
     more = "em_gain adu saturated_pixels cosmic_rays/1 size_bytes"
-    cells = _sequence_cells(results.SimulatedSequence, sequences, more)
-    print_table(console, f"{result.name}: {counted(len(sequences), 'sequence')}", cells, sequences[:limit])
-    if len(sequences) > limit:
-        print_note(console, f"... and {len(sequences) - limit} more: see {out / 'simulation.json'}")
+    columns = _sequence_columns(results.SimulatedSequence, sequences, more)
+    yield doc.Table(f"{result.name}: {counted(len(sequences), 'sequence')}", columns, sequences[:limit])
+    left = len(sequences) - limit
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
-    print_note(console, note)
+    yield from doc.notes(f"... and {left} more: see {out / 'simulation.json'}" * (left > 0), note)
     for programme in result.programmes:
-        _print_programme(programme, out, console, limit)
-    _print_left_out(sequences, console)
+        yield from _programme_blocks(programme, out, limit)
+    yield from _left_out_blocks(sequences)
     files = [str(out / item.file) for item in sequences]
     if len(sequences) > _FEW:
         folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
         files = [f"files in {listed([*folders], _FEW)}"]
-    print_plain(console, *files, wraps=False)
+    yield from doc.notes(*files, look="whole")
 
 
-def _print_programme(programme: results.SimulatedProgramme, out: Path, console: Console, limit: int) -> None:
-    """Print when the visits of a programme are, and where its list is."""
+def _programme_blocks(programme: results.SimulatedProgramme, out: Path, limit: int) -> Iterator[doc.Block]:
+    """Yield when the visits of a programme are, and where its list is."""
     title = f"{programme.target}: {counted(programme.visits, 'science visit')}"
     if programme.reference_visits:
         title += f" and {counted(programme.reference_visits, 'reference visit')}"
@@ -217,65 +219,64 @@ def _print_programme(programme: results.SimulatedProgramme, out: Path, console: 
     visits: dict[tuple[str, str, float, float], list[results.VisitRow]] = {}
     for row in programme.sequences:
         visits.setdefault((row.folder, row.band, row.exposure_s, row.em_gain), []).append(row)
-    cells = row_cells(
+    columns = doc.row_columns(
         results.VisitRow,
         "folder band/2 start_utc n_frames window/1 roll_deg/3",
         of=itemgetter(0),
         start_utc=lambda rows: rows[0].start_utc[:19],
-        n_frames=Cells("frames × s", lambda rows: f"{sum(row.n_frames for row in rows)} × {rows[0].exposure_s:g}"),
-        window=Cells("windows", lambda rows: str(len(rows))),
+        n_frames=doc.own_column(
+            "frames × s", lambda rows: f"{sum(row.n_frames for row in rows)} × {rows[0].exposure_s:g}"
+        ),
+        window=doc.own_column("windows", lambda rows: str(len(rows))),
     )
-    print_table(console, title, cells, list(visits.values())[:limit])
+    yield doc.Table(title, columns, list(visits.values())[:limit])
     more = len(visits) - limit
     scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
     said = [f"{count_text(more)} more are not shown."] * (more > 0)
     said += [f"The programme spans {words.decimals(programme.span_days, 2)} days{scheme}."]
-    print_note(console, " ".join([*said, f"The visits are listed in {out / programme.file}."]))
+    yield doc.Paragraph(" ".join([*said, f"The visits are listed in {out / programme.file}."]), "note")
 
 
-def _print_left_out(sequences: Sequence[results.PlannedSequenceRow], console: Console) -> None:
-    """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
-    cells = [
-        Cells("left out", lambda row: row.effect.effect, right=False),
-        Cells("predicted size", lambda row: row.size),
-        Cells("", lambda row: row.where, right=False),
+def _left_out_blocks(sequences: Sequence[results.PlannedSequenceRow]) -> Iterator[doc.Block]:
+    """Yield what tolerances leave out, with the largest sizes, and how images are made then."""
+    columns = [
+        doc.own_column("left out for the tolerance", "{effect.effect}", look="left"),
+        doc.own_column("predicted size", _size),
+        doc.own_column("largest in", "{where}", look="left"),
     ]
     modelled = [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled]
-    for group in modelled_groups(modelled):
-        gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
-        print_plain(console, f"Left out of {listed(group.names, _FEW)} for the tolerance:", bold=True)
-        print_table(console, "", cells, gone, last_width=console.width)
-        # All of a frame is kept here: what is said of its region does not apply.
-        print_note(console, f"Predicted error: {group.errors}.", f"Optics: {group.knobs.split('; ', 1)[1]}.")
+    gone = [row for row in effect_rows(modelled) if row.effect.decision == "skipped" and row.effect.size]
+    if gone:
+        yield doc.Table("", columns, gone, last_width=_WIDE)
+    yield from doc.notes(*(f"{way}: {said}" for way, said in ways_texts(modelled)))
 
 
-def print_planned(plan: results.SimulationEstimate, console: Console, *, limit: int = 40) -> None:
-    """Print the sequences of a simulation that has not been run, and what it would plan."""
-    cells = _sequence_cells(results.PlannedSequenceRow, plan.sequences, "em_gain/1 start_utc/3")
+def planned_blocks(plan: results.SimulationEstimate, *, limit: int = 40) -> Iterator[doc.Block]:
+    """Yield the sequences of a simulation that has not been run, and what it would plan."""
+    columns = _sequence_columns(results.PlannedSequenceRow, plan.sequences, "em_gain/1 start_utc/3")
     title = f"{plan.name}: {counted(plan.n_sequences, 'sequence')}"
-    print_table(console, title, cells, plan.sequences[:limit], last_width=19)
-    if plan.n_sequences > limit:
-        print_note(console, f"... and {plan.n_sequences - limit} more")
-    _print_left_out(plan.sequences, console)
+    yield doc.Table(title, columns, plan.sequences[:limit], last_width=19)
+    yield from doc.notes(f"... and {plan.n_sequences - limit} more" * (plan.n_sequences > limit))
+    yield from _left_out_blocks(plan.sequences)
     time, disk = words.duration_text(plan.wall_s), words.size_text(1e6 * plan.disk_mb)
     memory = f"{words.significant(plan.memory_mb)} MB memory a worker"
     cost = f"about {time} with {plan.workers} worker(s), {memory}, {disk} disk"
-    print_plain(console, f"{count_text(plan.n_frames)} frames, {cost}", wraps=False)
+    yield doc.Paragraph(f"{count_text(plan.n_frames)} frames, {cost}", "whole")
 
 
-def print_check(result: results.CheckResult, console: Console) -> None:
-    """Print what a check found, file by file."""
+def check_blocks(result: results.CheckResult) -> Iterator[doc.Block]:
+    """Yield what a check found, file by file."""
     layout, unit = "hdu keyword severity message", lambda item: "" if item.hdu is None else str(item.hdu)
-    cells = row_cells(results.FindingRecord, layout, hdu=unit)
+    columns = doc.row_columns(results.FindingRecord, layout, hdu=unit)
     for path in dict.fromkeys(item.path for item in result.findings):
-        print_plain(console, path, wraps=False)
         rows = [item for item in result.findings if item.path == path]
-        print_table(console, "", cells, rows, last_width=console.width)
+        yield doc.Paragraph(path, "whole")
+        yield doc.Table("", columns, rows, last_width=_WIDEST)
     severities = f"{counted(result.n_errors, 'error')}, {counted(result.n_warnings, 'warning')}"
     said = severities if result.findings else "nothing wrong"
-    print_plain(console, f"{counted(result.n_files, 'Level-0 file')} checked: {said}")
+    yield doc.Paragraph(f"{counted(result.n_files, 'Level-0 file')} checked: {said}")
 
 
-def print_instrument(result: results.InstrumentResult, layout: str, console: Console) -> None:
-    """Print values of an instrument, in the columns that ``layout`` names."""
-    print_table(console, result.title, row_cells(results.InstrumentValue, layout), result.values, last_width=60)
+def instrument_blocks(result: results.InstrumentResult, layout: str) -> Iterator[doc.Block]:
+    """Yield values of an instrument, in the columns that ``layout`` names."""
+    yield doc.Table(result.title, doc.row_columns(results.InstrumentValue, layout), result.values, last_width=_WIDE)

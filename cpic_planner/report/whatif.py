@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from catalogs import PLANET_CREDITS, data_credits, split_source
 from cpic_core import Registry
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES, with_unit
 from cpic_planner.report import document as doc, words
-from cpic_planner.report.cells import Cells, computed, print_note, print_plain, print_table, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.whatif_figures import WHATIF_FIGURES, plan_label, shown_rows
 from cpic_planner.report.words import (
@@ -28,10 +26,6 @@ from cpic_planner.report.words import (
 from cpic_planner.results import DifferenceRecord, DoubtCell, DoubtChoice, StrategyOutcome, WhatIfResult
 from simulator.config import unit_of
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-
 _EXCLUSIONS = words.WORDS["exclusions_of_surveys"]
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
@@ -40,15 +34,6 @@ _HANGS = 0.3
 _MOST_LISTED, _MOST_EMPTY = 8, 3
 _HARDLY_USED, _FAR_BELOW = 0.02, 0.5
 """Share of the budget, and distance from the bound, of a calendar that is nearly empty."""
-
-
-def _one_survey(item: results.EstimateRecord | DoubtChoice) -> str:
-    return f"{item.survey_low:.3g} to {item.survey_high:.3g}"
-
-
-def _signed(value: float, places: int) -> str:
-    """Return a change with its sign."""
-    return f"{'+' if value > 0 else ''}{decimals(value, places)}"
 
 
 def planets_text(value: float) -> str:
@@ -216,118 +201,34 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     ]
 
 
+_CODES = {
+    "visit.goal": words.WORDS["goals"],
+    "detection.rule": words.WORDS["detection_rules"],
+    "targets.known_planets": words.WORDS["hosts"],
+    "scheduler.method": words.WORDS["schedulers"],
+    "reduction.library": {name: library.meaning for name, library in LIBRARIES.items()},
+}
+"""Words for codes, by the settings that hold them."""
+_OF_POPULATION = ("population.name", "population.description", "population.planets_per_star")
+
+
 def shared_facts(settings: Mapping[str, Any], used: results.AssumedInstrument | None = None) -> list[tuple[str, str]]:
-    """Return the rules and assumptions of a strategy, with numbers of the instrument if given, as terms and texts."""
-    stops = _setting_parts(
-        settings["stop"],
-        after_detection="a star is left once it has shown a planet",
-        after_empty="or after {} empty visits",
-        after_planets="the survey ends with {} planets",
-    )
-    revisits, scheduler = settings["revisits"], settings["scheduler"]
-    method = words.WORDS["schedulers"].get(scheduler["method"], scheduler["method"])
-    share = f"at most {percent_text(settings['slot_share'])} of any slot"
-    again = f"up to {revisits['max_visits']} visits of a star, at least {revisits['min_gap_days']:g} days apart"
-    return [
-        ("Population of unknown planets", _population(settings["population"])),
-        ("Targets", _targets(settings["targets"])),
-        ("Visit", _visit(settings["visit"])),
-        ("Revisits", "none" if revisits["max_visits"] == 1 else again),
-        ("Follow-up", _follow_up(settings["follow_up"])),
-        ("Candidates", _candidates(settings)),
-        ("Reference frames", LIBRARIES[settings["reduction"]["library"]].meaning),
-        ("Detection", _detection(settings["detection"])),
-        ("Changes to the instrument", _assumed(settings["assumptions"], used)),
-        ("Stop rules", ", ".join(stops) or "none"),
-        ("Calendar", f"{method}; {share}; no visit worth less than {scheduler['min_gain']:g} planets"),
-    ]
-
-
-def _setting_parts(settings: Mapping[str, Any], **texts: str) -> list[str]:
-    """Return the texts of those settings that are set, in the order of the texts; of a list its length is told."""
-    given = {key: settings[key] for key in texts}
-    given = {key: len(value) if isinstance(value, list) else value for key, value in given.items()}
-    return [texts[key].format(value) for key, value in given.items() if value is not None and value is not False]
-
-
-def _population(population: Mapping[str, Any] | None) -> str:
-    if population is None:
-        return "none: only known planets are looked for"
-    often = population.get("planets_per_star")
-    details = [population.get("description"), None if often is None else f"{often:g} planets per star"]
-    return f"{population.get('name') or 'own'}: {', '.join(filter(None, details))}"
-
-
-def _targets(cuts: Mapping[str, Any]) -> str:
-    parts = _setting_parts(
-        {**cuts, "names": cuts["names"] or None, "exclude": cuts["exclude"] or None},
-        max_targets="at most {}",
-        v_mag_max="V up to {:g} mag",
-        distance_max_pc="within {:g} pc",
-        dwarfs_only="dwarfs only",
-        singles_only="no close companions",
-        names="{} named stars",
-        exclude="{} stars left out by name",
-    )
-    return ", ".join(filter(None, [*parts, words.WORDS["hosts"][cuts["known_planets"]]]))
-
-
-def _visit(visit: Mapping[str, Any]) -> str:
-    times = " or ".join(words.duration_text(value) for value in visit["time_s"])
-    bands = visit["bands"]
-    chosen = bands[0] if len(bands) == 1 else f"the best of {', '.join(bands)}"
-    fixed = _setting_parts(visit, exposure_s="frames of {:g} s", em_gain="EM gain {:g}")
-    return "; ".join([f"{chosen}, {words.WORDS['goals'][visit['goal']]} {times} of wall time", *fixed])
-
-
-def _follow_up(rule: Mapping[str, Any]) -> str:
-    if not rule["bands"]:
-        return "none"
-    bands, time = ", ".join(rule["bands"]), words.duration_text(rule["time_s"])
-    text = f"of planets found, in {bands}: {time} each, up to {rule['attempts']} attempts"
-    if rule["snr"] is None:
-        return text
-    return f"{text}, in slots in which they reach a photometric SNR of {rule['snr']:g} together, the orbit known"
-
-
-def _candidates(settings: Mapping[str, Any]) -> str:
-    """Return what is done with a candidate that may be a false alarm."""
-    rule, needed = settings["alarms"], settings["detection"]["visits_needed"]
-    if needed > 1:
-        return f"planets and false alarms are told apart by the {needed} visits that a detection takes"
-    if not (bool(settings["follow_up"]["bands"]) if rule["check"] is None else rule["check"]):
-        return "taken for planets after one visit; false alarms cost no telescope time"
-    return words.text("texts.whatif_candidates", **rule)
-
-
-def _detection(rule: Mapping[str, Any]) -> str:
-    text = f"{words.WORDS['detection_rules'][rule['rule']]}; {rule['sigma']:g}σ per resolution element"
-    if rule["visits_needed"] > 1:
-        text += f", in {rule['visits_needed']} visits"
-    if rule["rule"] == "expected":
-        return text
-    ratio, error = 1.0 / rule["calibration"], rule["calibration_error"] / rule["calibration"] ** 2
-    times = "" if rule["half_factor"] == 1.0 else f"{rule['half_factor']:g} times "
-    half_error = percent_text(rule["half_error"])
-    return words.text("texts.whatif_detection", text=text, ratio=ratio, error=error, times=times, half_error=half_error)
-
-
-def _assumed(assumed: Mapping[str, Any], used: results.AssumedInstrument | None) -> str:
-    parts = []
-    if assumed["contrast"] is not None:
-        parts.append(f"median raw contrast of the dark hole {words.contrast_text(assumed['contrast'], 2)}")
-    if assumed["drift"] != 1.0:
-        nm = f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)" if used else ""
-        parts.append(f"wavefront drift × {assumed['drift']:g}{nm}")
-    if assumed["throughput"] != 1.0:
-        by_band = ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items()) if used else ""
-        parts.append(f"throughput of the optics × {assumed['throughput']:g}{by_band and f' ({by_band})'}")
-    if isinstance(dust := assumed["exozodi"], Mapping):
-        law = f"lognormal with median {dust['median']:g} and 95 % below {dust['p95']:g} solar systems (zodi)"
-        parts.append(f"dust drawn for each star, {law}")
-    elif dust is not None:
-        parts.append(f"dust of {dust:g} solar systems (zodi)")
-    return ", ".join(parts) or "none"
+    """Return the settings of a strategy that are set, group by group, and what they make of the instrument if given."""
+    groups: dict[str, list[str]] = {}
+    for key, value in _leaves({**settings, "population": settings["population"] or {"name": "none"}}):
+        group, _, name = key.rpartition(".") if "." in key else ("budget and values", "", key)
+        hidden = key in ("name", "description") or (group == "population" and key not in _OF_POPULATION)
+        text = _CODES.get(key, {}).get(value) if isinstance(value, str) else None
+        text = setting_text(value, key) if text is None else text
+        if not hidden and not group.startswith("population.") and text not in ("none", "no", ""):
+            named = name.removesuffix(f"_{unit_of(key)}") if with_unit("", unit_of(key)) else name
+            groups.setdefault(group, []).append(f"{named.replace('_', ' ')} {text}")
+    facts = [(group.replace("_", " ").capitalize(), "; ".join(texts)) for group, texts in groups.items()]
+    if used is not None:
+        by_band = ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
+        drift = f"{used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk"
+        facts.append(("Instrument as assumed", f"drift {drift}; throughput of the optics {by_band or 'its own'}"))
+    return facts
 
 
 def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -363,145 +264,32 @@ def setting_text(value: Any, key: str = "") -> str:
     return f"x{text}" if key in _FACTORS else with_unit(text, _UNITS.get(key, unit_of(key)))
 
 
-_LAST_COLUMN = 24
-_MOST_STRATEGIES = 20
-
-
-def print_whatif(result: WhatIfResult, console: Console, *, full: bool = True) -> None:
-    """Print the summary, the strategies, and their differences with the first one.
+def whatif_blocks(result: WhatIfResult, *, full: bool = True) -> Iterator[doc.Block]:
+    """Yield the summary, the strategies, and their differences with the first one, as a terminal shows them.
 
     Parameters
     ----------
     result : WhatIfResult
-    console : Console
     full : bool
         Also every strategy's images, and what the comparison is to be made again with.
     """
-    for i, text in enumerate(lead_sentences(result)):
-        print_plain(console, text, bold=i == 0)
-    print_plain(console, f"Compared: {extent_text(result)}.")
-    console.print()
-    shown = [result.strategies[i] for i in shown_rows(result.strategies, _MOST_STRATEGIES)]
-    universes = f"{count_text(result.n_universes)} universes"
-    title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
-    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN, legend=True)
-    if len(shown) < len(result.strategies):
-        print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
-    if len(shown) > 1:
-        console.print()
-        _print_differences(result, {item.name for item in shown}, console)
-    _print_facts(result, shown, console)
+    report = WhatIfReport(result, {}, shown_rows(result.strategies, _MOST_STRATEGIES))
+    yield from doc.parts(whatif_document(report), "strategies", "differences", "facts", *["images"] * full)
     if full:
-        print_plain(console, *_image_lines(shown))
-        print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+        yield doc.Paragraph(f"Seed {result.universe['seed']}, configuration {result.config_hash}.", "note")
     elif samples := [item.images for item in result.strategies if item.images is not None and item.images.images]:
         found, made = (sum(getattr(sample, name) for sample in samples) for name in ("found", "images"))
         expected = decimals(sum(sample.expected for sample in samples), 1)
         said = f"{found} of {made} simulated image sequences show the planet, {expected} expected (-v: by strategy)."
-        print_note(console, said)
+        yield doc.Paragraph(said, "note")
+
+
+_MOST_STRATEGIES = 20
+"""Strategies that a terminal shows."""
 
 
 def _visits_made(item: StrategyOutcome) -> float:
     return sum(target.visits for target in item.targets)
-
-
-_STRATEGIES = row_cells(
-    StrategyOutcome,
-    "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
-    planets=lambda item: decimals(item.planets.mean, 2),
-    interval=Cells(
-        "interval",
-        lambda item: interval_text(item.planets.low, item.planets.high),
-        legend="of the mean",
-        fields=("planets.low", "planets.high"),
-    ),
-    survey=Cells(
-        "survey",
-        lambda item: _one_survey(item.planets),
-        legend="5 to 95 % of single surveys",
-        fields=("planets.survey_low", "planets.survey_high"),
-    ),
-    new=Cells(
-        "new",
-        lambda item: decimals(item.new_planets.mean, 2),
-        legend="planets that nobody knows",
-        fields=("new_planets",),
-    ),
-    hours=lambda item: decimals(item.hours.mean, 0),
-    visits=computed("visits", _visits_made, lambda value: decimals(value, 1), "made, mean"),
-    bound=computed(
-        "bound %",
-        lambda item: item.schedule.distance,
-        lambda value: decimals(100.0 * value, 1),
-        "optimality gap: planets lost relative to the best possible calendar, at most",
-        name="optimality_gap",
-    ),
-    alarms=computed(
-        "alarms",
-        lambda item: item.noise_alarms.mean + item.background_alarms.mean,
-        planets_text,
-        "false ones, mean",
-        name="false_alarms",
-    ),
-)
-
-
-def _print_differences(result: WhatIfResult, names: set[str], console: Console) -> None:
-    """Print paired differences with the first strategy."""
-    reference = result.strategies[0].name
-    pairs = {first: by for (first, second), by in _pairs(result.differences).items() if second == reference}
-    rows = [(item.name, pairs.get(item.name, {})) for item in result.strategies[1:] if item.name in names]
-
-    def mean(quantity: str, places: int) -> Callable[[tuple[str, _Differences]], str]:
-        return lambda row: _signed(row[1][quantity].mean, places) if quantity in row[1] else MISSING
-
-    cells = [
-        Cells("planets", mean("planets", 2)),
-        Cells("interval", lambda row: interval_text(row[1]["planets"].low, row[1]["planets"].high), gives_way=2),
-        Cells("new", mean("new_planets", 2), gives_way=3),
-        Cells("hours", mean("hours", 0), gives_way=1),
-        Cells("verdict", lambda row: _verdict(row[1]).text.removeprefix("finds "), right=False, gives_way=4),
-        Cells("strategy", itemgetter(0), right=False),
-    ]
-    title = f"Difference with {reference} in the same universes"
-    print_table(console, title, cells, [row for row in rows if "planets" in row[1]], last_width=_LAST_COLUMN)
-
-
-def _print_facts(result: WhatIfResult, strategies: list[StrategyOutcome], console: Console) -> None:
-    """Print planets found with all facts and without each."""
-    facts = result.facts
-    if facts is None or not facts.facts:
-        return
-    rows = {(row.strategy, row.fact): row for row in facts.rows}
-
-    def without(fact: str) -> Callable[[StrategyOutcome], str]:
-        return lambda item: decimals(rows[item.name, fact].planets.mean, 2)
-
-    cells = [
-        Cells("all facts", lambda item: decimals(item.planets.mean, 2)),
-        *(Cells(fact.name, without(fact.name)) for fact in facts.facts),
-        Cells("strategy", lambda item: item.name, right=False),
-    ]
-    console.print()
-    print_table(console, "Planets found without each fact, planned anew", cells, strategies, last_width=_LAST_COLUMN)
-    print_plain(console, facts.statement)
-    console.print()
-
-
-def _image_lines(strategies: list[StrategyOutcome]) -> list[str]:
-    """Return what images say of the detections of each strategy that has some."""
-    lines = []
-    for name, sample in ((item.name, item.images) for item in strategies if item.images is not None):
-        if sample.images == 0:
-            lines.append(f"{name}: no detection was simulated as images: {sample.note or 'none asked for'}")
-            continue
-        remark = f"; {sample.note}" if sample.note else ""
-        ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
-        sequences = f"{sample.images} simulated image sequences (of {sample.detections} detections)"
-        correction = f"correction {decimals(sample.correction, 2)}{ends}"
-        counts = f"{sample.found} of {sequences} show the planet, {decimals(sample.expected, 1)} expected"
-        lines.append(f"{name}: {counts}; {correction}{remark}")
-    return lines
 
 
 def targets_csv(result: WhatIfResult) -> str:
@@ -514,86 +302,84 @@ def targets_csv(result: WhatIfResult) -> str:
 
 _Differences = Mapping[str, DifferenceRecord]
 """Differences of two strategies by quantity."""
-_Pair = tuple[tuple[str, str], _Differences]
+_Pair = tuple[str, str, _Differences]
 
 
-def _pairs(differences: Iterable[DifferenceRecord]) -> dict[tuple[str, str], dict[str, DifferenceRecord]]:
-    """Return differences by the names of the two strategies, in their order, and quantity."""
+def _pairs(differences: Iterable[DifferenceRecord]) -> list[_Pair]:
+    """Return the names of two strategies with their differences, pair by pair."""
     pairs: dict[tuple[str, str], dict[str, DifferenceRecord]] = {}
     for item in differences:
         pairs.setdefault((item.first, item.second), {})[item.quantity] = item
-    return pairs
+    return [(first, second, by) for (first, second), by in pairs.items()]
 
 
-def _verdict(by: _Differences) -> doc.Mark:
+def _verdict(pair: _Pair) -> doc.Inline:
     """Return whether the first of two strategies finds more planets than the second."""
-    item = by["planets"]
+    item = pair[2].get("planets")
+    if item is None:
+        return MISSING
     if item.low > 0:
         return doc.badge("ok", "finds more")
     return doc.badge("invalid", "finds fewer") if item.high < 0 else doc.badge("unreachable", "may be chance")
 
 
-def _difference_table(pairs: Sequence[_Pair]) -> doc.Table:
-    def cell(quantity: str, places: int) -> Callable[[_Pair], doc.Inline]:
-        def text(pair: _Pair) -> doc.Inline:
-            item = pair[1].get(quantity)
-            if item is None:
-                return MISSING
-            return doc.lines(_signed(item.mean, places), doc.small(interval_text(item.low, item.high, places)))
+def _difference_table(pairs: Sequence[_Pair], title: str) -> doc.Table:
+    def column(quantity: str, heading: str, places: int = 2, look: str = "", way: int = 0) -> results.Column:
+        template = f"{{mean:+.{places}f}}\n{{low:.{places}f}} to {{high:.{places}f}}"
+        cell = doc.own_column("", template)
+        unit = "h" if quantity == "hours" else ""
+        return doc.own_column(heading, lambda pair: doc.cell(cell, pair[2].get(quantity)), unit, look, way=way)
 
-        return text
+    def correlation(pair: _Pair) -> str:
+        return decimals(pair[2]["planets"].correlation, 2) if "planets" in pair[2] else MISSING
 
-    def of_planets(text: Callable[[_Differences], doc.Inline]) -> Callable[[_Pair], doc.Inline]:
-        return lambda pair: text(pair[1]) if "planets" in pair[1] else MISSING
-
-    columns: tuple[doc.Column[_Pair], ...] = (
-        doc.Column("First", lambda pair: pair[0][0], look="row left star"),
-        doc.Column("Second", lambda pair: pair[0][1], look="left star"),
-        doc.Column("Planets found", cell("planets", 3)),
-        doc.Column("New planets", cell("new_planets", 3)),
-        doc.Column("Characterised", cell("characterised_planets", 3)),
-        doc.Column("Orbits known", cell("orbits_known", 3)),
-        doc.Column("Telescope time", cell("hours", 0), "h"),
-        doc.Column("Correlation", of_planets(lambda by: decimals(by["planets"].correlation, 2)), "planets"),
-        doc.Column("Verdict", of_planets(_verdict), look="left"),
-    )
-    return doc.table("Differences", words.text("texts.whatif_differences"), columns, pairs)
+    columns = [
+        column("planets", "planets"),
+        column("new_planets", "new", way=2),
+        column("characterised_planets", "characterised", look="page"),
+        column("orbits_known", "orbits known", look="page"),
+        column("hours", "hours", 0, way=3),
+        doc.own_column("correlation", correlation, "planets", "page"),
+        doc.own_column("verdict", _verdict, look="left", way=1),
+        doc.own_column("second", "{1}", look="left star page"),
+        doc.own_column("strategy", "{0}", look="row left star"),
+    ]
+    return doc.Table(title, columns, pairs, words.text("texts.whatif_differences"), last_width=24)
 
 
 def _fact_tables(report: WhatIfReport, facts: results.FactsRecord) -> Iterator[doc.Block]:
-    """Yield what strategies find with all facts and without each, a heading and a table for each kind of planets."""
+    """Yield what strategies find with all facts and without each, a table for each kind of planets."""
     rows = {(row.strategy, row.fact): row for row in facts.rows}
-
-    def with_all(quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
-        return lambda item: decimals(getattr(item, quantity).mean, 2)
 
     def without(fact: str, quantity: str) -> Callable[[StrategyOutcome], doc.Inline]:
         def cell(item: StrategyOutcome) -> doc.Inline:
             row = rows[item.name, fact]
             change: results.ChangeRecord = getattr(row, f"{quantity}_change")
-            said, sure = _signed(change.mean, 3), change.low > 0.0 or change.high < 0.0
+            said, sure = words.formatted(change.mean, "+.3f"), change.low > 0.0 or change.high < 0.0
             ends = doc.small(f"({interval_text(change.low, change.high, 3)})")
             return doc.lines(decimals(getattr(row, quantity).mean, 2), doc.strong(said) if sure else said, ends)
 
         return cell
 
-    counted = {"planets": "Planets found", "new_planets": "New planets", "known_planets": "Known planets"}
-    for quantity, title in counted.items():
-        columns = (
-            doc.Column("Strategy", report.named, look="row left star"),
-            doc.Column("With all facts", with_all(quantity)),
-            *(doc.Column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
-        )
-        yield doc.Heading(title)
+    for quantity, title in (
+        ("planets", "Planets found"),
+        ("new_planets", "New planets"),
+        ("known_planets", "Known planets"),
+    ):
+        columns = [
+            doc.own_column("with all facts", f"{{{quantity}.mean:.2f}}"),
+            *(doc.own_column(fact.heading, without(fact.name, quantity)) for fact in facts.facts),
+            doc.own_column("strategy", report.named, look="row left star"),
+        ]
         caption = words.text("texts.whatif_facts", title=title)
-        yield doc.table(f"{title} without each fact", caption, columns, report.result.strategies)
+        yield doc.Table(f"{title} without each fact, planned anew", columns, report.rows, caption, last_width=24)
 
 
 def _doubt_blocks(found: results.DoubtRecord) -> Iterator[doc.Block]:
     """Yield the table of all plans under all values, and what to take where one strategy is settled."""
     cells = {(cell.strategy, cell.planned_for, cell.played_under): cell for cell in found.cells}
 
-    def under(text: str, shown: Callable[[DoubtCell], doc.Inline]) -> Callable[[DoubtChoice], doc.Inline]:
+    def under(shown: Callable[[DoubtCell], doc.Inline], text: str) -> Callable[[DoubtChoice], doc.Inline]:
         return lambda item: shown(cells[item.strategy, item.planned_for, text])
 
     def planets(cell: DoubtCell) -> doc.Inline:
@@ -607,36 +393,38 @@ def _doubt_blocks(found: results.DoubtRecord) -> Iterator[doc.Block]:
         hours = doc.small(f"{decimals(cell.hours, 0)} h")
         if cell.planned_for == cell.played_under:
             return doc.lines("0", hours)
-        return doc.lines(_signed(cell.regret.mean, 3), doc.small(f"± {decimals(cell.regret.error, 3)}"), hours)
+        return doc.lines(
+            words.formatted(cell.regret.mean, "+.3f"), doc.small(f"± {decimals(cell.regret.error, 3)}"), hours
+        )
+
+    interval = doc.own_column("", f"{{low:.2f}} to {{high:.2f}}\n{_ONE_SURVEY}")
 
     def alone(item: DoubtChoice) -> doc.Inline:
-        own = cells[item.strategy, item.planned_for, item.planned_for].planets
-        return doc.lines(interval_text(own.low, own.high), doc.small(_one_survey(own)))
+        return doc.cell(interval, cells[item.strategy, item.planned_for, item.planned_for].planets)
 
-    def mixed(item: DoubtChoice) -> doc.Inline:
-        return doc.lines(interval_text(item.low, item.high), doc.small(_one_survey(item)))
-
-    plan: doc.Column[DoubtChoice] = doc.Column("Plan", plan_label, look="row left star")
-    heads = {value.text: f"{found.key} {value.text}" for value in found.values}
-    weights = {value.text: f"weight {words.share_text(value.weight)} %" for value in found.values}
-    columns: tuple[doc.Column[DoubtChoice], ...] = (
+    plan = doc.own_column("plan", plan_label, look="row left star")
+    played = [
+        doc.own_column(
+            f"{found.key} {value.text}", under(planets, value.text), f"weight {words.share_text(value.weight)} %"
+        )
+        for value in found.values
+    ]
+    columns = [
         plan,
-        *(doc.Column(head, under(text, planets), weights[text]) for text, head in heads.items()),
-        doc.Column("Largest loss", lambda item: decimals(item.largest_loss, 3), "planets"),
-        doc.Column("Mean", lambda item: decimals(item.planets, 2), "by the weights"),
-        doc.Column("If as planned", alone, "mean; one survey"),
-        doc.Column("With the doubt", mixed, "mean; one survey"),
-    )
+        *played,
+        doc.own_column("largest loss", "{largest_loss:.3f}", "planets"),
+        doc.own_column("mean", "{planets:.2f}", "by the weights"),
+        doc.own_column("if as planned", alone, "mean; one survey"),
+        replace(interval, short="with the doubt", unit="mean; one survey"),
+    ]
     chosen = {plan_label(item) for item in (found.decision.cautious, found.decision.expected)}
     about = {"key": found.key, "what": found.quantity.replace("_", " "), "weights": found.weights_from}
-    caption = words.text("texts.whatif_doubt", **about)
     look: dict[str, Any] = {"look": "compact", "picked": lambda item: plan_label(item) in chosen}
-    yield doc.table("Plans under doubt", caption, columns, found.choices, **look)
+    yield doc.Table("Plans under doubt", columns, found.choices, words.text("texts.whatif_doubt", **about), **look)
     if len(found.of_strategies) > 1:
-        yield doc.Heading("If the strategy is settled")
         yield _settled(found)
-    regrets = (plan, *(doc.Column(head, under(text, regret)) for text, head in heads.items()))
-    made = doc.table("Regret", words.text("texts.whatif_regret"), regrets, found.choices, look="compact")
+    regrets = [doc.own_column(f"{found.key} {value.text}", under(regret, value.text)) for value in found.values]
+    made = doc.Table("Regret", [plan, *regrets], found.choices, words.text("texts.whatif_regret"), look="compact")
     yield doc.Fold("Regret against the same strategy", [made])
 
 
@@ -647,20 +435,17 @@ def _settled(found: results.DoubtRecord) -> doc.Table:
         one = item.cautious
         return f"{decimals(one.largest_loss, 3)} at {one.largest_loss_under}" if one.largest_loss > 0.0 else "0"
 
-    def knowing(item: results.DoubtDecision) -> doc.Inline:
-        worth = item.value_of_knowing
-        return doc.lines(decimals(worth.mean, 3), doc.small(interval_text(worth.low, worth.high, 3)))
-
-    columns: tuple[doc.Column[results.DoubtDecision], ...] = (
-        doc.Column("Strategy", lambda item: item.strategy, look="row left star"),
-        doc.Column("Cautious", lambda item: item.cautious.planned_for, "planned for"),
-        doc.Column("Its largest loss", loss, "planets"),
-        doc.Column("Most by weights", lambda item: item.expected.planned_for, "planned for"),
-        doc.Column("Mean", lambda item: decimals(item.expected.planets, 2), "by the weights"),
-        doc.Column("Worth of knowing", knowing, "planets"),
-    )
+    worth = "{value_of_knowing.mean:.3f}\n{value_of_knowing.low:.3f} to {value_of_knowing.high:.3f}"
+    columns = [
+        doc.own_column("strategy", "{strategy}", look="row left star"),
+        doc.own_column("cautious", "{cautious.planned_for}", "planned for"),
+        doc.own_column("its largest loss", loss, "planets"),
+        doc.own_column("most by weights", "{expected.planned_for}", "planned for"),
+        doc.own_column("mean", "{expected.planets:.2f}", "by the weights"),
+        doc.own_column("worth of knowing", worth, "planets"),
+    ]
     caption = words.text("texts.whatif_settled", key=found.key)
-    return doc.table("Settled strategies", caption, columns, found.of_strategies)
+    return doc.Table("If the strategy is settled", columns, found.of_strategies, caption)
 
 
 _OPEN_CHANGES = 5
@@ -673,10 +458,20 @@ _WORDS = "contrast; SNR; significance; threshold; blind search; separation; dark
 
 @dataclass(frozen=True)
 class WhatIfReport:
-    """The contents of the report of a comparison: the result, and figures by the keys of `WHATIF_FIGURES`."""
+    """The contents of the report of a comparison: the result, and figures by the keys of `WHATIF_FIGURES`.
+
+    ``chosen`` are the strategies that tables show, all where it is empty.
+    """
 
     result: WhatIfResult
     figures: Mapping[str, Picture]
+    chosen: Sequence[int] = ()
+
+    @property
+    def rows(self) -> list[StrategyOutcome]:
+        """Strategies that tables show."""
+        every = self.result.strategies
+        return [every[i] for i in self.chosen] if self.chosen else every
 
     @property
     def reference(self) -> StrategyOutcome:
@@ -724,52 +519,86 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
     )
 
 
+_ONE_SURVEY = "{survey_low:.3g} to {survey_high:.3g}"
+
+
 @doc.section_of(WHATIF_SECTIONS, "strategies", "Strategies")
 def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
-    strategies = report.result.strategies
+    strategies, of = report.result.strategies, (StrategyOutcome, doc.itself)
     best = _most(strategies)
 
     def described(item: StrategyOutcome) -> doc.Inline:
         text = item.description if len(strategies) <= _DESCRIBED else ""
-        return [report.named(item), doc.small(text) if text else ""]
+        return doc.lines(report.named(item), doc.small(text))
 
     def counted(
-        name: str, remark: Callable[[StrategyOutcome], str] = lambda _: ""
-    ) -> Callable[[StrategyOutcome], doc.Inline]:
+        name: str, heading: str, unit: str = "", remark: Callable[[StrategyOutcome], str] = lambda _: ""
+    ) -> results.Column:
         def cell(item: StrategyOutcome) -> doc.Inline:
             estimate: results.EstimateRecord = getattr(item, name)
             interval = doc.small(interval_text(estimate.low, estimate.high))
             return doc.lines(decimals(estimate.mean, 2), interval, doc.small(remark(item)))
 
-        return cell
+        return doc.own_column(heading, cell, unit, "page")
 
-    columns: tuple[doc.Column[StrategyOutcome], ...] = (
-        doc.Column("Strategy", described, look="row left described"),
-        doc.Column("Planets found", counted("planets", hanging_text), "new and known", look="wide"),
-        doc.Column("One survey", lambda item: _one_survey(item.planets), "5 to 95 %"),
-        doc.Column("New planets", counted("new_planets", _occurrence_text), "still allowed"),
-        doc.Column("New planets", counted("new_planets_unconditional"), "nothing excluded"),
-        doc.Column("Known planets", counted("known_planets")),
-        doc.Column("Characterised", counted("characterised_planets")),
-        doc.Column("Orbits known", counted("orbits_known")),
-        doc.Column("Chance of any", lambda item: words.share_text(item.any_planet), "%"),
-        doc.Column("Chance of a new one", lambda item: words.share_text(item.any_new_planet), "%"),
-        doc.Column("Telescope time", lambda item: decimals(item.hours.mean, 0), "h"),
+    def of_fields(heading: str, text: str, fields: str, legend: str, look: str = "terminal") -> results.Column:
+        return doc.own_column(heading, text, look=look, legend=legend, fields=fields, of=of)
+
+    survey, ends = _ONE_SURVEY.replace("{", "{planets."), "planets.survey_low planets.survey_high"
+    columns = doc.row_columns(
+        StrategyOutcome,
+        "planets:terminal interval:terminal/2 found:page,wide survey/5 new:terminal/1 allowed:page every:page "
+        "known:page characterised:page orbits:page any_planet/4 any_new_planet:page hours visits:terminal/6 "
+        "bound:terminal/7 alarms:terminal/8 named:page,row,left,described name:terminal,left",
+        planets="{planets.mean:.2f}",
+        interval=of_fields(
+            "interval", "{planets.low:.2f} to {planets.high:.2f}", "planets.low planets.high", "of the mean"
+        ),
+        found=counted("planets", "planets found", "new and known", hanging_text),
+        survey=of_fields("one survey", survey, ends, "5 to 95 % of single surveys", ""),
+        new=of_fields("new", "{new_planets.mean:.2f}", "new_planets", "planets that nobody knows"),
+        allowed=counted("new_planets", "new planets", "still allowed", _occurrence_text),
+        every=counted("new_planets_unconditional", "new planets", "nothing excluded"),
+        known=counted("known_planets", "known planets"),
+        characterised=counted("characterised_planets", "characterised"),
+        orbits=counted("orbits_known", "orbits known"),
+        hours="{hours.mean:.0f}",
+        visits=doc.computed("visits", _visits_made, lambda value: decimals(value, 1), "made, mean"),
+        bound=doc.computed(
+            "bound %",
+            lambda item: item.schedule.distance,
+            lambda value: decimals(100.0 * value, 1),
+            "optimality gap: planets lost relative to the best possible calendar, at most",
+            name="optimality_gap",
+        ),
+        alarms=doc.computed(
+            "alarms",
+            lambda item: item.noise_alarms.mean + item.background_alarms.mean,
+            planets_text,
+            "false ones, mean",
+            name="false_alarms",
+        ),
+        named=doc.own_column("strategy", described),
     )
-    caption = words.text("texts.whatif_yields")
-    yield doc.table("Yields", caption, columns, strategies, picked=lambda item: item is best and best.planets.mean > 0)
+    universes = f"{count_text(report.result.n_universes)} universes"
+    title = f"{report.result.name or 'strategies'}: mean of {universes} and its 90 % interval"
+    look: dict[str, Any] = {"picked": lambda item: item is best and best.planets.mean > 0, "last_width": 24}
+    yield doc.Table(title, columns, report.rows, words.text("texts.whatif_yields"), legend=True, **look)
+    left = f"The first and the {len(report.rows) - 1} of {len(strategies)} that find most."
+    yield from doc.notes(left * (len(report.rows) < len(strategies)))
     yield from report.drawn("sweep", "yields")
 
 
 @doc.section_of(WHATIF_SECTIONS, "differences", "Differences")
 def _differences(report: WhatIfReport) -> Iterator[doc.Block]:
-    pairs, first = list(_pairs(report.result.differences).items()), report.reference.name
-    with_first = [pair for pair in pairs if pair[0][1] == first]
+    pairs, first = _pairs(report.result.differences), report.reference.name
+    names = {item.name for item in report.rows}
+    with_first = [pair for pair in pairs if pair[1] == first and pair[0] in names]
     if not with_first:
         return
-    yield _difference_table(with_first)
-    if others := [pair for pair in pairs if pair[0][1] != first]:
-        yield doc.Fold(f"All other pairs ({len(others)})", [_difference_table(others)])
+    yield _difference_table(with_first, f"Difference with {first} in the same universes")
+    if others := [pair for pair in pairs if pair[1] != first]:
+        yield doc.Fold(f"All other pairs ({len(others)})", [_difference_table(others, "First less second strategy")])
     yield from report.drawn("differences")
 
 
@@ -792,14 +621,6 @@ def _doubt(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "cost", "Time and cost")
 def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
-    def hours(item: StrategyOutcome) -> doc.Inline:
-        ends = interval_text(item.hours.survey_low, item.hours.survey_high, 0)
-        return doc.lines(decimals(item.hours.mean, 0), doc.small(f"({ends})"))
-
-    def budget(item: StrategyOutcome) -> doc.Inline:
-        share = f"({percent_text(item.time_use.budget_share)})"
-        return doc.lines(decimals(item.time_use.budget_h, 0), doc.small(share))
-
     def hourly(item: StrategyOutcome) -> str:
         return significant(100 * item.planets.mean / item.hours.mean, 2) if item.hours.mean > 0 else MISSING
 
@@ -810,19 +631,19 @@ def _cost(report: WhatIfReport) -> Iterator[doc.Block]:
     def alarms(item: StrategyOutcome) -> str:
         return f"{planets_text(item.noise_alarms.mean)}; {planets_text(item.background_alarms.mean)}"
 
-    columns: tuple[doc.Column[StrategyOutcome], ...] = (
-        doc.Column("Strategy", report.named, look="row left star"),
-        doc.Column("Telescope time", hours, "h"),
-        doc.Column("Budget", budget, "h; of the survey"),
-        doc.Column("Planets", hourly, "per 100 h"),
-        doc.Column("Stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
-        doc.Column("Visits planned", planned, "and in reserve"),
-        doc.Column("Visits made", lambda item: decimals(_visits_made(item), 1), "mean"),
-        doc.Column("From the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
-        doc.Column("False alarms", alarms, "noise; background"),
-        doc.Column("Spent on false alarms", lambda item: decimals(item.time_use.alarm_h, 1), "h"),
-    )
-    yield doc.table("Time and cost", words.text("texts.whatif_cost"), columns, report.result.strategies)
+    columns = [
+        doc.own_column("strategy", report.named, look="row left star"),
+        doc.own_column("telescope time", "{hours.mean:.0f}\n{hours.survey_low:.0f} to {hours.survey_high:.0f}", "h"),
+        doc.own_column("budget", "{time_use.budget_h:.0f}\n{time_use.budget_share:%} %", "h; of the survey"),
+        doc.own_column("planets", hourly, "per 100 h"),
+        doc.own_column("stars visited", lambda item: str(sum(star.planned_visits > 0 for star in item.targets))),
+        doc.own_column("visits planned", planned, "and in reserve"),
+        doc.own_column("visits made", lambda item: decimals(_visits_made(item), 1), "mean"),
+        doc.own_column("from the bound", lambda item: decimals(100 * item.schedule.distance, 1), "%"),
+        doc.own_column("false alarms", alarms, "noise; background"),
+        doc.own_column("spent on false alarms", "{time_use.alarm_h:.1f}", "h"),
+    ]
+    yield doc.Table("Time and cost", columns, report.result.strategies, words.text("texts.whatif_cost"))
     yield from report.drawn("curves", "time")
 
 
@@ -845,14 +666,14 @@ def _changes(report: WhatIfReport) -> Iterator[doc.Block]:
         return
     reference = report.reference.name
     yield doc.Paragraph(words.text("texts.whatif_changes", reference=reference))
-    columns: tuple[doc.Column[results.RankChange], ...] = (
-        doc.Column("Star", lambda change: pretty_name(change.star), look="row left star"),
-        doc.Column("Rank in", lambda change: rank(change.first_rank), reference),
-        doc.Column("Rank here", lambda change: rank(change.rank)),
-        doc.Column("Why", lambda change: change.why, look="left wide"),
-    )
+    columns = [
+        doc.own_column("star", "{star:name}", look="row left star"),
+        doc.own_column("rank in", lambda change: rank(change.first_rank), reference),
+        doc.own_column("rank here", lambda change: rank(change.rank)),
+        doc.own_column("why", "{why}", look="left wide"),
+    ]
     for name, rows in changes.items():
-        made = doc.table(f"Changes of rank, {name}", f"{name} beside {reference}.", columns, rows)
+        made = doc.Table(f"Changes of rank, {name}", columns, rows, f"{name} beside {reference}.")
         yield doc.Fold(f"{name} ({len(rows)})", [made], len(changes) <= _OPEN_CHANGES)
 
 
@@ -871,25 +692,20 @@ def _images(report: WhatIfReport) -> Iterator[doc.Block]:
         yield doc.Paragraph([f"{none} under ", doc.link("assumptions", "Assumptions"), "."])
         return
 
-    def correction(row: tuple[StrategyOutcome, results.ImageSample]) -> doc.Inline:
-        low, high = row[1].low, row[1].high
-        ends = "" if low is None or high is None else interval_text(low, high)
-        return doc.lines(decimals(row[1].correction, 2), doc.small(ends))
-
     def corrected(row: tuple[StrategyOutcome, results.ImageSample]) -> str:
         return MISSING if row[1].correction is None else decimals(row[1].correction * row[0].planets.mean, 2)
 
-    columns: tuple[doc.Column[tuple[StrategyOutcome, results.ImageSample]], ...] = (
-        doc.Column("Strategy", lambda row: report.named(row[0]), look="row left star"),
-        doc.Column("Detections", lambda row: count_text(row[1].detections), "sampled"),
-        doc.Column("Sequences", lambda row: count_text(row[1].images), "simulated"),
-        doc.Column("Expected", lambda row: decimals(row[1].expected, 1)),
-        doc.Column("Found", lambda row: count_text(row[1].found)),
-        doc.Column("Correction", correction),
-        doc.Column("Planets found", corrected, "corrected"),
-        doc.Column("Note", lambda row: row[1].note, look="left wide"),
-    )
-    yield doc.table("Confirmed by images", words.text("texts.whatif_images"), columns, confirmed)
+    columns = [
+        doc.own_column("detections", "{1.detections:d}", "sampled"),
+        doc.own_column("sequences", "{1.images:d}", "simulated"),
+        doc.own_column("expected", "{1.expected:.1f}"),
+        doc.own_column("found", "{1.found:d}"),
+        doc.own_column("correction", "{1.correction:.2f}\n{1.low:.2f} to {1.high:.2f}"),
+        doc.own_column("planets found", corrected, "corrected"),
+        doc.own_column("note", "{1.note}", look="left wide"),
+        doc.own_column("strategy", lambda row: report.named(row[0]), look="row left star"),
+    ]
+    yield doc.Table("Confirmed by images", columns, confirmed, words.text("texts.whatif_images"), last_width=24)
 
 
 @doc.section_of(WHATIF_SECTIONS, "details", "Each strategy")
@@ -916,20 +732,18 @@ def _strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Itera
     if not item.targets:
         yield doc.Paragraph("No star is visited.")
         return
-    stars = doc.row_table(
-        f"Stars of {item.name}",
-        words.text("texts.whatif_stars", name=item.name),
+    columns = doc.row_columns(
         results.SurveyTarget,
         "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
         "follow_up_h alarm_h new_planets known_seen planets_per_100h",
-        item.targets,
-        look="compact",
         name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
-        distance_pc=lambda star: significant(star.distance_pc, 4),
+        distance_pc="{distance_pc:.4g}",
         first_utc=lambda star: star.first_utc or MISSING,
         new_planets=lambda star: planets_text(star.new_planets),
         known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
     )
+    caption = words.text("texts.whatif_stars", name=item.name)
+    stars = doc.Table(f"Stars of {item.name}", columns, item.targets, caption, look="compact")
     yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
 
 
@@ -957,15 +771,15 @@ def _assumptions(report: WhatIfReport) -> Iterator[doc.Block]:
     def used_by(item: results.SettingSource) -> str:
         return "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies)
 
-    columns: tuple[doc.Column[results.SettingSource], ...] = (
-        doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
-        doc.Column("Value", value),
-        doc.Column("Standing", lambda item: item.confidence, look="left"),
-        doc.Column("Source", lambda item: item.source, look="left wide"),
-        doc.Column("Strategies", used_by, look="left wide"),
-    )
+    columns = [
+        doc.own_column("setting", lambda item: doc.code(item.key), look="row left"),
+        doc.own_column("value", value),
+        doc.own_column("standing", "{confidence}", look="left"),
+        doc.own_column("source", "{source}", look="left wide"),
+        doc.own_column("strategies", used_by, look="left wide"),
+    ]
     caption = words.text("texts.whatif_sources")
-    rows = doc.table("Sources of the settings", caption, columns, result.sources, look="compact")
+    rows = doc.Table("Sources of the settings", columns, result.sources, caption, look="compact")
     yield doc.Fold(f"Where these numbers are from ({len(result.sources)})", [rows])
 
 

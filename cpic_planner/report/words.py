@@ -198,6 +198,7 @@ _TEXTS: dict[str, Callable[[Any], str]] = {
     "time": duration_text,
     "min": lambda value: decimals(value / _MINUTE_S, 1),
     "bytes": size_text,
+    "power": contrast_text,
     "star": short_name,
     "name": pretty_name,
 }
@@ -211,7 +212,8 @@ def formatted(value: Any, form: str = "") -> str:
     value : number, str, bool, list or None
         A dash where there is none, and for an empty list. Of `cpic_planner.results.Quantiles` the median is shown.
     form : str
-        ``.3f`` (decimals), ``.3g`` (significant digits, no exponent), ``.2e``, ``g``, ``d`` (thin spaces between
+        ``.3f`` (decimals), ``+.3f`` (with a sign), ``±.3f`` (of quantiles also half of the width that holds 68 %),
+        ``.3g`` (significant digits, no exponent), ``.2e``, ``power`` (of ten), ``g``, ``d`` (thin spaces between
         thousands), ``%`` (per cent without the sign), ``time`` (s, min or h), ``min`` (minutes of a time in s),
         ``bytes``, ``name`` (of a star, as people write it), ``star`` (the same, cut to the width of a column); empty:
         three significant digits of numbers, everything else as it is.
@@ -220,11 +222,16 @@ def formatted(value: Any, form: str = "") -> str:
     -------
     str
     """
+    if form.startswith("±"):
+        spread = ".0e" if form.endswith("e") else form[1:]
+        return f"{formatted(value, form[1:])} ± {formatted(0.5 * (value.high - value.low), spread)}"
     value = getattr(value, "median", value)
     if value is None or value == []:
         return MISSING
     if form in _TEXTS:
         return _TEXTS[form](value)
+    if form.startswith("+"):
+        return f"{'+' if value > 0 else ''}{formatted(value, form[1:])}"
     if form.startswith(".") and form[-1] in "fg":
         return (decimals if form[-1] == "f" else significant)(value, int(form[1:-1]))
     if form:

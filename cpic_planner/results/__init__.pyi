@@ -32,7 +32,6 @@ from cpic_planner.results.base import (
     Result as Result,
     Row as Row,
     StatusText as StatusText,
-    Taken as Taken,
     VerdictColumns as VerdictColumns,
     VerdictText as VerdictText,
     arrow_schema as arrow_schema,

@@ -143,7 +143,7 @@ class Result(BaseModel):
         """
         return data_frame(*self._table(rows))
 
-    def _table(self, rows: str) -> tuple[list[Taken], list[Any]]:
+    def _table(self, rows: str) -> tuple[list[Column], list[Any]]:
         kind: Any = type(self)
         held = rows_of(kind)
         if rows and rows not in held:
@@ -252,6 +252,20 @@ class Column:
         After ``±`` that of the column ``NAME_error``, which stands in the same cell.
     console : bool
         Whether the tables of a terminal show it without being asked by name.
+    value : callable, optional
+        Returns the value of an entry of a table; null where it has none.
+    text : str or callable, optional
+        What people see in place of the value: a template of fields of the entry, or a function of it; see
+        `cpic_planner.report.document.Table`.
+    gives_way : int
+        How soon it gives way on a narrow terminal; 0: never; the highest goes first.
+    look : str
+        Classes of its cells in pages: ``left``, ``wide``, ``star``, ...; with ``row`` the cell heads its row, with
+        ``page``, ``terminal`` or ``files`` the column stands there alone.
+    files : tuple of Column
+        Columns that stand in files for it; by default itself.
+    row : (type, callable), optional
+        Kind of the row that it is of, and what returns that row of an entry.
     """
 
     name: str = ""
@@ -262,6 +276,12 @@ class Column:
     short: str = ""
     format: str = ""
     console: bool = False
+    value: Callable[[Any], Any] | None = None
+    text: str | Callable[[Any], Any] | None = None
+    gives_way: int = 0
+    look: str = ""
+    files: tuple[Column, ...] = ()
+    row: tuple[type[Result], Callable[[Any], Any]] | None = None
 
     def __call__(self, schema: dict[str, Any]) -> None:
         """Leave the JSON Schema of the field as it is: `Result` writes label and unit of every column."""
@@ -601,22 +621,7 @@ _FILLED = {"float64": 0.0, "int64": 0, "bool": False}
 _MIDDLE = re.compile("_(mean|median)$")
 
 
-@dataclass(frozen=True)
-class Taken:
-    """A column of a file, and where its values stand.
-
-    Attributes
-    ----------
-    column : Column
-    value : callable
-        Returns the value of an entry; null where it has none.
-    """
-
-    column: Column
-    value: Callable[[Any], Any]
-
-
-def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda entry: entry) -> list[Taken]:
+def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda entry: entry) -> list[Column]:
     """Return columns of a kind of row, in order: numbers of records that it holds are columns of their own.
 
     Parameters
@@ -640,18 +645,18 @@ def taken_of(row: type[Result], *paths: str, of: Callable[[Any], Any] = lambda e
     return found
 
 
-def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callable[[Any], Any]) -> list[Taken]:
+def _flat(kind: type[Result], name: str, outer: list[str], unit: str, of: Callable[[Any], Any]) -> list[Column]:
     column, path = column_of(kind, name), [*outer, name]
     if column.dtype:
         unit = column.unit or (unit if column.right and column.dtype != "bool" else "")
-        return [Taken(replace(column, name="_".join(path), unit=unit), lambda entry: _at(of(entry), path))]
+        return [replace(column, name="_".join(path), unit=unit, value=lambda entry: _at(of(entry), path))]
     record = _record(kind, name)
     parts = () if record is None else columns_of(record)
     if record is None or len(parts) < len(record.model_fields) or not all(part.right for part in parts):
         return []
     held = [item for part in parts for item in _flat(record, part.name, path, column.unit, of)]
     return [
-        replace(item, column=replace(item.column, name=_MIDDLE.sub("", item.column.name), description=said))
+        replace(item, name=_MIDDLE.sub("", item.name), description=said)
         for item, part in zip(held, parts, strict=True)
         for said in ["; ".join(filter(None, (column.description, part.description or part.name.replace("_", " "))))]
     ]
@@ -672,7 +677,7 @@ def _at(value: Any, path: Sequence[str]) -> Any:
     return value
 
 
-def own_taken(entries: Sequence[Any]) -> list[Taken]:
+def own_taken(entries: Sequence[Any]) -> list[Column]:
     """Return the columns of a user's table that rows carry, in the order in which these have them.
 
     Parameters
@@ -682,7 +687,7 @@ def own_taken(entries: Sequence[Any]) -> list[Taken]:
     """
     names = dict.fromkeys(name for entry in entries for name in entry.own)
     return [
-        Taken(Column(name, _dtype_of([entry.own.get(name) for entry in entries]), OWN), partial(_own_value, name))
+        Column(name, _dtype_of([entry.own.get(name) for entry in entries]), OWN, value=partial(_own_value, name))
         for name in names
     ]
 
@@ -788,18 +793,19 @@ def _joined_text(value: Any, joined: str) -> Any:
     return joined.join(str(item) for item in value) if isinstance(value, (list, tuple)) else value
 
 
-def _filled(taken: Taken, entries: Sequence[Any], joined: str) -> tuple[list[Any], list[bool]]:
+def _filled(column: Column, entries: Sequence[Any], joined: str) -> tuple[list[Any], list[bool]]:
     """Return the cells of a column without nulls, and which of them were null; texts that are null are empty."""
-    cells = [taken.value(entry) for entry in entries]
+    assert column.value is not None
+    cells = [column.value(entry) for entry in entries]
     missing = [cell is None for cell in cells]
-    dtype = taken.column.dtype
+    dtype = column.dtype
     if dtype == "string":
         return ["" if cell is None else str(_joined_text(cell, joined)) for cell in cells], [False] * len(cells)
     return [_FILLED[dtype] if cell is None else cell for cell in cells], missing
 
 
 def astropy_table(
-    columns: Sequence[Taken],
+    columns: Sequence[Column],
     entries: Sequence[Any],
     meta: Mapping[str, Any],
     *,
@@ -810,7 +816,7 @@ def astropy_table(
 
     Parameters
     ----------
-    columns : sequence of Taken
+    columns : sequence of Column
     entries : sequence
         Rows, or what the columns take values from.
     meta : mapping
@@ -824,10 +830,9 @@ def astropy_table(
     from astropy.table import Column as PlainColumn, MaskedColumn, Table
 
     table = Table(meta=dict(meta))
-    for taken in columns:
-        column = taken.column
+    for column in columns:
         about = {"name": text(column.name), "unit": column.unit or None, "description": column.description or None}
-        cells, missing = _filled(taken, entries, joined)
+        cells, missing = _filled(column, entries, joined)
         texts = column.dtype == "string"
         values = np.array(list(map(text, cells)) if texts else cells, dtype=str if texts else column.dtype)
         masked = any(missing)
@@ -836,7 +841,7 @@ def astropy_table(
 
 
 def ecsv_text(
-    columns: Sequence[Taken], entries: Sequence[Any], meta: Mapping[str, Any], *, joined: str = FLAG_SEPARATOR
+    columns: Sequence[Column], entries: Sequence[Any], meta: Mapping[str, Any], *, joined: str = FLAG_SEPARATOR
 ) -> str:
     """Return rows as ECSV 1.0: unit and meaning of every column, and what the table is, in the header.
 
@@ -856,7 +861,7 @@ def ecsv_text(
     return buffer.getvalue()
 
 
-def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> pd.DataFrame:
+def data_frame(columns: Sequence[Column], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> pd.DataFrame:
     """Return rows as a pandas frame, units in the names; missing numbers are NaN or, of whole ones, ``pandas.NA``.
 
     Parameters
@@ -867,17 +872,17 @@ def data_frame(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str 
     import pandas as pd
 
     series = {}
-    for taken in columns:
-        cells, missing = _filled(taken, entries, joined)
-        dtype = "object" if taken.column.dtype == "string" else taken.column.dtype
+    for column in columns:
+        cells, missing = _filled(column, entries, joined)
+        dtype = "object" if column.dtype == "string" else column.dtype
         if any(missing) and dtype != "float64":
             dtype = {"int64": "Int64", "bool": "boolean"}[dtype]
         known = [None if gone else cell for cell, gone in zip(cells, missing, strict=True)]
-        series[taken.column.name] = pd.Series(known, dtype=dtype)
+        series[column.name] = pd.Series(known, dtype=dtype)
     return pd.DataFrame(series)
 
 
-def parquet_bytes(columns: Sequence[Taken], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
+def parquet_bytes(columns: Sequence[Column], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
     """Return rows as a Parquet file, without nulls: unit and meaning of every column stand in its metadata.
 
     Parameters
@@ -888,9 +893,9 @@ def parquet_bytes(columns: Sequence[Taken], entries: Sequence[Any], *, joined: s
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    cells = [_filled(taken, entries, joined)[0] for taken in columns]
+    cells = [_filled(column, entries, joined)[0] for column in columns]
     sink = io.BytesIO()
-    pq.write_table(pa.table(cells, schema=arrow_schema([taken.column for taken in columns])), sink)
+    pq.write_table(pa.table(cells, schema=arrow_schema(columns)), sink)
     return sink.getvalue()
 
 

@@ -215,10 +215,7 @@ class TradeoffRow(Row):
     predicted_error: dict[Quantity, float] = column("what the effect ledger says", default={})
     settings: dict[str, Any] = column("what is modelled", default={})
     samples: dict[str, list[float]] = column(
-        "what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, walk_e2_s2, "
-        "one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2; of programmes contrast and "
-        "contrast_error (one a realisation)",
-        default={},
+        "what the noise was measured from: contrast_error, one value a realisation", default={}
     )
     n_frames: int = 0
     machine: str = column("key of the machine")

@@ -11,21 +11,21 @@ from cpic_core import InputError
 FOLDER = Path(__file__).resolve().parent
 OPENAPI = FOLDER / "openapi.json"
 """The description of the web calculator's addresses, without the version of the package."""
-_WHERE = {
-    "etc": {"etc": "EtcQuestion", "curve": "CurveQuestion", "roc": "RocQuestion"},
-    "rank": {"rank": "RankQuestion", "visibility": "VisibilityQuestion", "known": "KnownQuestion"},
-    "runs": {
-        "plan": "PlanQuestion",
-        "confirm": "ConfirmQuestion",
-        "whatif": "WhatIfQuestion",
-        "tradeoff": "TradeoffQuestion",
-    },
-    "simulate": {"simulate": "SimulateQuestion"},
-}
 QUESTIONS = {
-    command: f"cpic_planner.queries.{module}:{model}"
-    for module, models in _WHERE.items()
-    for command, model in models.items()
+    command: f"cpic_planner.queries:{model}"
+    for command, model in (
+        ("etc", "EtcQuestion"),
+        ("curve", "CurveQuestion"),
+        ("roc", "RocQuestion"),
+        ("rank", "RankQuestion"),
+        ("visibility", "VisibilityQuestion"),
+        ("known", "KnownQuestion"),
+        ("plan", "PlanQuestion"),
+        ("confirm", "ConfirmQuestion"),
+        ("whatif", "WhatIfQuestion"),
+        ("tradeoff", "TradeoffQuestion"),
+        ("simulate", "SimulateQuestion"),
+    )
 }
 """Where the question of each command is."""
 RESULTS = {

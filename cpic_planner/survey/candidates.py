@@ -30,7 +30,7 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, pair_signals
+from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, looks_at_place, pair_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.orbits import orbit_chance
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
@@ -153,16 +153,13 @@ class _Latest(Generic[_T]):
         return self._kept[key]
 
 
-def _size(made: object) -> int:
-    return sum(part.nbytes if isinstance(part, np.ndarray) else _size(part) for part in vars(made).values())
+def _size(made: Any) -> int:
+    parts = made if isinstance(made, tuple) else vars(made).values()
+    return sum(part.nbytes if isinstance(part, np.ndarray) else _size(part) for part in parts)
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
-
-    planets: IntArray
-    chance: NDArray[np.float32]
+_Seen = tuple[IntArray, NDArray[np.float32]]
+"""Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
 
 
 class PlanningSky:
@@ -244,10 +241,10 @@ class PlanningSky:
             of_options = [
                 self._of_way(strategy, model, part, looks, o, epoch_mjd, faint) for o, faint in enumerate(faintest)
             ]
-            some = np.unique(np.concatenate([item.planets for item in of_options]))
+            some = np.unique(np.concatenate([own for own, _ in of_options]))
             chance = np.zeros((*looks.open.shape, some.size), np.float32)
-            for o, item in enumerate(of_options):
-                chance[o][:, np.searchsorted(some, item.planets)] = item.chance
+            for o, (own, odds) in enumerate(of_options):
+                chance[o][:, np.searchsorted(some, own)] = odds
             columns.append(chance)
             seen.append(before + some)
             before += len(self._of_part(part, epoch_mjd))
@@ -269,18 +266,19 @@ class PlanningSky:
         def made() -> _Seen:
             planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
             if not (days.size and len(planets)):
-                return _Seen(np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32))
+                return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
             pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
             zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
             albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
-            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, zodis, faintest()[0])
             rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+            light = zodis, faintest()[0], looks_at_place(rule, placed)
+            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, *light)
             odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
             likely = odds >= LEAST_PROBABILITY
             some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
             chance = np.zeros((open_.size, some.size), np.float32)
             chance[slots[pairs.visit[likely]], column] = odds[likely]
-            return _Seen(some, chance)
+            return some, chance
 
         when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
         return self._chances.get((self._rules[option.band], option, part.content, epoch_mjd, *when), made)
@@ -463,19 +461,25 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
 
 
 @dataclass(frozen=True, eq=False)
-class Screened:
+class Case:
+    """A strategy with its model, the stars that its cuts leave, and the known planets of each."""
+
+    strategy: SurveyStrategy
+    model: EtcModel
+    targets: Targets
+    known_rows: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Screened(Case):
     """A strategy with its model and its stars at a first look.
 
     ``settings`` are the frames of every star for each option (band and time), ``promising`` says which stars can show
     any planet of the population in one observation, ``rows`` which are worth a close look.
     """
 
-    strategy: SurveyStrategy
-    model: EtcModel
-    targets: Targets
     settings: tuple[tuple[Setting, ...], ...]
     promising: BoolArray
-    known_rows: tuple[tuple[int, ...], ...]
 
     @property
     def rows(self) -> IntArray:
@@ -485,7 +489,7 @@ class Screened:
     def select(self, rows: IntArray, known_rows: tuple[tuple[int, ...], ...]) -> Screened:
         """Return some of the stars, with their known planets."""
         settings = tuple(tuple(own[row] for row in rows) for own in self.settings)
-        chosen = self.targets.select(rows), settings, self.promising[rows], known_rows
+        chosen = self.targets.select(rows), known_rows, settings, self.promising[rows]
         return Screened(self.strategy, self.model, *chosen)
 
 
@@ -524,7 +528,7 @@ def screen(
                 )
                 # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
                 promising |= counted.completeness_known_place > 0.5 / N_SCREEN
-    return Screened(strategy, model, targets, tuple(settings), promising, known_rows)
+    return Screened(strategy, model, targets, known_rows, tuple(settings), promising)
 
 
 def candidates(

@@ -4,8 +4,9 @@ False alarms are noise that passes the threshold, and background stars that pass
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -154,6 +155,7 @@ def pair_signals(
     roll_deg: ArrayLike,
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
+    at_place: bool = True,
 ) -> ExpectedSignals:
     """Return what visits expect of planets; arrays of the length of ``pairs``.
 
@@ -165,6 +167,8 @@ def pair_signals(
         Which planets, and where they stand at which visit.
     faintest : ndarray, shape (ring,), optional
         Contrast below which planets are not looked at: nothing is seen of them (`faintest_of`).
+    at_place : bool
+        Whether any of them is looked for at a known place; if not, none is reached there.
     """
     band, shape = setting.band, pairs.visit.shape
     metrics = model.metrics[band]
@@ -212,7 +216,7 @@ def pair_signals(
             shares = etc.speckled_share(noise), etc.lit_share(noise, light)
             where = etc.own_share(noise), separation[at], *shares, visits
             # At a known place the orbit is followed.
-            for known, paid in enumerate((noise.significance / motion, noise.significance)):
+            for known, paid in enumerate((noise.significance / motion, noise.significance)[: 1 + at_place]):
                 found = etc.band_law(model, band).reach(paid, *where, at_place=bool(known))
                 reached[known][put], widths[known][put] = (part[real] for part in found)
             reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
@@ -230,6 +234,7 @@ def expected_signals(
     roll_deg: ArrayLike,
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
+    at_place: bool = True,
 ) -> ExpectedSignals:
     """Return what visits at some dates expect of every planet.
 
@@ -249,7 +254,7 @@ def expected_signals(
         Position angle of the detector's +y axis at each visit.
     zodis : ndarray, shape (n,), optional
         Dust around the star of each planet; by default that of the model.
-    faintest : ndarray, shape (ring,), optional
+    faintest, at_place
         As of `pair_signals`.
 
     Returns
@@ -266,7 +271,7 @@ def expected_signals(
     shape = places.phase_deg.shape
     every = Pairs.between(places, 0.0, math.inf)
     roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
-    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest)
+    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
     return ExpectedSignals(*(part.reshape(shape) for part in vars(found).values()))
 
 
@@ -311,6 +316,11 @@ def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:
     inner = min(metrics.hole_inner_corner_arcsec for metrics in model.metrics.values())
     outer = max(metrics.owa_arcsec for metrics in model.metrics.values())
     return inner * distance_pc, outer * distance_pc
+
+
+def looks_at_place(rule: DetectionRule, known: BoolArray) -> bool:
+    """Return whether visits look for any planet at a known place, by the rule and what is known of each."""
+    return rule.rule == "known_place" or bool(np.any(known))
 
 
 def detection_chance(
@@ -497,12 +507,32 @@ def noise_alarms(model: etc.EtcModel, band: str) -> float:
 
 Ways = tuple[tuple[Setting, ...], ...]
 """Ways to visit some stars."""
-_Rates = tuple[tuple[float, ...], ...]
+_Each = tuple[tuple[Any, ...], ...]
+
+
+def of_ways(targets: Targets, options: Ways, worked: Callable[[Targets, list[Setting]], Iterable[Any]]) -> _Each:
+    """Return something of each way to visit stars, by star and option.
+
+    Parameters
+    ----------
+    targets : Targets
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    worked : callable
+        Returns it for some stars, each with a visit in the same band.
+    """
+    every = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
+    found = [[None] * len(ways) for ways in options]
+    for band in dict.fromkeys(way.band for *_, way in every):
+        stars, places, settings = zip(*(item for item in every if item[2].band == band), strict=True)
+        for i, o, value in zip(stars, places, worked(targets.select(list(stars)), list(settings)), strict=True):
+            found[i][o] = value
+    return tuple(map(tuple, found))
 
 
 def alarms(
     universe: UniverseConfig, strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
-) -> tuple[_Rates, _Rates]:
+) -> tuple[_Each, _Each]:
     """Return the expected false alarms of a visit by star and option: of noise, and of background stars.
 
     Parameters
@@ -515,45 +545,11 @@ def alarms(
     options : tuple of tuple of Setting
         Ways to visit each star.
     """
+
+    def background(stars: Targets, settings: list[Setting]) -> list[float]:
+        if universe.background == "off":
+            return [0.0] * len(settings)
+        return list(background_alarms(model, stars, settings, strategy.detection).tolist())
+
     noise = tuple(tuple(noise_alarms(model, way.band) for way in ways) for ways in options)
-    background = [[0.0] * len(ways) for ways in options]
-    for places, stars, settings in by_band(targets, options) if universe.background == "on" else ():
-        found = background_alarms(model, stars, settings, strategy.detection)
-        for (i, o), expected in zip(places, found.tolist(), strict=True):
-            background[i][o] = expected
-    return noise, tuple(map(tuple, background))
-
-
-def by_band(targets: Targets, options: Ways) -> Iterator[tuple[list[tuple[int, int]], Targets, list[Setting]]]:
-    """Yield the visits of each band: positions of star and option, the stars, and the settings.
-
-    Parameters
-    ----------
-    targets : Targets
-    options : tuple of tuple of Setting
-        Ways to visit each star.
-    """
-    every = [(i, o, way) for i, ways in enumerate(options) for o, way in enumerate(ways)]
-    for band in dict.fromkeys(way.band for *_, way in every):
-        own = [item for item in every if item[2].band == band]
-        yield [(i, o) for i, o, _ in own], targets.select([i for i, *_ in own]), [way for *_, way in own]
-
-
-def faintest_by_way(
-    strategy: SurveyStrategy, model: etc.EtcModel, targets: Targets, options: Ways
-) -> tuple[tuple[FloatArray, ...], ...]:
-    """Return the contrast below which a visit shows no planet, by star, option and ring.
-
-    Parameters
-    ----------
-    strategy : SurveyStrategy
-    model : EtcModel
-    targets : Targets
-    options : tuple of tuple of Setting
-        Ways to visit each star.
-    """
-    found = [[np.zeros(0)] * len(ways) for ways in options]
-    for places, stars, settings in by_band(targets, options):
-        for (i, o), rings in zip(places, faintest_of(model, stars, settings, strategy.detection), strict=True):
-            found[i][o] = rings
-    return tuple(map(tuple, found))
+    return noise, of_ways(targets, options, background)

@@ -4,9 +4,8 @@ The calendar of each is also a table for an observatory.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -514,61 +513,34 @@ Counts = Mapping[str, IntArray]
 """Planets found in each universe, by the names of `QUANTITIES`."""
 
 
-@dataclass(frozen=True)
-class Fact:
-    """Something that is known today.
-
-    Attributes
-    ----------
-    name : str
-    words : str
-        What it is, as a noun.
-    heading : str
-        What a survey is without it.
-    before : callable
-        Returns what of a universe was otherwise before; nothing where the survey does not use the fact.
-    """
+class Fact(NamedTuple):
+    """Something that is known today: its name, what it is as a noun, and what a survey is called without it."""
 
     name: str
     words: str
     heading: str
-    before: Callable[[UniverseConfig], dict[str, Any]]
-
-
-def _planets_of_2019(universe: UniverseConfig) -> dict[str, Any]:
-    if universe.known_planets == "off":
-        return {}
-    base, file = split_source(universe.known_planets)
-    return {"known_planets": "+".join(filter(None, ("archive_2019", file)))} if base == "snapshot" else {}
-
-
-def _companions_as_listed(universe: UniverseConfig) -> dict[str, Any]:
-    return {"catalog": "simbad_2012"} if universe.catalog == "snapshot" else {}
-
-
-def _allowing(excluded: str) -> Callable[[UniverseConfig], dict[str, Any]]:
-    def before(universe: UniverseConfig) -> dict[str, Any]:
-        left = tuple(word for word in universe.exclusions if word != excluded)
-        return {"exclusions": left} if left != universe.exclusions else {}
-
-    return before
 
 
 FACTS = (
-    Fact(
-        "known_planets",
-        "what was published on known planets since 2019",
-        "Known planets as of 2019",
-        _planets_of_2019,
-    ),
-    Fact("rv", "what radial velocities exclude", "Without radial velocities", _allowing("rv")),
-    Fact(
-        "stability", "the orbits that companion stars make unstable", "Without stability limits", _allowing("stability")
-    ),
-    Fact("known_giants", "the room that known giants take", "Without known giants", _allowing("known_giants")),
-    Fact("companions", "where companion stars stand today", "Companions as first listed", _companions_as_listed),
+    Fact("known_planets", "what was published on known planets since 2019", "Known planets as of 2019"),
+    Fact("rv", "what radial velocities exclude", "Without radial velocities"),
+    Fact("stability", "the orbits that companion stars make unstable", "Without stability limits"),
+    Fact("known_giants", "the room that known giants take", "Without known giants"),
+    Fact("companions", "where companion stars stand today", "Companions as first listed"),
 )
 """Facts that can be taken back, in the order of the table."""
+
+
+def _before(universe: UniverseConfig, fact: str) -> dict[str, Any]:
+    """Return what of a universe was otherwise before a fact was known; nothing where the survey does not use it."""
+    base, file = split_source(universe.known_planets)
+    if fact == "known_planets":
+        used = base == "snapshot" and universe.known_planets != "off"
+        return {fact: "+".join(filter(None, ("archive_2019", file)))} if used else {}
+    if fact == "companions":
+        return {"catalog": "simbad_2012"} if universe.catalog == "snapshot" else {}
+    left = tuple(word for word in universe.exclusions if word != fact)
+    return {"exclusions": left} if left != universe.exclusions else {}
 
 
 def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
@@ -579,14 +551,11 @@ def taken_back(config: StrategiesConfig) -> dict[str, StrategiesConfig]:
     config : StrategiesConfig
         Facts that its universe does not use are left out; nothing where it does not ask for the comparison.
     """
-    universe = config.universe
-    if not universe.facts:
-        return {}
-    found, nothing = {}, universe
-    for fact in FACTS:
-        if before := fact.before(universe):
-            found[fact.name] = universe.model_copy(update=before)
-            nothing = nothing.model_copy(update=fact.before(nothing))
+    found, nothing = {}, config.universe
+    for fact in FACTS if config.universe.facts else ():
+        if before := _before(config.universe, fact.name):
+            found[fact.name] = config.universe.model_copy(update=before)
+            nothing = nothing.model_copy(update=_before(nothing, fact.name))
     if len(found) > 1:
         found[ALL] = nothing
     return {name: config.model_copy(update={"universe": state}) for name, state in found.items()}
@@ -617,7 +586,7 @@ def facts_record(
     without : mapping of str to sequence of Counts
         By fact, and by strategy.
     """
-    words = {fact.name: (fact.words, fact.heading) for fact in FACTS} | {ALL: ("all of these", "Without all of these")}
+    words = {fact.name: fact for fact in (*FACTS, Fact(ALL, "all of these", "Without all of these"))}
     rows = []
     for fact, of_strategies in without.items():
         for outcome, before, now in zip(outcomes, of_strategies, known, strict=True):
@@ -625,10 +594,7 @@ def facts_record(
             for name in QUANTITIES:
                 numbers[f"{name}_change"] = difference_interval(before[name] - now[name])
             rows.append(FactRow(strategy=outcome.name, fact=fact, **numbers))
-    named = [
-        TakenBack.of(state.universe, name=name, words=words[name][0], heading=words[name][1])
-        for name, state in states.items()
-    ]
+    named = [TakenBack.of(state.universe, **words[name]._asdict()) for name, state in states.items()]
     return FactsRecord(facts=named, rows=rows, statement=_statement(named, rows, outcomes))
 
 

@@ -17,6 +17,7 @@ from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import (
+    Case,
     PlanningSky,
     Screened,
     candidates,
@@ -181,16 +182,6 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
         At least 0.
     """
     return metrics.brightened(contrast / metrics.median_contrast)
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A strategy with its model, the stars that its cuts leave, and the known planets of each."""
-
-    strategy: SurveyStrategy
-    model: EtcModel
-    targets: Targets
-    known_rows: tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)

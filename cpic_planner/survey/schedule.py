@@ -256,33 +256,33 @@ def with_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[Planned
     probability of at least one is ``1 - exp(-mu) product(1 - q)``.
     """
     strategy, found = problem.strategy, []
-    states: dict[int, FloatArray] = {}
+    states: dict[int, StarValue] = {}
     for visit in visits:
-        star = problem.stars[visit.star].detections
-        counts = states.setdefault(visit.star, np.eye(problem.needed, 1) * np.ones(len(star.weight)))
-        chance = star.chance[visit.option, visit.slot]
+        star, way = problem.stars[visit.star].detections, (visit.option, visit.slot)
+        state = states.get(visit.star) or StarValue.none(star, problem.needed)
         new = star.known == NEW
         # The scheduler's weights hold what a planet is worth to it; how likely it is does not.
         weight = star.weight / np.where(new, strategy.value_new, strategy.value_known)
-        completed = weight * chance * counts[-1]
+        completed = weight * star.chance[way] * state.counts[-1]
         each = [min(float(completed[star.known == row].sum()), 1.0) for row in np.unique(star.known[~new])]
         none_new, none_known = math.exp(-float(completed[new].sum())), math.prod(1.0 - item for item in each)
         found.append(replace(visit, probability=1.0 - none_new * none_known, known=none_known < none_new))
-        if not visit.reserve:
-            after = counts * (1.0 - chance)
-            after[1:] += counts[:-1] * chance
-            states[visit.star] = after
+        states[visit.star] = state if visit.reserve else state.after(way)
     return tuple(found)
 
 
 @dataclass(frozen=True)
-class _Bundle:
-    """Visits of one star that are weighed together."""
+class Plan:
+    """Visits of one star, with what they cost and are worth together."""
 
     visits: tuple[Visit, ...]
-    gains: tuple[float, ...]
     cost_h: float
-    density: float
+    value: float
+
+    @property
+    def density(self) -> float:
+        """Value per hour."""
+        return self.value / self.cost_h
 
 
 def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tuple[int, Visit, float]]]:
@@ -308,13 +308,13 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
     room = Room.of(problem) if room is None else room
     stars = problem.stars
     states = {i: StarValue.of(star, problem.needed, room.visits.get(i, ())) for i, star in enumerate(stars)}
-    bundles: dict[int, _Bundle | None] = {}
+    bundles: dict[int, Plan | None] = {}
     booked: list[tuple[int, Visit, float]] = []
     for group in problem.groups():
         while True:
             for i in group:
                 bundle = bundles.get(i)
-                if i not in bundles or (bundle is not None and not _bundle_fits(bundle, stars[i], room)):
+                if i not in bundles or (bundle is not None and not _fits(problem, room, {i: bundle.visits})):
                     bundles[i] = _best_bundle(problem, states[i], room, i)
             ready = [(bundle.density, -i) for i in group if (bundle := bundles[i]) is not None]
             if not ready:
@@ -322,68 +322,59 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
             i = -max(ready)[1]
             chosen = bundles.pop(i)
             assert chosen is not None
-            for visit, gain in zip(chosen.visits, chosen.gains, strict=True):
+            for visit in chosen.visits:
                 room.take(i, visit, problem.cost_h(i, visit))
-                states[i] = states[i].after(visit)
-                booked.append((i, visit, gain))
+                before, states[i] = states[i], states[i].after(visit)
+                booked.append((i, visit, states[i].value - before.value))
     return room, booked
 
 
-def _bundle_fits(bundle: _Bundle, star: Candidate, room: Room) -> bool:
-    """Return whether the calendar still holds a bundle: other stars may have taken its slots."""
-    left = room.slots_h.copy()
-    for visit in bundle.visits:
-        left[visit[1]] -= star.cost_h[visit]
-    enough = bool(left[[slot for _, slot in bundle.visits]].min() >= -ROUNDING)
-    return enough and bundle.cost_h <= room.budget_h + ROUNDING
+def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> Plan | None:
+    """Return the next visits of a star that give most per hour together; None where none is worth its time.
 
-
-def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _Bundle | None:
-    """Return the next visits of a star that give most per hour together; None where none is worth its time."""
-    found = _grown(problem, state, room, star, ())
-    if state.needed > 1 and not room.visits.get(star):
-        # The best single visits may leave no time or slot for as many as a detection needs.
-        starts = [
-            start for chance_first in (True, False) if (start := surest(problem, state, room, star, chance_first))
-        ]
-        for other in [_grown(problem, state, room, star, start) for start in starts]:
-            if other is not None and (found is None or other.density > found.density):
-                found = other
-    return found
-
-
-def _grown(problem: Problem, state: StarValue, room: Room, star: int, first: Sequence[Visit]) -> _Bundle | None:
-    """Return the best bundle that begins with some visits and goes on with that of most value per hour.
-
-    Where one detection is enough, each visit adds less than the one before: as many are weighed as the strategy looks
-    ahead. Where several are needed, the first visits add nothing and later ones more and more: bundles of all lengths
-    are weighed, until the value per hour has fallen for as many visits as a detection needs.
+    Each bundle goes on with the visit of most value per hour. Where one detection is enough, each visit adds less than
+    the one before: as many are weighed as the strategy looks ahead. Where several are needed, the first visits add
+    nothing and later ones more and more: bundles of all lengths are weighed, until the value per hour has fallen for
+    as many visits as a detection needs.
     """
-    own, needed = list(room.visits.get(star, ())), state.needed
-    trial = Room(room.budget_h, room.slots_h.copy(), {star: own})
-    best: _Bundle | None = None
-    visits: list[Visit] = []
-    gains: list[float] = []
-    cost = value = 0.0
-    length = problem.strategy.scheduler.look_ahead if needed == 1 else state.star.visits_left
-    for k in range(min(length, state.star.visits_left - len(own))):
-        visit = first[k] if k < len(first) else next_visit(problem, state, trial, [*own, *visits])
+    own, needed, least = room.visits.get(star, []), state.needed, problem.strategy.scheduler.min_gain
+    most = state.star.visits_left - len(own)
+    starts: list[tuple[Visit, ...]] = [()]
+    if needed > 1 and not own:
+        # The best single visits may leave no time or slot for as many as a detection needs.
+        starts += [start for surely in (True, False) if (start := surest(problem, state, room, star, surely))]
+    best: Plan | None = None
+    for start in starts:
+        grown: Plan | None = None
+        for visits, value in _grown(problem, state, room, star, start):
+            cost = sum(problem.cost_h(star, visit) for visit in visits)
+            worthwhile = value >= least * len(visits) and value > 0.0
+            if worthwhile and (grown is None or value / cost > grown.density):
+                grown = Plan(visits, cost, value)
+            full = len(visits) >= (min(problem.strategy.scheduler.look_ahead, most) if needed == 1 else most)
+            if full or (needed > 1 and grown is not None and len(visits) >= len(grown.visits) + needed):
+                break
+        if grown is not None and (best is None or grown.density > best.density):
+            best = grown
+    return best
+
+
+def _grown(
+    problem: Problem, state: StarValue, room: Room, star: int, first: Sequence[Visit] = ()
+) -> Iterator[tuple[tuple[Visit, ...], float]]:
+    """Yield more and more visits of a star, each the one of most value per hour, with what they add together.
+
+    They begin with some visits, and end with those that the star can have or that are worth their time.
+    """
+    left, own, made, begin = room.after(problem), room.visits.get(star, []), list[Visit](), state.value
+    while len(own) + len(made) < state.star.visits_left:
+        visit = first[len(made)] if len(made) < len(first) else next_visit(problem, state, left, [*own, *made])
         if visit is None:
             break
-        after = state.after(visit)
-        gains.append(after.value - state.value)
-        value += gains[-1]
-        state, spent = after, float(state.star.cost_h[visit])
-        cost += spent
-        trial.budget_h -= spent
-        trial.slots_h[visit[1]] -= spent
-        visits.append(visit)
-        worthwhile = value >= problem.strategy.scheduler.min_gain * len(visits) and value > 0.0
-        if worthwhile and (best is None or value / cost > best.density):
-            best = _Bundle(tuple(visits), tuple(gains), cost, value / cost)
-        if needed > 1 and best is not None and len(visits) >= len(best.visits) + needed:
-            break
-    return best
+        state = state.after(visit)
+        left.take(star, visit, problem.cost_h(star, visit))
+        made.append(visit)
+        yield tuple(made), state.value - begin
 
 
 def surest(problem: Problem, state: StarValue, room: Room, star: int, chance_first: bool) -> tuple[Visit, ...]:
@@ -451,15 +442,10 @@ def promising(problem: Problem, room: Room, star: int) -> list[tuple[Visit, ...]
         Time that is left, without visits of the star.
     star : int
     """
-    item = problem.stars[star]
-    none = StarValue.none(item, problem.needed)
+    none = StarValue.none(problem.stars[star], problem.needed)
     starts = [surest(problem, none, room, star, first) for first in (True, False)] if problem.needed > 1 else []
-    left, state, made = room.after(problem), none, list[Visit]()
-    while len(made) < item.visits_left and (visit := next_visit(problem, state, left, made)) is not None:
-        state = state.after(visit)
-        left.take(star, visit, problem.cost_h(star, visit))
-        made.append(visit)
-    return [start for start in (tuple(made), *starts) if start]
+    grown = [visits for visits, _ in _grown(problem, none, room.after(problem), star)]
+    return [start for start in (*grown[-1:], *starts) if start]
 
 
 _TINY = 1e-12
@@ -467,15 +453,6 @@ _SWEEPS = 10
 _STARTS = 2
 Chosen = dict[int, list[Visit]]
 """Visits of every star that has some, in the order of the calendar."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Visits of one star in the order of the calendar, with what they cost and are worth together."""
-
-    visits: tuple[Visit, ...]
-    cost_h: float
-    value: float
 
 
 @dataclass(frozen=True)
@@ -487,7 +464,7 @@ class Prices:
 
     def near(self, other: "Prices") -> bool:
         """Return whether they hardly differ from others."""
-        return bool(np.allclose(self.slots, other.slots) and np.isclose(self.budget, other.budget))
+        return bool(np.allclose(other.slots, self.slots) and np.isclose(other.budget, self.budget))
 
 
 def charges(problem: Problem, star: int, prices: Prices) -> FloatArray:
@@ -1106,8 +1083,8 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
     """
     rule = problem.strategy.scheduler
     effort = effort or EFFORTS[rule.method]
-    _, booked = greedy(problem)
-    made = _by_star((star, visit) for star, visit, _ in booked)
+    full, booked = greedy(problem)
+    made = full.visits
     chosen, bound = _planned(problem, made, effort)
     method = "greedy"
     if rule.method != "greedy" and _rank(problem, chosen) > _rank(problem, made):
@@ -1142,14 +1119,13 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
     each = effort.nodes // max(len(group), 1)
     pools = pools_of(problem, room, group, made)
     priced(problem, room, pools, effort.rounds)
-    prices = share(problem, room, pools).prices
-    bound = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
-    for _ in range(1, effort.bounds):
-        before, prices = prices, share(problem, room, pools).prices
-        if prices.near(before):
+    found: list[Bound] = []
+    for _ in range(effort.bounds):
+        prices = share(problem, room, pools).prices
+        if found and found[-1].prices.near(prices):
             break
-        again = lagrangian_bound(problem, room, pools, prices, effort.cuts, each)
-        bound = min(bound, again, key=lambda item: item.value)
+        found.append(lagrangian_bound(problem, room, pools, prices, effort.cuts, each))
+    bound = min(found, key=lambda item: item.value)
     own = {star: made[star] for star in group if star in made}
     chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
     value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
@@ -1170,7 +1146,7 @@ def _best(
     return exchanged(problem, room, group, chosen)
 
 
-def _fits(problem: Problem, room: Room, made: Chosen) -> bool:
+def _fits(problem: Problem, room: Room, made: Mapping[int, Sequence[Visit]]) -> bool:
     """Return whether what is left holds all of these visits."""
     left = room.after(problem, made)
     return left.budget_h >= -ROUNDING and bool((left.slots_h >= -ROUNDING).all())
@@ -1189,13 +1165,6 @@ def _rank(problem: Problem, made: Chosen) -> tuple[float, ...]:
     """Return what groups of stars are worth, the first served first; the same sums in any order or processor."""
     worth = (_net(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
     return tuple(float(f"{value:.12g}") for value in worth)
-
-
-def _by_star(visits: Iterable[tuple[int, Visit]]) -> Chosen:
-    made: Chosen = {}
-    for star, visit in visits:
-        made.setdefault(star, []).append(visit)
-    return made
 
 
 def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[int, Visit, float]]:

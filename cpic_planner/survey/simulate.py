@@ -34,7 +34,9 @@ from cpic_planner.survey.detection import (
     Setting,
     detection_chance,
     expected_signals,
-    faintest_by_way,
+    faintest_of,
+    looks_at_place,
+    of_ways,
     on_detector,
     reach_au,
 )
@@ -271,7 +273,8 @@ class Survey:
     @cached_property
     def faintest(self) -> tuple[tuple[FloatArray, ...], ...]:
         """Contrast below which a visit shows no planet, by star, option and ring."""
-        return faintest_by_way(self.strategy, self.model, self.targets, self.options)
+        rule = self.strategy.detection
+        return of_ways(self.targets, self.options, lambda stars, ways: faintest_of(self.model, stars, ways, rule))
 
 
 @dataclass(frozen=True, eq=False)
@@ -744,6 +747,7 @@ class _Simulation:
         self.clock = Clock(n, survey.strategy.time_budget_h, promised_h)
         self.noise_alarms, self.background_alarms, self.planets_found = np.zeros((3, n), np.int64)
         self.detections: list[dict[str, NDArray[Any]]] = []
+        self._costs: dict[tuple[int, Setting], FloatArray] = {}
 
     def _star(self, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass_msun: float) -> StarHistory:
         """Return the planets of a star, and what every visit would detect of them."""
@@ -813,7 +817,8 @@ class _Simulation:
         roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
         places = planets.places(survey.calendar.day[i, when[0]])
         who = survey.model, survey.targets.select([i]), way, planets, self.albedos
-        found = expected_signals(*who, places, roll, self._dust(i, planets), faint)
+        how = self._dust(i, planets), faint, looks_at_place(strategy.detection, placed)
+        found = expected_signals(*who, places, roll, *how)
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll, places
 
@@ -934,8 +939,10 @@ class _Simulation:
 
     def _cost_h(self, i: int, setting: Setting, slot: int) -> float:
         """Return the telescope time of one more visit of a star; infinite where it is not possible."""
-        calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
-        return float(calendar.cost_h(self.survey.model, i, setting, settlings)[slot])
+        if (i, setting) not in self._costs:
+            calendar, settlings = self.survey.calendar, self.survey.strategy.visit.settlings
+            self._costs[i, setting] = calendar.cost_h(self.survey.model, i, setting, settlings)
+        return float(self._costs[i, setting][slot])
 
     def _ahead(self, i: int, star: StarHistory, some: IntArray, setting: Setting, slot: int) -> FloatArray:
         """Return the odds and SNR in a slot of planets at their known place, shape ``(2, len(some))``.

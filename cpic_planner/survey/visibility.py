@@ -209,25 +209,17 @@ class Geometry:
         return Geometry(self.in_plane[rows], self.sun_ahead[rows], self.sun_aside[rows], self.sun_target[rows])
 
 
-@dataclass(frozen=True, eq=False)
-class _Runs:
-    """The lengths in a piece of orbit, radians: all of it, at its begin, at its end, the longest run; its length."""
+def _joined(piece: FloatArray, behind: FloatArray) -> FloatArray:
+    """Return one piece of orbit of two that follow each other.
 
-    total: FloatArray
-    begin: FloatArray
-    end: FloatArray
-    longest: FloatArray
-    length: FloatArray
-
-    def then(self, other: "_Runs") -> "_Runs":
-        """Join this piece and the one behind it."""
-        return _Runs(
-            total=self.total + other.total,
-            begin=np.where(self.begin >= self.length, self.length + other.begin, self.begin),
-            end=np.where(other.end >= other.length, other.length + self.end, other.end),
-            longest=np.maximum(np.maximum(self.longest, other.longest), self.end + other.begin),
-            length=self.length + other.length,
-        )
+    Of each its lengths in radians, shape (5, n): of all that counts, at its begin, at its end, the longest run, and of
+    the piece.
+    """
+    total, begin, end, longest, length = piece
+    begins = np.where(begin >= length, length + behind[1], begin)
+    ends = np.where(behind[2] >= behind[4], behind[4] + end, behind[2])
+    longest = np.maximum(np.maximum(longest, behind[3]), end + behind[1])
+    return np.array([total + behind[0], begins, ends, longest, length + behind[4]])
 
 
 def clear_arcs(
@@ -277,13 +269,13 @@ def clear_arcs(
         for part in range(0, len(flanks), block):
             rows = flanks[part : part + block]
             runs = _whole_orbit(geometry.take(rows), core[rows], outer[rows], rho, count)
-            fraction[rows] = runs.total / (2 * math.pi)
+            fraction[rows] = runs[0] / (2 * math.pi)
             # The end of a revolution is its begin; one that counts as a whole is cut to one revolution below.
-            longest[rows] = np.maximum(runs.longest, runs.begin + runs.end) / (2 * math.pi)
+            longest[rows] = np.maximum(runs[3], runs[1] + runs[2]) / (2 * math.pi)
     return np.minimum(fraction, 1.0), np.minimum(longest, 1.0)
 
 
-def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: float, pieces: int) -> _Runs:
+def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: float, pieces: int) -> FloatArray:
     """Return one revolution, from where the target comes up to where it comes up again."""
     share = np.linspace(0.0, 1.0, 2 * pieces + 1)[:, None]
     place = core + (outer - core) * share
@@ -293,32 +285,15 @@ def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: f
     constant = math.cos(rho) * geometry.sun_target
     ahead, aside = geometry.sun_ahead * cosine, geometry.sun_aside * sine
     step = (outer - core) / (2 * pieces)
-    before = _flank(from_limb * (ahead - aside) + constant, step)[::-1]
+    before = _flank(from_limb * (ahead - aside) + constant, step)[::-1, [0, 2, 1, 3, 4]]  # from the other side
     behind = _flank(from_limb * (ahead + aside) + constant, step)
-    nothing = np.zeros_like(core)
-    runs = None
-    for piece in (
-        *(_turned(one) for one in before),
-        _all(2 * core),
-        *behind,
-        _Runs(nothing, nothing, nothing, nothing, 2 * (math.pi - outer)),
-    ):
-        runs = piece if runs is None else runs.then(piece)
-    assert runs is not None
-    return runs
+    middle, hidden = np.tile(2.0 * core, (5, 1)), np.zeros((5, core.size))
+    hidden[4] = 2 * (math.pi - outer)
+    return functools.reduce(_joined, (*before, middle, *behind, hidden))
 
 
-def _all(length: FloatArray) -> _Runs:
-    return _Runs(length, length, length, length, length)
-
-
-def _turned(runs: _Runs) -> _Runs:
-    """Return the same piece from the other side."""
-    return _Runs(runs.total, runs.end, runs.begin, runs.longest, runs.length)
-
-
-def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
-    """Return the dark runs of the pieces of a flank, from the core outwards.
+def _flank(sunlit: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the dark runs of the pieces of a flank, from the core outwards, shape (pieces, 5, n): see `_joined`.
 
     Parameters
     ----------
@@ -345,9 +320,9 @@ def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
     end = np.where(dark_between, np.where(high >= 1.0, between, 0.0), np.where(crossed, 1.0 - high, 0.0))
     total = np.where(dark_between, between, begin + end)
     longest = np.where(dark_between, between, np.maximum(begin, end))
-    length = 2.0 * step
-    total, begin, end, longest = (np.where(whole, length, part * step) for part in (total, begin, end, longest))
-    return [_Runs(total[i], begin[i], end[i], longest[i], length) for i in range(len(whole))]
+    length = np.broadcast_to(2.0 * step, whole.shape)
+    parts = (np.where(whole, length, part * step) for part in (total, begin, end, longest))
+    return np.stack([*parts, length], axis=1)
 
 
 BLOCKS = ("", "sun", "moon", "panel", "limb")

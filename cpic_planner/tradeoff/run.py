@@ -12,7 +12,7 @@ import itertools
 import math
 import multiprocessing
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +48,6 @@ from simulator.config import content_hash
 from simulator.knobs import Quantity
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -142,75 +141,59 @@ def pareto_png(result: TradeoffResult) -> bytes:
 
 def pareto_figure(result: TradeoffResult) -> Figure:
     """Draw the larger of the errors of flux and SNR against wall clock."""
+    from matplotlib.lines import Line2D
+
     scenes = [scene for scene in result.scenes if not scene.is_programme] or list(result.scenes)
     columns = 2 if len(scenes) > 1 else 1
     lines = math.ceil((len(scenes) + (columns == 2 and len(scenes) % 2 == 0)) / columns) if scenes else 1
     figure = new_figure(3.0 * lines + 0.9)
     panels = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
     ok = [row for row in result.rows if row.status == "ok" and row.wall_s and row.snr_error is not None]
-    for panel, scene in zip(panels, scenes, strict=False):
-        _panel(panel, [row for row in ok if row.scene == scene.name])
-        panel.set_title(scene.title)
     for panel in panels[len(scenes) :]:
         panel.set_axis_off()
     for panel in panels[: len(scenes)][-columns:]:
         panel.tick_params(labelbottom=True)  # the lowest of each column
+    for panel, scene in zip(panels, scenes, strict=False):
+        panel.set_title(scene.title)
+        _draw(panel, [row for row in ok if row.scene == scene.name])
     figure.supxlabel("wall clock of one observation (s)", fontsize=10.5)
     figure.supylabel("relative error (larger of flux and SNR)", fontsize=10.5)
-    handles, labels = _legend({row.group for row in ok})
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
-    for panel, scene in zip(panels, scenes, strict=False):
-        named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
-        times, sizes = [row.wall_s or 0.0 for row in named], [_size(row)[0] for row in named]
-        place_labels(panel, times, sizes, [_LABELS[row.point] for row in named], fontsize=8.5)
+    drawn = [look[1:] for group, look in LOOKS.items() if any(row.group == group for row in ok)]
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+xv" else colour)
+        for colour, marker, _ in (*drawn, ("#444444", "v", ""))
+    ]
+    handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
+    words = [*(text for *_, text in drawn), "upper limit", "1, 3 and 5 %"]
+    figure.legend(handles, words, loc="outside upper center", ncols=4)
     return figure
 
 
 def _size(row: TradeoffRow) -> tuple[float, bool]:
     """Return the error to draw, and whether it is only a limit."""
-    sizes = []
-    for quantity in ("flux", "snr"):
-        value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
-        sizes.append((value, False) if value > limit else (limit, True))
-    value, limit = max(sizes)
-    return (value, limit) if value > SMALLEST else (SMALLEST, True)
+    pairs = (row.flux_error, row.flux_uncertainty), (row.snr_error, row.snr_uncertainty)
+    sizes = [(abs(error or 0.0), limit or 0.0) for error, limit in pairs]
+    value, is_limit = max((max(size), size[0] <= size[1]) for size in sizes)
+    return (value, is_limit) if value > SMALLEST else (SMALLEST, True)
 
 
-def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
-    top = max([0.1, *(_size(row)[0] for row in rows)])
-    axes.set(xscale="log", yscale="log", ylim=(0.5 * SMALLEST, 3.0 * top))
+def _draw(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
+    """Draw the ways on one scene, and name the main ones."""
+    sizes = {row.point: _size(row) for row in rows}
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * SMALLEST, 3.0 * max([0.1, *(size for size, _ in sizes.values())])))
     axes.grid(visible=True)
     for level in (0.01, 0.03, 0.05):
         axes.axhline(level, color="#BBBBBB", lw=0.8, ls=":", zorder=1)
     for row in sorted(rows, key=lambda row: list(LOOKS).index(row.group)):
         _, colour, marker, _ = LOOKS[row.group]
-        value, limit = _size(row)
+        value, limit = sizes[row.point]
         thin = marker in "+x"
-        axes.plot(
-            row.wall_s or 0.0,
-            value,
-            marker="v" if limit else marker,
-            color=colour,
-            ls="none",
-            zorder=3,
-            ms=9 if marker == "*" else 6,
-            mew=1.3 if thin and not limit else 0.8,
-            mfc="none" if limit or thin else colour,
-            mec=colour,
-        )
-
-
-def _legend(groups: Collection[str]) -> tuple[list[Artist], list[str]]:
-    from matplotlib.lines import Line2D
-
-    drawn = [look for group, look in LOOKS.items() if group in groups]
-    handles: list[Artist] = [
-        Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+x" else colour)
-        for _, colour, marker, _ in drawn
-    ]
-    handles.append(Line2D([], [], color="#444444", marker="v", ls="none", ms=7, mfc="none"))
-    handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
-    return handles, [*(text for *_, text in drawn), "upper limit", "1, 3 and 5 %"]
+        how: dict[str, Any] = {"color": colour, "mec": colour, "mfc": "none" if limit or thin else colour}
+        how |= {"ms": 9 if marker == "*" else 6, "mew": 1.3 if thin and not limit else 0.8}
+        axes.plot(row.wall_s or 0.0, value, marker="v" if limit else marker, ls="none", zorder=3, **how)
+    named = [row for row in rows if row.point in _LABELS]
+    times, errors = [row.wall_s or 0.0 for row in named], [sizes[row.point][0] for row in named]
+    place_labels(axes, times, errors, [_LABELS[row.point] for row in named], fontsize=8.5)
 
 
 _MAX_BYTES = 100_000_000
@@ -244,7 +227,7 @@ def read_result(folder: Path) -> TradeoffResult | None:
         raise InputError("--out", str(folder), allowed=allowed, hint=f"its {RESULT} is something else") from None
 
 
-RESULT_VERSION = 1
+RESULT_VERSION = 2
 """Raised when rows of the same name are measured in another way, so that old folders are not continued."""
 GLANCE_FRAMES = 2
 
@@ -385,7 +368,7 @@ def _result(
     for case in SCENES.values():
         own = [rows[case.name, point.name] for point in points_of(case) if (case.name, point.name) in rows]
         if own:
-            ordered += compared(own, exposure_s=case.exposure_s)
+            ordered += compared(own)
             references = case.how.references_of(case.visits)
             shown.append(TradeoffScene.of(case, case.how, n_frames=own[0].n_frames, reference_visits=references))
     used = {row.machine for row in ordered} - {machine.key}

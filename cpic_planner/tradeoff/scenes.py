@@ -8,7 +8,7 @@ import functools
 import math
 import os
 import platform
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
@@ -19,12 +19,10 @@ from pydantic import Field
 from cpic_core import InputError, load_yaml
 from cpic_planner.queries import Strategy
 from cpic_planner.results import MachineRecord, SceneFrames
-from cpic_planner.validation import images_of
 from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
 from simulator.imaging import SceneModel
-from simulator.knobs import FIDELITIES, Dial
-from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Choice, Shortcuts, choose, forecast
-from simulator.observing import Observation, Role, observe
+from simulator.knobs import FIDELITIES
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, Shortcuts
 
 
 def this_machine() -> MachineRecord:
@@ -104,11 +102,6 @@ class FixedScene(SceneFrames):
         """Science visits."""
         return self.how.visits or 1
 
-    @property
-    def frames(self) -> dict[str, Any]:
-        """Band, exposure, number and gain of the frames."""
-        return {name: getattr(self, name) for name in ("band", "exposure_s", "n_frames", "em_gain")}
-
     @functools.cached_property
     def scene(self) -> Scene:
         """Star, planet and whatever else there is."""
@@ -160,35 +153,34 @@ def fixed_scene(name: str) -> FixedScene:
 
 @dataclass(frozen=True)
 class Effort:
-    """The number of draws for the noise, beside the visits themselves.
+    """The number of realisations for the noise, and the time of repeated calls.
 
     Attributes
     ----------
-    more_frames : int
-        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
-    draws : int
-        Of sums.
-    pairs, walk_pairs : int
-        Pairs of visits for the speckles, and for the effect of epochs on them.
     budget_s : float
         Time for repeated calls.
     realisations : int
-        Of a programme from sums of frames.
+        From sums of frames.
     visits_by_frames : int
         Science visits of all realisations together where every frame is drawn; two realisations at least.
+    changes : int
+        Realisations of ways that share their random numbers, and change one thing of the reference.
     """
 
-    more_frames: int = 48
-    draws: int = 40
-    pairs: int = 8
-    walk_pairs: int = 16
     budget_s: float = 1.5
     realisations: int = 48
     visits_by_frames: int = 24
+    changes: int = 3
+
+    def number_of(self, point: "Point", draw: str, visits: int) -> int:
+        """Return the realisations of a way."""
+        if draw == "sums":
+            return self.realisations
+        return self.changes if point.shares_process else max(2, self.visits_by_frames // visits)
 
 
 FULL_EFFORT = Effort()
-GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0, realisations=3, visits_by_frames=2)
+GLANCE = Effort(budget_s=0.0, realisations=3, visits_by_frames=2, changes=2)
 
 
 SEED = 1
@@ -202,30 +194,14 @@ class Setup(Shortcuts):
 
     Attributes
     ----------
-    drift : bool
-        Whether the wavefront drifts.
     scene_model : {"exact", "paper"}
     """
 
-    drift: bool = True
     scene_model: SceneModel = "exact"
 
-    def instrument(self, case: FixedScene) -> Instrument:
-        """Return the instrument of the scene as far as it is modelled."""
-        instrument = images_of(case.instrument) if self.draw == "sums" else case.instrument
-        names = self.still if self.drift else ("visit_nm", "walk_nm_per_sqrt_hour", "orbital_nm")
-        if names:
-            instrument = instrument.changed({"drift": dict.fromkeys(names, 0.0)})
-        return (instrument if self.sky else _dark_sky(instrument)).switched(self.switches)
-
-    def scene(self, case: FixedScene, *, planets: bool = True) -> Scene:
-        """Return what is shown, without planets if so asked."""
-        kept = self.kept_sources(case.scene)
-        return kept if planets else kept.without_planets()
-
-    def n_epochs(self, case: FixedScene) -> int:
-        """Return the wavefronts of one visit."""
-        return min(self.epochs, case.n_frames)
+    def sky_of(self, instrument: Instrument) -> Instrument:
+        """Return an instrument under the sky that is modelled."""
+        return instrument if self.sky else _dark_sky(instrument)
 
 
 def _dark_sky(instrument: Instrument) -> Instrument:
@@ -240,45 +216,6 @@ def _dark_sky(instrument: Instrument) -> Instrument:
 def reference_setup(case: FixedScene) -> Setup:
     """Return everything: whole frames one by one, every effect, the finest knobs, a wavefront for every frame."""
     return Setup("frames", "full", FIDELITIES["reference"], REFERENCE_EPOCHS, scene_model=case.scene_model)
-
-
-def choice_of(case: FixedScene, dial: Dial) -> Choice:
-    """Return what the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does."""
-    how: dict[str, Any] = {"scene_model": case.scene_model, "planets": (PLANET,), "reduced": True}
-    predicted = forecast(case.scene, case.instrument, **case.frames, **how, full=dial.fidelity == "reference")
-    return choose(predicted, dial.of("planet_flux", "snr"), fixed=("hole_region",))
-
-
-def chosen_by(case: FixedScene, choice: Choice) -> Setup:
-    """Return the setup of a choice of the effect ledger."""
-    own = {item.name: getattr(choice, item.name) for item in fields(Shortcuts)}
-    region = "hole" if choice.draw == "sums" else choice.region
-    return Setup(**own | {"region": region, "scene_model": case.scene_model})
-
-
-def visit(
-    case: FixedScene,
-    setup: Setup,
-    *,
-    role: Role = "science",
-    planets: bool = True,
-    n_frames: int | None = None,
-    epochs: int | None = None,
-    realisation: int = 0,
-) -> Observation:
-    """Return one visit; reference visits show no planet."""
-    return observe(
-        setup.scene(case, planets=planets and role == "science"),
-        **case.frames | ({} if n_frames is None else {"n_frames": n_frames}),
-        seed=SEED,
-        fidelity=setup.knobs,
-        instrument=setup.instrument(case),
-        role=role,
-        realisation=realisation,
-        window=setup.region,
-        scene_model=setup.scene_model,
-        max_epochs=1 if setup.draw == "sums" else epochs or setup.epochs,
-    )
 
 
 Group = Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
@@ -304,8 +241,6 @@ class Point:
         Of the dial.
     setup : Setup or None
         What is modelled, where the ledger does not decide it.
-    light_changes : bool
-        Whether the light on the detector differs from the reference's.
     """
 
     name: str
@@ -315,7 +250,6 @@ class Point:
     fidelity: str | None = None
     tolerance: float | None = None
     setup: Setup | None = None
-    light_changes: bool = True
 
     @property
     def shares_process(self) -> bool:
@@ -395,12 +329,11 @@ def _knobs(case: FixedScene) -> list[Point]:
 def _effects(case: FixedScene) -> list[Point]:
     switches = case.instrument.detector_of(case.band).switches.model_dump()
     changes: dict[str, dict[str, Any]] = {name: {"switches": {name: False}} for name, on in switches.items() if on}
-    changes |= {"sky": {"sky": False}, "drift": {"drift": False}}
+    changes |= {"sky": {"sky": False}, "drift": {"still": ("visit_nm", "walk_nm_per_sqrt_hour", "orbital_nm")}}
     if case.scene.stars:
         changes["other_stars"] = {"left_out": tuple(star.name for star in case.scene.stars)}
     best, points = reference_setup(case), []
     for name, change in changes.items():
         words = "drift of the wavefront" if name == "drift" else name.replace("_", " ")
-        setup, new = replace(best, **change), "switches" not in change
-        points.append(Point(f"no_{name}", f"without {words}", "effect", setup=setup, light_changes=new))
+        points.append(Point(f"no_{name}", f"without {words}", "effect", setup=replace(best, **change)))
     return points

@@ -162,12 +162,7 @@ def _audits(
 
 def _false(blind: BlindSearch, visits: VisitPair) -> int:
     """Return the detections where the scene has no planet and no star."""
-    reach = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
-    sources = visits.science.truth.sources[1:]
-    return sum(
-        not any(math.hypot(item.x_arcsec - one.x_arcsec, item.y_arcsec - one.y_arcsec) <= reach for one in sources)
-        for item in blind.detections
-    )
+    return sum(one.detected for one in blind.apart_from(visits.beside_arcsec, visits.geometry))
 
 
 def _star(visits: VisitPair, *, measured: bool) -> StarFlux:

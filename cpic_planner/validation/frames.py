@@ -226,16 +226,12 @@ def dark_bar(observation: Observation) -> BoolArray:
     return bar
 
 
-def frame_level(
-    observation: Observation, level_pixels: ArrayLike | None, *, flaws: NDArray[np.uint8], mean_e: FloatArray
-) -> FrameLevel | None:
-    """Return the fit of the level for frames of an observation.
+def frame_level(observation: Observation, *, flaws: NDArray[np.uint8], mean_e: FloatArray) -> FrameLevel | None:
+    """Return the fit of the level for frames of an observation, by the pixels of `dark_bar`.
 
     Parameters
     ----------
     observation : Observation
-    level_pixels : array_like of bool or None
-        Pixels to fit; those of `dark_bar` if None.
     flaws : ndarray of uint8
         `MaskBit` of the pixels: flawed ones are left out.
     mean_e : ndarray
@@ -249,7 +245,7 @@ def frame_level(
     Raises
     ------
     InputError
-        For fewer than 100 pixels, or an array that is no mask of them.
+        For fewer than 100 pixels behind the bar.
     """
     detector, gain = observation.instrument.detector, observation.em_gain
     structure, switches = detector.bias_structure, detector.switches
@@ -257,12 +253,10 @@ def frame_level(
     waves = switches.interference and structure.interference_adu > 0
     if not drifts and not waves:
         return None
-    chosen = dark_bar(observation) if level_pixels is None else level_pixels
-    pixels = np.flatnonzero(check_mask("level_pixels", chosen, observation.shape, empty=True) & (flaws == MaskBit.GOOD))
+    pixels = np.flatnonzero(dark_bar(observation) & (flaws == MaskBit.GOOD))
     if pixels.size < _LEAST_PIXELS:
-        allowed = f"at least {_LEAST_PIXELS} pixels"
-        hint = "name pixels without light, or switch off bias_drift and interference"
-        raise InputError("level_pixels", pixels.size, unit="px", allowed=allowed, hint=hint)
+        allowed, hint = f"at least {_LEAST_PIXELS} pixels", "switch off bias_drift and interference"
+        raise InputError("pixels behind the mask", pixels.size, unit="px", allowed=allowed, hint=hint)
     along_rows, along_columns = wave_angles(detector, observation.shape, *(observation.first_pixel or (0, 0)))
     angle = along_rows[:, None] + along_columns
     shapes = [np.ones(observation.shape)] + ([np.sin(angle), np.cos(angle)] if waves else [])
@@ -345,8 +339,6 @@ class CalibratedFrames:
 def calibrated_frames(
     observation: Observation,
     *,
-    level_pixels: ArrayLike | None = None,
-    keep_hot: bool = False,
     cropped: bool = False,
     numbers: Sequence[int] | None = None,
 ) -> CalibratedFrames:
@@ -356,11 +348,6 @@ def calibrated_frames(
     ----------
     observation : Observation
         Whole frames or the window around the hole.
-    level_pixels : array_like of bool, optional
-        Pixels without light from which level and pick-up of each frame are measured; by default those behind the
-        upright bar of the cross mask (`cpic_planner.validation.rdi`).
-    keep_hot : bool
-        Whether pixels of more than 100 times the median dark current count as usable.
     cropped : bool
         Keep the stamp around the mask alone, of the size of the PSF's. Whole frames are then drawn and calibrated one
         at a time, and only ``lost_outside`` tells of the rest.
@@ -390,11 +377,8 @@ def calibrated_frames(
         raise InputError("n_frames", observation.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")
     detector = observation.channel.detector
     steps: _AnySteps
-    if isinstance(detector, Detector):
-        steps = _Steps(observation, detector, level_pixels)
-    else:
-        steps = _InfraredSteps(observation, detector)
-    good = (steps.flaws & np.uint8(MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT)) == 0
+    steps = _Steps(observation, detector) if isinstance(detector, Detector) else _InfraredSteps(observation, detector)
+    good = (steps.flaws & np.uint8(MaskBit.BAD | MaskBit.HOT)) == 0
     hole = observation.psf.geometry.zone.covers(observation.area.rows, observation.area.columns)
     electrons = np.empty((len(chosen), rows, columns))
     usable, struck = np.empty(electrons.shape, dtype=np.bool_), np.empty(electrons.shape, dtype=np.bool_)
@@ -510,7 +494,7 @@ class _InfraredSteps(_AnySteps):
 class _Steps(_AnySteps):
     """Everything that does so in the visible."""
 
-    def __init__(self, observation: Observation, detector: Detector, level_pixels: ArrayLike | None) -> None:
+    def __init__(self, observation: Observation, detector: Detector) -> None:
         super().__init__(observation, detector)
         gain, exposure_s, maps, switches = observation.em_gain, observation.exposure_s, self.maps, detector.switches
         self.k_e_adu, self.em_gain = detector.gain_e_adu, gain
@@ -521,7 +505,7 @@ class _Steps(_AnySteps):
             cic = cic + detectors.RegisterClockCharge.mean_output_e(detector, gain) / gain
         self.cic_e = cic + FrameNoise.of(detector, gain, exposure_s).rest_e
         mean_e, flaws = self.dark_e + self.cic_e, maps.mask_of(switches)
-        self.level = frame_level(observation, level_pixels, flaws=flaws, mean_e=mean_e)
+        self.level = frame_level(observation, flaws=flaws, mean_e=mean_e)
         self.output_b = self.pixel_b = 0.0
         if switches.nonlinearity:
             self.output_b, self.pixel_b = detectors.output_curve(detector), detectors.pixel_curve(detector)
@@ -595,16 +579,10 @@ class Rejection:
         Pixel-frames that are hit or lie next to one that is.
     n_hit : int
         Pixel-frames above the limit, the neighbours not counted.
-    possible : bool
-        Whether there was anything to compare with.
-    reason : {"", "single_frame"}
-        Why not.
     """
 
     rejected: BoolArray
     n_hit: int
-    possible: bool
-    reason: str
 
     @property
     def fraction(self) -> float:
@@ -684,7 +662,7 @@ def reject_cosmic_rays(
     Returns
     -------
     Rejection
-        With a single frame nothing is rejected, ``possible`` is false and ``reason`` says so.
+        With a single frame nothing is rejected: there is nothing to compare it with.
 
     Raises
     ------
@@ -717,7 +695,7 @@ def reject_cosmic_rays(
     require("false_alarm", false_alarm, 0.0 < false_alarm < 0.1, "", "above 0 and below 0.1")
     n_frames, hit = len(data), np.zeros(data.shape, dtype=np.bool_)
     if n_frames < 2:
-        return Rejection(hit, 0, False, "single_frame")
+        return Rejection(hit, 0)
     pedestal = np.broadcast_to(np.asarray(pedestal_e, dtype=np.float64), data.shape[1:])
     sigma = math.sqrt(read_noise_e**2 + gain_e_adu**2 / 12.0) / em_gain
     # Unusable pixel-frames count as empty and are not tested.
@@ -748,7 +726,7 @@ def reject_cosmic_rays(
         active = active[changed]
         active = active[count[active] >= 2]
     n_hit = int(np.count_nonzero(hit))
-    return Rejection(grown(hit) if grow and n_hit else hit, n_hit, True, "")
+    return Rejection(grown(hit) if grow and n_hit else hit, n_hit)
 
 
 def rejected_in(frames: CalibratedFrames) -> Rejection:

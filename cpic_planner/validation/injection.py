@@ -26,7 +26,7 @@ from cpic_planner.validation.measure import (
 )
 from cpic_planner.validation.rdi import ReducedStack
 from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
-from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch, Candidate, Searcher
+from cpic_planner.validation.search import BlindSearch, Candidate, Searcher
 from cpic_planner.validation.task import ConfirmTask, modelling_of
 from simulator.imaging import BandGeometry
 
@@ -224,11 +224,10 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         return {"refused": why}
     rate_e_s = visits.science.truth.sources[0].rate_e_s
     geometry, maps = visits.geometry, maps_of(visits)
-    beside = [(one.x_arcsec, one.y_arcsec) for one in visits.science.truth.sources[1:]]
     places = []
     for separation in own.places_arcsec:
         x, y = (float(part) for part in diagonal(geometry.zone, separation))
-        place = place_at(geometry, visits.strategy, "place", ((x, y),), beside)
+        place = place_at(geometry, visits.strategy, "place", ((x, y),), visits.beside_arcsec)
         measured = obstacle(place, geometry, visits.strategy) is None
         places.append(with_image(visits, place) if measured else None)
     speckles = speckles_of(visits, rate_e_s)
@@ -239,12 +238,7 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, speckles) for place in places])
         blind = searcher_of(visits, drawn.reduced, rate_e_s, maps)
         empty = blind.search(drawn.reduced.image_e)
-        reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
-        noise = [
-            one
-            for one in empty.candidates
-            if all(math.hypot(one.x_arcsec - x, one.y_arcsec - y) > reach for x, y in beside)
-        ]
+        noise = empty.apart_from(visits.beside_arcsec, geometry)
         body["alarms"].append([one.false_alarms for one in noise])
         body["elements"].append(empty.region.n_elements)
         planets = own.planets if number < own.planets_until else []

@@ -133,8 +133,8 @@ class RdiResult:
     ----------
     residuals : ndarray
         Science frames minus their projection, shape of ``science``; 0 outside ``region``.
-    modes_requested, modes_used : int
-        Number of modes asked for and subtracted.
+    modes_used : int
+        Number of modes that were subtracted.
     truncated : bool
         Whether fewer modes were used because the references have no more (``modes_used`` is then their rank).
     centering : str
@@ -148,7 +148,6 @@ class RdiResult:
     """
 
     residuals: FloatArray
-    modes_requested: int
     modes_used: int
     truncated: bool
     centering: str
@@ -299,7 +298,6 @@ def rdi_subtract(
     used = len(singular)
     return RdiResult(
         residuals=as_images(_remove(rows, modes), pixels, targets.shape),
-        modes_requested=int(n_modes),
         modes_used=used,
         truncated=used < n_modes,
         centering=centering,

@@ -166,6 +166,11 @@ class VisitPair:
                 light -= one.rate_e_s * self.optics.at(one.x_arcsec, one.y_arcsec)
         return light
 
+    @property
+    def beside_arcsec(self) -> list[tuple[float, float]]:
+        """Places of the sources beside the star, offsets x and y on the detector."""
+        return [(one.x_arcsec, one.y_arcsec) for one in self.science.truth.sources[1:]]
+
     def visit(self, role: Role, number: int) -> Observation:
         """Return a visit of the programme, to be run frame by frame."""
         first = self.science if role == "science" else self.reference
@@ -318,6 +323,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
             realisation=realisation,
             timing=task.timing,
             window="hole" if sums else how.region,
+            scene_model=how.scene_model,
             max_epochs=1 if sums else how.epochs,  # sums draw their own drift
             **visit,
         )

@@ -535,8 +535,6 @@ class BlindSearch:
         Least `Candidate.significance` of a detection; ``unreachable`` in a region too small to know its noise.
     sigma : float
         Gaussian significance that was asked for.
-    per_search : bool
-        Whether it holds for the whole search instead of for each resolution element.
     region : SearchedRegion
         Positions that were searched.
     roughness : float
@@ -558,7 +556,6 @@ class BlindSearch:
     candidates: tuple[Candidate, ...]
     threshold: Outcome[float]
     sigma: float
-    per_search: bool
     region: SearchedRegion
     roughness: float
     white_level: float
@@ -588,6 +585,12 @@ class BlindSearch:
             if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
         ]
 
+    def apart_from(self, places_arcsec: Sequence[tuple[float, float]], geometry: BandGeometry) -> list[Candidate]:
+        """Return the candidates that are no detection of a source at one of some places, offsets on the detector."""
+        reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
+        near = [id(one) for place in places_arcsec for one in self.near(*place, reach)]
+        return [one for one in self.candidates if id(one) not in near]
+
     def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
         """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
 
@@ -616,8 +619,6 @@ class Searcher:
     sigma : float
         Gaussian significance, 2.5 to 20, that states the false-alarm probability. By default noise passes for a source
         with this probability in each resolution element of ``(lambda/D)^2``, as in `detection_threshold`.
-    per_search : bool
-        That probability for the whole search instead.
     known : sequence of (x_arcsec, y_arcsec)
         Sources that are neither reported nor allowed to count as noise.
     visits, reference_visits : int
@@ -672,7 +673,6 @@ class Searcher:
         *,
         star_rate_e_s: float,
         sigma: float = 5.0,
-        per_search: bool = False,
         known: Sequence[tuple[float, float]] = (),
         visits: int = 1,
         reference_visits: int = 1,
@@ -690,7 +690,7 @@ class Searcher:
             raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
         self._stack, self._psf, self._maps = stack, psf, maps
         self._visits, self._references, self._common_fraction = visits, reference_visits, common_fraction
-        self.sigma, self.per_search, self.visit_nm = sigma, per_search, maps.visit_nm if maps.n_visits else 0.0
+        self.sigma, self.visit_nm = sigma, maps.visit_nm if maps.n_visits else 0.0
         self.pairs, star_e = float(effective_visits(visits, reference_visits)), star_rate_e_s * stack.integration_s
         self._kernel = maps.kernel
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
@@ -1046,11 +1046,11 @@ class Searcher:
             text = f"{field.samples:.3g} independent samples of noise: too few to know the noise"
             threshold: Outcome[float] = Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
             zero = np.zeros(image.shape)
-            return BlindSearch((), threshold, self.sigma, self.per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
+            return BlindSearch((), threshold, self.sigma, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
         peaks: list[Peak] = []
         while True:
             state = field.measure(image)
-            level = search_threshold(field.size, state.roughness, sigma=self.sigma, per_search=self.per_search)
+            level = search_threshold(field.size, state.roughness, sigma=self.sigma)
             found = field.peaks(state)
             clean = max(_CLEANED_SIGMA, level.unwrap())
             if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
@@ -1066,7 +1066,6 @@ class Searcher:
             candidates=tuple(sorted(candidates, key=lambda one: -one.snr_mf)),
             threshold=level,
             sigma=self.sigma,
-            per_search=self.per_search,
             region=field.size,
             roughness=state.roughness,
             white_level=math.exp(state.fit.logs[0]),

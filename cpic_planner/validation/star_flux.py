@@ -43,25 +43,16 @@ class StarFlux:
         Its 1-sigma error.
     method : {"off_mask", "known"}
         How it was measured; ``known`` for that of the scene.
-    flux_e : float
-        Electrons measured in the aperture, background taken off.
-    core : float
-        Fraction of the energy on the clear pupil that this flux is.
-    time_s : float
-        Summed exposure.
     """
 
     rate_e_s: float
     error_e_s: float
     method: Literal["off_mask", "known"]
-    flux_e: float
-    core: float
-    time_s: float
 
     @classmethod
     def known(cls, rate_e_s: float) -> "StarFlux":
         """Return a rate that is known without a measurement, as the scene's own."""
-        return cls(rate_e_s, 0.0, "known", rate_e_s, 1.0, 1.0)
+        return cls(rate_e_s, 0.0, "known")
 
 
 def off_mask_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
@@ -239,10 +230,9 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     light = np.where(summed.covered, summed.image_e, 0.0)
     variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
     flux = float(np.sum(weights * light[rows, columns]))
-    time = frames.n_frames * frames.exposure_s
     error = math.sqrt(float(np.sum(weights[seen] ** 2 * variance[rows, columns][seen])))
-    scale = core * time
-    return Outcome.ok(StarFlux(flux / scale, error / scale, "off_mask", flux, core, time), unit="e-/s")
+    scale = core * (frames.n_frames * frames.exposure_s)
+    return Outcome.ok(StarFlux(flux / scale, error / scale, "off_mask"), unit="e-/s")
 
 
 def _weights(

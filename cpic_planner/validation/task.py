@@ -27,7 +27,7 @@ from simulator.config import (
     companion_of,
     validate,
 )
-from simulator.imaging import LARGEST_NM, RMS_ERROR, expands, psf_metrics
+from simulator.imaging import LARGEST_NM, RMS_ERROR, SceneModel, expands, psf_metrics
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.observing import Role
@@ -468,10 +468,9 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     frames = round(task.n_all_frames)
     stamp_s = _stamp_s(how.knobs)
     work = _SETUP_S + _SETUP_STAMPS * stamp_s
-    one_by_one, largest = 0, 0
+    one_by_one, largest, visits = 0, 0, task.visits + task.reference_visits
     if how.draw == "sums":
         runs = task.realisations
-        visits = task.visits + task.reference_visits
         light_s = min(how.epochs, task.n_frames) * _HOLE_SHARE * stamp_s if how.exact else 0.0
         work += runs * (_SUMS_S + visits * (_VISIT_S + light_s))
         if task.audit:
@@ -481,15 +480,10 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     else:
         runs = how.runs_by_frames(task.realisations)
         one_by_one, largest = runs * frames, task.n_frames
-        work += runs * _frames_s(how, how.region, task, frames, stamp_s)
+        work += runs * (visits * min(how.epochs, task.n_frames) * stamp_s + frames * _FRAME_S[how.region])
     stack = largest * how.knobs.stamp_pixels**2 * 2 * _STACK_BYTES / 1e6
     whole = _WHOLE_FRAME_MB if how.draw == "frames" and how.region == "full" else 0.0
     return TaskCost(work, runs, one_by_one, _BASE_MB + whole + stack)
-
-
-def _frames_s(how: "Modelling", region: str, task: ConfirmTask, frames: int, stamp_s: float) -> float:
-    visits = task.visits + task.reference_visits
-    return visits * min(how.epochs, task.n_frames) * stamp_s + frames * _FRAME_S[region]
 
 
 def _stamp_s(knobs: Knobs) -> float:
@@ -604,10 +598,13 @@ class Modelling(Choice):
         With the tolerances of what is measured.
     exact : bool
         Whether sums have a transform of each wavefront, and not the expansion of `simulator.imaging.visit_light`.
+    scene_model : {"exact", "paper"}
+        As of `simulator.observe`.
     """
 
     dial: Dial
     exact: bool
+    scene_model: SceneModel = "exact"
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """Return the camera with what is modelled of it."""

@@ -42,7 +42,7 @@ from cpic_planner.results import (
 )
 from cpic_planner.web.addresses import ETC, RANK, Addresses, Pairs, Q, Submission, address, check_shipped, python_lines
 from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
-from cpic_planner.web.pages import MEDIA, Answer, Page, blocks_of, cited, elsewhere, figure_blocks, notes_blocks
+from cpic_planner.web.pages import MEDIA, Answer, Page, cited, elsewhere, figure_blocks, notes_blocks
 from simulator.config import preset_names
 
 if TYPE_CHECKING:
@@ -106,12 +106,12 @@ def _fresh_etc(pairs: Pairs, submission: Submission | None) -> Answered:
 def _etc(pairs: Pairs, submission: Submission | None) -> Answer:
     answer = etc_answer(pairs) if submission is None else _fresh_etc(pairs, submission)
     title = f"{report.pretty_name(answer.result.target)}: {ETC_PAGE.title}"
-    return Answer(title, answer.result, partial(_etc_blocks, answer, pairs, submission), answer.print)
+    return Answer(title, answer.result, partial(_etc_blocks, answer, pairs, submission))
 
 
 def _etc_blocks(answer: Answered, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
     """Return an answer as blocks; with files the figure is in the page, and there are no lines of Python."""
-    blocks, result = blocks_of(answer.print), answer.result
+    blocks, result = list(answer.blocks()), answer.result
     if any(row.budget for row in result.answers):
         alt = f"SNR against wall time, contrast limit against separation, and noise budget of {result.target}"
         place = address(ETC_PAGE.drawing("", "svg"), pairs) if submission is None else ""
@@ -199,8 +199,7 @@ def _rank(pairs: Pairs, submission: Submission | None) -> Answer:
     else:
         with _question(RANK, asked, submission) as question:
             result = prepared(question).ranked()
-    tables = partial(report.print_rank, result, limit=_rows(pairs))
-    return Answer(RANK_PAGE.title, result, partial(_rank_blocks, result, pairs, submission), tables)
+    return Answer(RANK_PAGE.title, result, partial(_rank_blocks, result, pairs, submission))
 
 
 def _rank_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
@@ -209,7 +208,7 @@ def _rank_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
 
 def _rank_blocks(result: RankResult, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
     asked, limit = _without(pairs, "limit"), _rows(pairs)
-    blocks = blocks_of(partial(report.print_rank, result, limit=limit, full=False))
+    blocks = list(report.rank_blocks(result, limit=limit, full=False))
     if result.targets:
         alt = f"Scores of the first {min(limit, len(result.targets), report.MOST_STARS)} stars"
         place = address(RANK_PAGE.drawing("", "svg"), asked, limit=str(limit)) if submission is None else ""
@@ -349,7 +348,7 @@ def _star_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
 
 def _star(pairs: Pairs, submission: Submission | None) -> Answer:
     answer = star_answer(pairs)
-    return Answer(report.full_name(answer.name, answer.hip or 0), answer, lambda: list(_star_blocks(answer, pairs)))
+    return Answer(report.full_name(answer.name, answer.hip or 0), answer, partial(_star_blocks, answer, pairs))
 
 
 def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
@@ -359,7 +358,7 @@ def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
     yield report.Heading("Known planets")
     yield from _planets(answer, pairs)
     yield report.Heading("When it is seen")
-    yield from blocks_of(partial(report.print_visibility, answer.seasons))
+    yield from report.visibility_blocks(answer.seasons)
     alt = f"Time per orbit in which {report.pretty_name(answer.name)} is seen, day by day, and the angles"
     yield report.Figure(report.Picture(address(STAR.drawing("seasons", "svg"), pairs), alt, f"{alt}."))
     quoted, start = f'"{answer.name}"', answer.date_utc[:10]
@@ -369,19 +368,20 @@ def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
     yield from elsewhere(commands, f"; {answer.catalogue}")
 
 
+_STAR_FACTS = {
+    "V": "{v_mag:.2f} mag",
+    "Distance": "{distance_pc:.4g} pc",
+    "Spectral type": "{sp_type}",
+    "Temperature": "{teff_k:.0f} K",
+    "Luminosity": "{luminosity_lsun:.3g} L☉",
+    "Companion": "at {companion_separation_arcsec:.3g}″ on {date_utc}",
+}
+
+
 def _facts(star: StarResult) -> Iterator[report.Block]:
     if star.note:
         yield report.Paragraph(star.note, "note")
-    companion = star.companion_separation_arcsec
-    facts: list[tuple[Any, Any]] = [
-        ("V", f"{star.v_mag:.2f} mag"),
-        ("Distance", f"{star.distance_pc:.4g} pc"),
-        ("Spectral type", star.sp_type or "not known"),
-        ("Temperature", f"{star.teff_k:.0f} K"),
-        ("Luminosity", f"{star.luminosity_lsun:.3g} L☉"),
-        ("Companion", "none that counts" if companion is None else f"at {companion:.3g}″ on {star.date_utc[:10]}"),
-    ]
-    yield report.Facts(facts, wide=False)
+    yield report.Facts(report.facts_of(star, _STAR_FACTS), wide=False)
     target = address(ETC.page, [("target", star.name)])
     asked = [
         report.page_link(target, "SNR in ten hours"),
@@ -400,7 +400,7 @@ def _priority(answer: StarResult) -> Iterator[report.Block]:
     if why.star.tier is not None:
         yield report.Paragraph(f"Tier {why.star.tier}: {report.TIERS[why.star.tier]}.", "lead")
     yield from report.priority_blocks(rank, [why.star])
-    yield from blocks_of(partial(report.print_explanation, why))
+    yield from report.explanation_blocks(why)
     yield report.Paragraph(_velocities(answer.name, why.star))
 
 
@@ -422,8 +422,8 @@ def _planets(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
         yield report.Paragraph("None is listed.")
         return
     if any(row.counted and row.windows for row in known.planets):
-        yield from report.known_blocks(known)
-    yield from blocks_of(partial(report.print_known, known))
+        yield from report.window_blocks(known)
+    yield from report.known_blocks(known)
     if _followed(known):
         alt = f"Separation of the known planets of {report.pretty_name(answer.name)} against time, with the dark holes"
         yield report.Figure(report.Picture(address(STAR.drawing("planets", "svg"), pairs), alt, f"{alt}."))
@@ -500,16 +500,16 @@ def _differences(
     differing: InstrumentResult, labels: tuple[str, str], answers: Sequence[Answered]
 ) -> Iterable[report.Block]:
     if differing.values:
-        yield from blocks_of(partial(report.print_instrument, differing, "key value other unit"))
+        yield from report.instrument_blocks(differing, "key value other unit")
     else:
         yield report.Paragraph(f"{differing.title}: the same in every value.")
     if not answers:
         yield report.Paragraph("With a star below, both answer the same question.", "note")
         return
     both = list(zip(labels, answers, strict=True))
-    yield from blocks_of(partial(report.print_both, [(name, answer.result) for name, answer in both]))
+    yield from report.both_blocks([(name, answer.result) for name, answer in both])
     for name, answer in both:
-        yield report.Fold(f"All that {name} answers", blocks_of(answer.print))
+        yield report.Fold(f"All that {name} answers", list(answer.blocks()))
 
 
 def _same_comparison(pairs: Pairs) -> list[report.Block]:
@@ -558,8 +558,9 @@ def _columns(pairs: Pairs, submission: Submission | None) -> Answer:
         raise InputError(_TABLE, "missing", allowed="a file that is sent with the form")
     result = ColumnsResult.of_files(table_readings(given[_TABLE], given.get(_KIND)))
     command = f"cpic catalog columns {result.file}{f' --as {given[_KIND]}' if _KIND in given else ''}"
-    tables = partial(report.print_columns, result)
-    return Answer(f"Columns of {given[_TABLE]}", result, lambda: [*blocks_of(tables), *elsewhere([command], None)])
+    return Answer(
+        f"Columns of {given[_TABLE]}", result, lambda: [*report.columns_blocks(result), *elsewhere([command], None)]
+    )
 
 
 COLUMNS = Page(

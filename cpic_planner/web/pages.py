@@ -9,9 +9,7 @@ import json
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
-from urllib.parse import urlencode
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
@@ -19,15 +17,15 @@ from starlette.responses import JSONResponse, Response
 
 from cpic_core import InputError, dump_json
 from cpic_planner import report
-from cpic_planner.results import RankedTarget, Result
+from cpic_planner.results import Result
 from cpic_planner.version import __version__
 from cpic_planner.web.addresses import Pairs, Submission, address
 from cpic_planner.web.forms import Form, own_form
 from cpic_planner.web.guard import line
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from matplotlib.figure import Figure
-    from rich.console import Console
 
 MEDIA = {
     "json": "application/json",
@@ -43,7 +41,6 @@ FIGURE_MEDIA: dict[FigureForm, str] = {"svg": "image/svg+xml", "png": "image/png
 """Media type of each form of a figure; its values are a page of tables."""
 _PENCIL = threading.Lock()
 """Matplotlib's settings are those of the process: one figure is drawn at a time."""
-_LEAST_ROWS = 3
 
 
 class Problem(BaseModel):
@@ -75,28 +72,21 @@ class Answer:
     title : str
     result : Result
     blocks : callable
-        Returns the answer as blocks of the page.
-    tables : callable, optional
-        Prints its tables on a console; for pages that give other forms than JSON.
+        Returns the answer as blocks of the page; its first table has other forms than JSON.
     """
 
     title: str
     result: Result
-    blocks: Callable[[], list[report.Block]]
-    tables: Callable[[Console], None] | None = None
+    blocks: Callable[[], Iterable[report.Block]]
 
     def text(self, form: str) -> str:
         """Return the answer in a form of `MEDIA`, to the byte as the command line prints it."""
         if form == "json":
             return dump_json(self.result.model_dump(mode="json"))
-        from rich.console import Console
-
-        sheet = report.Sheet(Console(width=110, highlight=False), form)
-        if self.tables is not None:
-            self.tables(cast("Console", sheet))
-        if sheet.taken is None:
+        table = report.first_table(self.blocks())
+        if table is None:
             raise InputError("format", form, allowed="html or json: this answer has no table")
-        return report.form_text(form, self.result, sheet.taken)
+        return report.form_text(form, self.result, table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +156,7 @@ class Page:
         if submission is not None:
             return page(answer.title, self.about, own_form(form), [*answer.blocks(), *_sent_blocks(submission)])
         own = address(f"{self.path}/own", pairs) if self.has_own else ""
-        return page(answer.title, self.about, form, answer.blocks(), self.sources(pairs), own)
+        return page(answer.title, self.about, form, list(answer.blocks()), self.sources(pairs), own)
 
 
 def html(text: str, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
@@ -199,17 +189,21 @@ def page_or_json(form: str) -> bool:
     return form == "json"
 
 
+def _templates() -> Environment:
+    return report.templates("cpic_planner.web", "cpic_planner.report", star_page="/star")
+
+
 @functools.lru_cache(maxsize=1)
 def style_sheet() -> bytes:
     """Return the style of all pages: that of the reports, and that of forms."""
-    environment = report.templates("cpic_planner.web", "cpic_planner.report")
+    environment = _templates()
     return "".join(environment.get_template(name).render() for name in ("plan.css", "web.css")).encode()
 
 
 @functools.lru_cache(maxsize=1)
 def script() -> bytes:
     """Return the script of all pages; they work without it."""
-    environment = report.templates("cpic_planner.web", "cpic_planner.report")
+    environment = _templates()
     assert environment.loader is not None
     return environment.loader.get_source(environment, "page.js")[0].encode()
 
@@ -250,7 +244,7 @@ def plain_page(title: str, about: str, heading: str, blocks: Sequence[report.Blo
 
 
 def _rendered(name: str, told: Mapping[str, Any]) -> str:
-    template = report.templates("cpic_planner.web", "cpic_planner.report").get_template(name)
+    template = _templates().get_template(name)
     return template.render(version=__version__, **told)
 
 
@@ -350,81 +344,3 @@ def values_page(title: str, figure: str, answer: str, panels: bytes) -> str:
     blocks.append(report.Paragraph(report.page_link(answer, "Back to the answer")))
     blocks += report.values_blocks(json.loads(panels))
     return plain_page(title, "What the figure shows, in tables.", "Values of the figure", blocks)
-
-
-class Blocks(report.Sheet):
-    """Stands where a console does, and keeps what is printed as blocks of a page."""
-
-    def __init__(self) -> None:
-        self.form, self.width, self.encoding, self.taken = "page", 0, "utf-8", None
-        self.blocks: list[report.Block] = []
-
-    def take(self, title: str, columns: Sequence[report.Cells], entries: list[Any]) -> None:
-        """Keep a table, and what its headings mean."""
-        columns, same = _told_once(columns, entries)
-        named = [(column.label or column.header, column.unit) for column in columns]
-        looks = ["" if column.right else "left" for column in columns]
-        looks[-1] += " verdict" * (not columns[-1].right)
-        texts: list[Any] = [[f"{name} ", report.small(unit)] if unit else name for name, unit in named]
-        heads = tuple(map(report.Cell, texts, looks))
-        rows = [[_cell(column, entry) for column in columns] for entry in entries]
-        picked = frozenset(number for number, row in enumerate(rows) if str(row[0]).startswith("→"))
-        first_heads = [True] + [False] * (len(columns) - 1)
-        cells = tuple(tuple(map(report.Cell, row, looks, first_heads)) for row in rows)
-        first, *more = title.split("\n")
-        caption: Any = [report.strong(f"{first}."), *(f" {text}." for text in [*more, *filter(None, [same])])]
-        self.blocks.append(report.Table(first, caption, heads, cells, "", picked))
-        said = [f"{column.label or column.header}: {column.legend}." for column in columns if column.legend]
-        if said:
-            self.blocks.append(report.Fold("What the headings mean", [report.Items(said)]))
-
-    def print(self, *objects: Any, **look: Any) -> None:
-        """Keep a line."""
-        text = " ".join(str(item) for item in objects).strip()
-        if text and getattr(objects[0], "style", "") == "bold":
-            self.blocks.append(report.Heading(text))
-        elif text:
-            self.blocks.append(report.Paragraph(text, "note" if text.startswith(("!", "Note")) else ""))
-
-
-def _told_once(columns: Sequence[report.Cells], entries: Sequence[Any]) -> tuple[list[report.Cells], str]:
-    """Return the columns without those that repeat another one in every row, and a sentence that says which these are.
-
-    Fewer than three rows, and cells without a value, repeat by chance; the last column, the status, always stays.
-    """
-    kept: dict[tuple[str, ...], report.Cells] = {}
-    same = []
-    for number, column in enumerate(columns):
-        texts = tuple(str(column.text(entry)).strip() for entry in entries)
-        chance = len(texts) < _LEAST_ROWS or set(texts) <= {"", report.MISSING} or number + 1 == len(columns)
-        first = kept.setdefault((str(number),) if chance else texts, column)
-        if first is not column:
-            same.append(f"{column.label or column.header} (as {first.label or first.header})")
-    return list(kept.values()), f"Left out, because alike in every row: {', '.join(same)}" * bool(same)
-
-
-def _cell(column: report.Cells, entry: Any) -> Any:
-    """Return the text of a cell; a ranked star leads to its page."""
-    text = column.cell(entry).strip()
-    if isinstance(entry, RankedTarget) and column.fields == ("name",):
-        name = f"HIP {entry.hip}" if entry.hip else entry.name
-        return report.page_link(f"/star?{urlencode({'name': name})}", text)
-    return text
-
-
-def blocks_of(tables: Callable[[Console], None]) -> list[report.Block]:
-    """Return what a function prints on a console as blocks of a page."""
-    sheet = Blocks()
-    tables(cast("Console", sheet))
-    return [block for part in groupby(sheet.blocks, key=_is_plain) for block in _listed(*part)]
-
-
-def _is_plain(block: report.Block) -> bool:
-    return isinstance(block, report.Paragraph) and not block.look
-
-
-def _listed(plain: bool, blocks: Iterable[report.Block]) -> list[report.Block]:
-    """Return blocks, or one list of many lines: a wall of them is not read."""
-    found = list(blocks)
-    texts = [block.text for block in found if isinstance(block, report.Paragraph)]
-    return [report.Items(texts)] if plain and len(texts) >= _LEAST_ROWS else found

@@ -250,9 +250,7 @@ class RunPages:
         elif not runs:
             blocks = [report.Paragraph("There are no plans, what-ifs or rankings in the folder yet.")]
         else:
-            heads = tuple(report.Cell(text, "left") for text in ("Title", "Kind", "State", "Ended (UTC)", "Hash"))
-            rows = tuple(tuple(map(report.Cell, _cells(run), ["left"] * 5, [True] + [False] * 4)) for run in runs)
-            blocks = [report.Table("Runs", "Runs, the latest first.", heads, rows)]
+            blocks = [report.Table("Runs, the latest first", _COLUMNS, runs)]
         return pages.html(pages.plain_page(_TITLE, _ABOUT, "Runs", blocks))
 
     async def _one(self, request: Request) -> Response:
@@ -276,9 +274,13 @@ class RunPages:
         return Response(body, media_type=FILES[name], headers={"Cache-Control": "private, no-cache"} | policy)
 
 
-def _cells(run: RunAnswer) -> list[Any]:
-    link = report.page_link(f"/runs/{run.id}", run.title)
-    return [link, _KINDS[run.kind], run.state, run.date_utc[:19].replace("T", " "), report.code(run.config_hash)]
+_COLUMNS = [
+    report.own_column("title", lambda run: report.page_link(f"/runs/{run.id}", run.title), look="left"),
+    report.own_column("kind", lambda run: _KINDS[run.kind], look="left"),
+    report.own_column("state", "{state}", look="left"),
+    report.own_column("ended (UTC)", lambda run: run.date_utc[:19].replace("T", " "), look="left"),
+    report.own_column("hash", lambda run: report.code(run.config_hash), look="left"),
+]
 
 
 @functools.lru_cache(maxsize=1)

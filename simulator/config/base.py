@@ -169,32 +169,6 @@ def bare_value(item: Any) -> Any:
     return item.get("value") if isinstance(item, Mapping) else item
 
 
-def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> M:
-    """Return a copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
-
-    Parameters
-    ----------
-    switches : M
-    off : iterable of str, optional
-        Switches to turn off.
-    on : iterable of str, optional
-        Switches to turn on afterwards.
-
-    Raises
-    ------
-    InputError
-        For a name that is no switch.
-    """
-    names = tuple(type(switches).model_fields)
-    values = switches.model_dump()
-    for chosen, value in ((tuple(off), False), (tuple(on), True)):
-        for name in names if chosen == ("all",) else chosen:
-            if name not in names:
-                raise InputError("switches", name, allowed=", ".join(names))
-            values[name] = value
-    return type(switches)(**values)
-
-
 def validate(model: type[M], tree: Any, *, where: str = "") -> M:
     """Validate ``tree`` as ``model``.
 
@@ -263,8 +237,7 @@ def _field(model: Any, loc: Iterable[int | str]) -> Any:
     for part in loc:
         info = getattr(found, "model_fields", {}).get(part)
         if info is not None:
-            whole = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
-            found = next(_models(info.annotation), whole)
+            found = next(_models(info.annotation), _annotation_of(info))
     return found
 
 

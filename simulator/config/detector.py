@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 
 from pydantic import Field
 
-from cpic_core import InputError
+from cpic_core import InputError, check_word
 from simulator import detectors
-from simulator.config.base import FrozenModel, bare_value, flipped
+from simulator.config.base import FrozenModel, bare_value
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
@@ -171,7 +171,12 @@ class _AnyDetector(FrozenModel):
         InputError
             For a name that is no switch.
         """
-        return self.model_copy(update={"switches": flipped(self.switches, off=off, on=on)})
+        names, changed = tuple(type(self.switches).model_fields), dict[str, bool]()
+        for chosen, state in ((off, False), (on, True)):
+            for name in names if chosen == ("all",) else chosen:
+                check_word("switches", name, names)
+                changed[name] = state
+        return self.with_switches(changed)
 
 
 class Detector(_AnyDetector, OwnVisible):

@@ -1,7 +1,7 @@
 """A simulation as configuration: sequences of frames taken one after another, from files, presets and mappings."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -463,31 +463,23 @@ def _loaded(item: Mapping[str, Any], base: Instrument, folder: Path | None, wher
     with inside(where):
         own = result.get("instrument")
         if isinstance(own, Mapping):
-            result["instrument"] = base.changed(own if folder is None else paths_beside(dict(own), folder))
+            result["instrument"] = base.changed(_beside(own, folder, paths_beside))
         else:
             result["instrument"] = base if own is None else _instrument(own, folder)
         for key in ("scene", "reference_scene"):
             if result.get(key) is not None:
-                result[key] = _scene(result[key], folder)
+                result[key] = scene_file.load_scene(_beside(result[key], folder, scene_file.paths_beside))
     return result
 
 
-def _scene(source: Any, folder: Path | None) -> scene_file.Scene:
-    if folder is not None and isinstance(source, Mapping):
-        source = scene_file.paths_beside(dict(source), folder)
-    return scene_file.load_scene(_beside(source, folder))
-
-
 def _instrument(source: Any, folder: Path | None) -> Instrument:
-    if isinstance(source, Instrument):
-        return source
+    return source if isinstance(source, Instrument) else load_instrument(_beside(source, folder, paths_beside))
+
+
+def _beside(source: Any, folder: Path | None, whole: Callable[[Any, Path], Any]) -> Any:
+    """Return a source with the paths of files that lie beside the simulation's made whole, its own or those in it."""
     if folder is not None and isinstance(source, Mapping):
-        source = paths_beside(dict(source), folder)
-    return load_instrument(_beside(source, folder))
-
-
-def _beside(source: Any, folder: Path | None) -> Any:
-    """Return the path of a file that lies beside the simulation's, other sources as they are."""
+        return whole(dict(source), folder)
     if folder is not None and isinstance(source, str) and is_file(folder / source):
         return folder / source
     return source

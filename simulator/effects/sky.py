@@ -465,7 +465,12 @@ def sky_rate_e_s_arcsec2(
 
 
 def sky_rates_e_s_arcsec2(
-    instrument: Instrument, band: str, ra_deg: FloatArray, dec_deg: FloatArray, start_utc: str | None = None
+    instrument: Instrument,
+    band: str,
+    ra_deg: FloatArray,
+    dec_deg: FloatArray,
+    start_utc: str | None = None,
+    passbands: Passbands | None = None,
 ) -> FloatArray:
     """Return the detected rates of the sky at many places, as `sky_rate_e_s_arcsec2`.
 
@@ -476,12 +481,15 @@ def sky_rates_e_s_arcsec2(
     ra_deg, dec_deg : ndarray, shape (n,)
         ICRS positions, degrees; nan where there are none.
     start_utc : str, optional
+    passbands : Passbands, optional
+        Those of the instrument, where they are at hand.
 
     Returns
     -------
     ndarray, shape (n,)
     """
-    return sum(_parts(instrument, band, ra_deg, dec_deg, start_utc)[0].values(), np.zeros(len(ra_deg)))
+    parts, _ = _parts(instrument, band, ra_deg, dec_deg, start_utc, passbands)
+    return sum(parts.values(), np.zeros(len(ra_deg)))
 
 
 def sky_place_unknown(instrument: Instrument, ra_deg: ArrayLike, dec_deg: ArrayLike) -> BoolArray:
@@ -491,10 +499,16 @@ def sky_place_unknown(instrument: Instrument, ra_deg: ArrayLike, dec_deg: ArrayL
 
 
 def _parts(
-    instrument: Instrument, band: str, ra_deg: FloatArray, dec_deg: FloatArray, start_utc: str | None
+    instrument: Instrument,
+    band: str,
+    ra_deg: FloatArray,
+    dec_deg: FloatArray,
+    start_utc: str | None,
+    passbands: Passbands | None = None,
 ) -> tuple[dict[str, FloatArray], BoolArray]:
     """Return the rates by origin, ``(n,)`` each, and where the zodiacal light is a lower limit."""
-    sky, passbands, area = instrument.sky, Passbands.from_instrument(instrument), instrument.telescope.area_cm2
+    sky, area = instrument.sky, instrument.telescope.area_cm2
+    passbands = passbands or Passbands.from_instrument(instrument)
     column, near_sun = passbands.index(band), np.zeros(len(ra_deg), bool)
     lights = extra_lights(instrument).items()
     brightness: dict[str, float | None] = {name: light.brightness_v_mag_arcsec2 for name, light in lights}

@@ -24,7 +24,15 @@ from cpic_core import (
     write_npz,
 )
 from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
-from simulator.config.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps, real_map
+from simulator.config.map_files import (
+    SCALE_TOLERANCE,
+    MapFile,
+    array_number,
+    header_number,
+    pixel_scale,
+    read_maps,
+    real_map,
+)
 from simulator.imaging.aperture import core_cells, figures_of_stamps
 from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.sampling import displaced, open_pixels, unpixelled
@@ -75,13 +83,9 @@ def _from_npz(path: str | Path, file: MapFile) -> dict[str, Any]:
     if "off_axis" not in known:
         allowed = "an npz file with an array named off_axis"
         raise InputError("psf", str(path), allowed=allowed, hint=f"it has {', '.join(item.name for item in file.maps)}")
-    for name in ("pixel_scale_arcsec", *_CARDS):
-        item = file.named(name)
-        if item is None:
-            continue
-        if item.data.size != 1 or item.data.dtype.kind not in "fiu" or not np.isfinite(item.data).all():
-            raise InputError(f"psf {name}", str(item.data.tolist())[:40], allowed="one finite number", hint=str(path))
-        known[name] = float(item.data.reshape(()))
+    names = ("pixel_scale_arcsec", *_CARDS)
+    numbers = {name: array_number(f"psf {name}", path, file.named(name)) for name in names}
+    known |= {name: value for name, value in numbers.items() if value is not None}
     if (band := file.named("band")) is not None:
         if band.data.size != 1 or band.data.dtype.kind not in "US":
             raise InputError("psf band", str(band.data.tolist())[:40], allowed="one name", hint=str(path))

@@ -4,7 +4,6 @@ from simulator.ledger.choice import (
     Shortcuts as Shortcuts,
     budget_of as budget_of,
     checked_quantities as checked_quantities,
-    checked_tolerance as checked_tolerance,
     choose as choose,
     error_of as error_of,
     observation_choice as observation_choice,

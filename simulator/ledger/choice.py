@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from cpic_core import InputError, Outcome, Reason, Status, check_number
+from cpic_core import InputError, Outcome, Reason, Status
 from simulator.config import Instrument, Scene
 from simulator.detectors import VISIBLE, Sizes, rows_of
-from simulator.knobs import FIDELITIES, MAX_TOLERANCE, Dial, Knobs, Quantity
+from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
 from simulator.ledger.inventory import EffectRow
 from simulator.ledger.visit import MAX_EPOCHS, NOT_IN_SUMS, Forecast, forecast
 
@@ -443,20 +443,6 @@ def _drawing(chosen: _Chooser) -> Iterator[EffectRow]:
         yield EffectRow(around, "skipped", chosen.reason(forecast.sizes["hole_region"]), "hole_region", size)
     reason, size = "exact costs no more than one image for all", chosen.size(forecast.sizes["off_mask_psf"])
     yield EffectRow("place of every source behind the mask", "kept", reason, "off_mask_psf", size)
-
-
-def checked_tolerance(tolerance: Any) -> float:
-    """Return a tolerance from 0 to 0.5.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    value = check_number("tolerance", tolerance)
-    if not 0.0 <= value <= MAX_TOLERANCE:
-        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
-    return value
 
 
 def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planets: bool) -> tuple[Quantity, ...]:

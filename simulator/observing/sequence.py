@@ -201,7 +201,7 @@ class FrameSequence:
         """Camera of the sequence, as configured."""
         return self.instrument.channel(self.camera)
 
-    @property
+    @functools.cached_property
     def header(self) -> dict[str, Any]:
         """Keywords of camera and sequence."""
         return {

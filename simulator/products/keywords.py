@@ -9,7 +9,6 @@ import functools
 import gzip
 import io
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +22,6 @@ Value = str | int | float | bool
 KEYWORD_FILE = Path(__file__).parent / "data" / "keywords.yaml"
 _RULE_FILE = KEYWORD_FILE.with_name("rules.yaml")
 _TYPES: Mapping[str, type] = {"str": str, "int": int, "float": float, "bool": bool}
-_LEGAL = re.compile(r"[A-Z0-9_-]{1,8}", re.ASCII)
-_STRUCTURE = re.compile(
-    r"SIMPLE|XTENSION|BITPIX|NAXIS\d*|PCOUNT|GCOUNT|EXTEND|GROUPS|BSCALE|BZERO|BLANK|EXTNAME|EXTVER|EXTLEVEL|INHERIT"
-    r"|CHECKSUM|DATASUM|END|COMMENT|HISTORY|CONTINUE|HIERARCH|T(FIELDS|FORM\d+|TYPE\d+)|Z(IMAGE|CMPTYPE|BITPIX|NAXIS\d*)"
-    r"|EFF\d{3}|CALF\d{3}"
-)
 
 
 @dataclass(frozen=True)
@@ -211,13 +204,9 @@ def checked_value(table: KeywordTable, name: str, value: Any) -> Value:
     Raises
     ------
     InputError
-        Naming the keyword, if it is no legal keyword, one of the file's structure, or has a value of another type.
+        Naming the keyword, if the value is of another type.
     """
     key = f"header.{name}"
-    if not isinstance(name, str) or _LEGAL.fullmatch(name) is None:
-        raise InputError(key, value, allowed="a keyword of at most 8 capitals, digits, - and _")
-    if _STRUCTURE.fullmatch(name):
-        raise InputError(key, value, allowed="a keyword that does not describe the structure of the file")
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, str):
         plain = escaped(plain)

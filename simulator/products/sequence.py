@@ -12,20 +12,16 @@ import shutil
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, TypeAlias, get_args
+from typing import IO, TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, check_number, check_word
+from cpic_core import ArrayLike, FloatArray, InputError
 from simulator.config import (
-    MAX_FRAMES,
     SKY_KINDS,
     AnyDetector,
-    CameraName,
     SequenceConfig,
-    SequenceKind,
     Timing,
-    checked_utc,
     content_hash,
 )
 from simulator.products.ephemeris import CircularOrbit, SequenceTimes, stamp
@@ -58,29 +54,6 @@ def settings_of(sequence: FrameSequence) -> dict[str, Any]:
 def camera_of(sequence: FrameSequence) -> AnyDetector:
     """Return the configuration of the camera that took a sequence."""
     return sequence.instrument.channel(sequence.camera).detector
-
-
-def check_sequence(sequence: FrameSequence) -> None:
-    """Refuse a sequence that has no name or time of its own, before any frame is made.
-
-    Raises
-    ------
-    InputError
-        Naming the attribute.
-    """
-    if not hasattr(sequence, "iter_full_frames"):
-        raise InputError("observation", sequence, allowed="what observe or calibrate returns")
-    for name, allowed in (("camera", get_args(CameraName)), ("kind", get_args(SequenceKind))):
-        check_word(name, getattr(sequence, name), allowed)
-    count = check_number("n_frames", sequence.n_frames)
-    if not count.is_integer() or not 1 <= count <= MAX_FRAMES:
-        raise InputError("n_frames", sequence.n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
-    for name in ("exposure_s", "readout_s"):
-        if check_number(name, getattr(sequence, name), "s") < 0:
-            raise InputError(name, getattr(sequence, name), unit="s", allowed="at least 0")
-    checked_utc("start_utc", sequence.start_utc)
-    if len(sequence.shape) != 2 or min(sequence.shape) < 1:
-        raise InputError("shape", sequence.shape, unit="px", allowed="rows and columns, each at least 1")
 
 
 def star_deg(sequence: FrameSequence) -> tuple[float, float] | None:

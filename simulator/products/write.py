@@ -14,7 +14,6 @@ import numpy as np
 
 from cpic_core import (
     InputError,
-    NDArray,
     as_path,
     check_flag,
     check_writable,
@@ -44,7 +43,6 @@ from simulator.products.keywords import (
 from simulator.products.sequence import (
     ProductName,
     camera_of,
-    check_sequence,
     claim,
     clear_stale_parts,
     pointing_deg,
@@ -78,7 +76,7 @@ def sequence_values(
     Raises
     ------
     InputError
-        For a supplied keyword that is not legal, or of the wrong type.
+        For a keyword of the wrong type.
     """
     table = load_keywords()
     given = {key: value for key, value in sequence.header.items() if value is not None}
@@ -244,11 +242,6 @@ class TruthWriter:
             Keywords and values of the primary header.
         shared : mapping of str to Value
             Header values that all images of the file share.
-
-        Raises
-        ------
-        InputError
-            If an expected map has another shape than the frames, or is not finite.
         """
         table = load_keywords()
         profile = table.profile("csst")
@@ -261,7 +254,7 @@ class TruthWriter:
         }
         for title, unit, attribute in (("EXPECTED_ADU", "adu", "expected"), ("EXPECTED_E", "electron", "expected_e")):
             cards = header_cards({"BUNIT": unit} | wcs, table, profile)
-            append_image(self.file, self._map(attribute), cards, title, 1)
+            append_image(self.file, getattr(self.sequence, attribute).astype(np.float32), cards, title, 1)
         sources = self._sources()
         if sources:
             append_table(self.file, sources, _UNITS, "SOURCES")
@@ -274,13 +267,6 @@ class TruthWriter:
         words = {key: [escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
         size = np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64)
         return words | {"size": size, "reason": [escaped(row.reason) for row in rows]}
-
-    def _map(self, attribute: str) -> NDArray[np.float32]:
-        values = np.asarray(getattr(self.sequence, attribute))
-        if values.shape != tuple(self.sequence.shape) or not np.isfinite(values).all():
-            allowed = f"finite numbers of the shape of a frame, {tuple(self.sequence.shape)}"
-            raise InputError(attribute, f"array of shape {values.shape}", allowed=allowed)
-        return values.astype(np.float32)
 
     def _sources(self) -> dict[str, Any]:
         """Return the columns of the table of sources; no columns without sources."""
@@ -472,7 +458,8 @@ def write_level0(
     A write that fails leaves neither file nor folder behind. One that is killed leaves its hidden temporary files,
     which the next write of the same file removes.
     """
-    check_sequence(observation)
+    if not hasattr(observation, "iter_full_frames"):
+        raise InputError("observation", observation, allowed="what observe or calibrate returns")
     table = load_keywords()
     profile = table.profile(observation.instrument.mission.keyword_profile)
     n_frames = int(observation.n_frames)
@@ -502,7 +489,7 @@ def write_level0(
             if truth:
                 writer = TruthWriter(stack.enter_context(_new_file(root / name.truth)), observation, times)
                 writer.begin(name, primary, shared)
-            for index, frame in enumerate(_frames(observation)):
+            for index, frame in enumerate(observation.iter_full_frames()):
                 values = frame_values(shared, index, times, frame)
                 datasum = append_image(file, frame.adu, header_cards(values, table, profile), "IMAGE", index + 1)
                 if writer is not None:
@@ -568,21 +555,3 @@ def _new_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
         if error.filename != str(path):
             raise
         raise _exists(path) from None
-
-
-def _frames(sequence: FrameSequence) -> Iterator[Frame]:
-    """Yield the frames of a sequence; refuse what is not as it said."""
-    shape, count = tuple(sequence.shape), 0
-    for frame in sequence.iter_full_frames():
-        for what, array, kind in (("adu", frame.adu, np.uint16), ("mask", frame.mask, np.uint8)):
-            _check_array(f"frame {count + 1} {what}", array, kind, shape)
-        count += 1
-        if count <= sequence.n_frames:
-            yield frame
-    if count != sequence.n_frames:
-        raise InputError("n_frames", sequence.n_frames, allowed=f"the number of frames that were made, {count}")
-
-
-def _check_array(key: str, array: Any, kind: type[np.generic], shape: tuple[int, ...]) -> None:
-    if array.dtype != kind or array.shape != shape:
-        raise InputError(key, f"{array.dtype} array of shape {array.shape}", allowed=f"{np.dtype(kind)}, shape {shape}")

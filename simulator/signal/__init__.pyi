@@ -12,6 +12,7 @@ from simulator.signal.light import (
 )
 from simulator.signal.saturation import (
     Wells as Wells,
+    crest_e as crest_e,
     frame_limit as frame_limit,
     gain_caps as gain_caps,
     largest_gain as largest_gain,

@@ -44,8 +44,6 @@ stays positive, and smooth in wavelength. f_sed above 6 is taken as 6 and never 
 from __future__ import annotations
 
 import functools
-import itertools
-import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -53,10 +51,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs import Albedo, bracket, load_albedo
+from catalogs import Albedo, load_albedo
 from cpic_core import ArrayLike, InputError, file_state, numeric_context, read_npz, real_array
 from simulator import config
-from simulator.knobs import AlbedoFamily
+from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase, lambert_phase
 
 _NODES = 8
@@ -160,6 +158,7 @@ def _intensity(
     return np.asarray(many + first + below)
 
 
+_PARAMETRIC = "the parametric albedo"
 PARAMETERS = ("ln_rayleigh_depth", "ln_methane_factor", "deck_logit", "deck_slope", "ln_alkali", "ln_water", "ln_haze")
 """The parameters of a node: ln T, ln M, c, s, ln n, ln w, ln h."""
 
@@ -280,7 +279,7 @@ def parametric_family(log10_mh: float, log10_fsed: float | None, near_au: float 
     if near_au is not None:
         first = int(np.clip(np.searchsorted(grid.insolation_au, near_au) - 1, 0, last - 2))
         last = first + 2
-    corners = _corners(grid, log10_mh, log10_fsed)
+    corners = model_corners(grid.fsed, grid.log10_mh, log10_mh, log10_fsed, _PARAMETRIC)
     family = np.asarray(sum(weight * _node_spectra(fsed, metal, first, last) for fsed, metal, weight in corners))
     family.setflags(write=False)
     return AlbedoFamily(grid.insolation_au[first:last], grid.wavelength_nm, family, grid.documented_to_nm)
@@ -332,7 +331,7 @@ def grid_phase_curve(
     phase, distance = np.broadcast_arrays(checked_phase(phase_deg), np.asarray(insolation_au, dtype=np.float64))
     nodes, weights = parametric_family(log10_mh, log10_fsed).corners(distance)
     result = np.zeros(phase.shape)
-    for fsed, metal, weight in _corners(grid, log10_mh, log10_fsed):
+    for fsed, metal, weight in model_corners(grid.fsed, grid.log10_mh, log10_mh, log10_fsed, _PARAMETRIC):
         curves = phase_curve(grid.phase[fsed, :, metal], phase.ravel()).reshape(-1, *phase.shape)
         for end in (0, 1):
             chosen = np.take_along_axis(curves, nodes[..., end][None], axis=0)[0]
@@ -347,25 +346,6 @@ def _node_spectra(fsed: int, metal: int, first: int, last: int) -> np.ndarray:
     metallicity = np.full(last - first, grid.log10_mh[metal])
     parameters = grid.parameters[fsed, first:last, metal]
     return node_albedo(parameters, metallicity, grid.wavelength_nm, grid.methane_per_km_am)
-
-
-def _corners(grid: ParametricGrid, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
-    """Return the nodes (f_sed, metallicity) around a point and their weights."""
-    metals = _bracket("log10_mh", grid.log10_mh, log10_mh)
-    if log10_fsed is None:
-        clouds = [(0, 1.0)]
-    else:
-        axis = np.log10(grid.fsed[1:])
-        clouds = [(index + 1, weight) for index, weight in _bracket("log10_fsed", axis, min(log10_fsed, axis[-1]))]
-    pairs = itertools.product(clouds, metals)
-    return [(fsed, metal, a * b) for (fsed, a), (metal, b) in pairs if a * b > 0.0]
-
-
-def _bracket(name: str, nodes: np.ndarray, value: float) -> list[tuple[int, float]]:
-    if not (math.isfinite(value) and nodes[0] <= value <= nodes[-1]):
-        raise InputError(name, value, allowed=f"{nodes[0]:g} to {nodes[-1]:.4g}")
-    ends, weights = bracket(nodes, value)
-    return list(zip(ends.tolist(), weights.tolist(), strict=True))
 
 
 def _lorentz(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:

@@ -15,7 +15,6 @@ Tables may be missing, and rows of tables; only a request that needs a missing m
 import contextlib
 import functools
 import itertools
-import math
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,9 +24,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from catalogs import Albedo, bracket, read_curve
+from catalogs import Albedo, read_curve
 from cpic_core import NPZ_ERRORS, ArrayLike, InputError, at_home, open_file, open_npz, read_file, refuse_sent
-from simulator.knobs import AlbedoFamily
+from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase
 
 LARGEST_ALBEDO = 2.0
@@ -337,9 +336,6 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
 _DOCUMENTED_TO_NM = 1050.0
 # Phase curves are means over the wavelengths of the visible bands.
 _PHASE_RANGE_NM = (400.0, 1000.0)
-# A logarithm that went through a text file or a power of ten is still the node it was.
-_SAME = 1e-9
-_CLOUDY = "or null for a cloud-free planet"
 
 
 def load_albedo_grid(path: str | Path) -> "AlbedoGrid":
@@ -466,21 +462,8 @@ class AlbedoGrid:
         return np.asarray(above / below)
 
     def _corners(self, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
-        """Return the nodes (f_sed, metallicity) around a point and their weights."""
         axes = self.models.axes
-        metals = _bracket("log10_mh", axes.log10_mh, log10_mh)
-        free = int(np.count_nonzero(axes.fsed == 0.0))
-        if log10_fsed is None:
-            if not free:
-                raise InputError("log10_fsed", None, allowed=f"a number: {self.path.name} has no cloud-free models")
-            clouds = [(0, 1.0)]
-        else:
-            if axes.fsed.size == free:
-                raise InputError("log10_fsed", log10_fsed, allowed=f"null: {self.path.name} has no cloudy models")
-            nodes = np.log10(axes.fsed[free:])
-            value = min(log10_fsed, float(nodes[-1]))
-            clouds = [(index + free, weight) for index, weight in _bracket("log10_fsed", nodes, value, _CLOUDY)]
-        return [(fsed, metal, a * b) for (fsed, a), (metal, b) in itertools.product(clouds, metals)]
+        return model_corners(axes.fsed, axes.log10_mh, log10_mh, log10_fsed, self.path.name)
 
 
 @functools.lru_cache(maxsize=32)
@@ -544,18 +527,6 @@ def _around(nodes_deg: np.ndarray, phase_deg: np.ndarray) -> tuple[int, ...]:
     first = int(np.searchsorted(nodes_deg, low, side="right")) - 2
     last = int(np.searchsorted(nodes_deg, high, side="left")) + 1
     return tuple(range(max(first, 0), min(last, nodes_deg.size - 1) + 1))
-
-
-def _bracket(name: str, nodes: np.ndarray, value: float, otherwise: str = "") -> list[tuple[int, float]]:
-    """Return the neighbouring nodes of a value and their weights; a node alone where the value is one."""
-    near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
-    if near.size:
-        return [(int(near[0]), 1.0)]
-    if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
-        allowed = f"{nodes[0]:.4g} to {nodes[-1]:.4g}, the models of the grid"
-        raise InputError(name, value, allowed=f"{allowed}, {otherwise}" if otherwise else allowed)
-    ends, weights = bracket(nodes, value)
-    return list(zip(ends.tolist(), weights.tolist(), strict=True))
 
 
 def _check(path: Path, axes: Axes) -> None:

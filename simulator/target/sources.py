@@ -9,7 +9,7 @@ import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
@@ -104,17 +104,6 @@ class SpectralSource:
         return getattr(self, column)
 
 
-class _Numbers:
-    """Column of a table: one number for each row, nan where there is none."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, table: SourceTable | None, owner: type | None = None) -> np.ndarray:
-        rows = () if table is None else table.rows
-        return np.array([getattr(row, self._name) for row in rows], dtype=np.float64)
-
-
 @dataclass(frozen=True, eq=False)
 class SourceTable(Sequence[SpectralSource]):
     """Sources of one scene, the central star first.
@@ -127,10 +116,27 @@ class SourceTable(Sequence[SpectralSource]):
     scene : str
         Name of the scene.
     rows : tuple of SpectralSource
+    columns : tuple of str
+        Names of the columns.
+    name, kind : tuple of str
+        Names of the sources; ``cstar``, ``planet`` or ``star``.
+    x_arcsec, y_arcsec : ndarray
+        Offsets along detector columns and rows.
+    separation_arcsec, pa_deg : ndarray
+        Separations from the central star, and position angles, degrees east of north.
+    distance_au : ndarray
+        True distances of planets from their star; nan where a source has none.
+    insolation_au : ndarray
+        Insolations used for albedos; nan where it has no part.
+    flags : tuple of tuple of str
+        What was assumed, clamped or extrapolated.
+    spectrum : tuple of synphot.SourceSpectrum
+        Spectra as synphot sources, PHOTLAM over Angstrom.
     """
 
     scene: str
     rows: tuple[SpectralSource, ...]
+    columns: ClassVar[tuple[str, ...]] = _COLUMNS
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -152,43 +158,12 @@ class SourceTable(Sequence[SpectralSource]):
             return getattr(self, key)
         raise InputError("source", key, allowed=", ".join((*self.name, *_COLUMNS)))
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return _COLUMNS
-
-    @property
-    def name(self) -> tuple[str, ...]:
-        """Names of the sources."""
-        return tuple(row.name for row in self.rows)
-
-    @property
-    def kind(self) -> tuple[Kind, ...]:
-        """``cstar``, ``planet`` or ``star``."""
-        return tuple(row.kind for row in self.rows)
-
-    x_arcsec = _Numbers()
-    """Offsets along detector columns."""
-    y_arcsec = _Numbers()
-    """Offsets along detector rows."""
-    separation_arcsec = _Numbers()
-    """Separations from the central star."""
-    pa_deg = _Numbers()
-    """Position angles, degrees east of north."""
-    distance_au = _Numbers()
-    """True distances of planets from their star; nan where a source has none."""
-    insolation_au = _Numbers()
-    """Insolations used for albedos; nan where it has no part."""
-
-    @property
-    def flags(self) -> tuple[tuple[str, ...], ...]:
-        """What was assumed, clamped or extrapolated."""
-        return tuple(row.flags for row in self.rows)
-
-    @property
-    def spectrum(self) -> tuple[SourceSpectrum, ...]:
-        """Spectra as synphot sources, PHOTLAM over Angstrom."""
-        return tuple(row.spectrum for row in self.rows)
+    def __getattr__(self, column: str) -> Any:
+        """Return a column: an array of its numbers, or a tuple of what are none."""
+        if column not in _COLUMNS:
+            raise AttributeError(column)
+        cells = [getattr(row, column) for row in self.rows]
+        return np.array(cells, dtype=np.float64) if column in _NUMBERS else tuple(cells)
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the table, without the spectra, as a data frame; flags joined by ``|``."""

@@ -6,8 +6,9 @@ import io
 import pytest
 from PIL import Image
 
-from cpic_planner.report.document import Column, Document, Figure, Fold, Paragraph, link, page_html, table
+from cpic_planner.report.document import Document, Figure, Fold, Paragraph, Table, link, own_column
 from cpic_planner.report.drawing import new_figure, save, style
+from cpic_planner.report.writing import page_html
 
 pytestmark = [pytest.mark.browser, pytest.mark.slice]
 ROWS = [(f"star {number}", (7 * number) % 11) for number in range(1, 10)] + [("=1+1 star 10", 4)]
@@ -16,14 +17,14 @@ ROWS = [(f"star {number}", (7 * number) % 11) for number in range(1, 10)] + [("=
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """Return the address of a report with a table, a figure and a folded part."""
-    columns = (Column("Star", lambda row: row[0], look="row left"), Column("Places", lambda row: str(row[1]), "count"))
+    columns = own_column("Star", "{0}", look="row left"), own_column("Places", "{1}", "count")
     with style():
         figure = new_figure(3.0)
         figure.add_subplot().set_title("drawn")
         picture = save(figure, alt="A drawing.", caption="Drawn.")
     blocks = [
         Paragraph(["See ", link("deep", "what is folded"), "."]),
-        table("Stars", "Stars and places.", columns, ROWS),
+        Table("Stars", columns, ROWS, "Stars and places."),
         Figure(picture, "A drawing"),
         Fold("More", [Paragraph("Found it.")], anchor="deep"),
     ]

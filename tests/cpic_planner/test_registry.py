@@ -31,7 +31,7 @@ from cpic_planner.registry import (
     ScoreName,
     StarNumbers,
 )
-from cpic_planner.report import print_explanation, print_rank
+from cpic_planner.report import explanation_blocks, print_blocks, rank_blocks
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult
 from cpic_planner.targets import find_target, rank_sample
@@ -81,9 +81,9 @@ def reference_noise_e2(model, star):
     return float(stack_noise(rates, 10.0, 100.0, 100.0, model.camera("F520")).terms["reference"][0, 0])
 
 
-def printed(show, *what):
+def printed(blocks):
     console = Console(width=110, record=True, file=io.StringIO())
-    show(*what, console)
+    print_blocks(blocks, console, full=True)
     return " ".join(console.export_text().split())
 
 
@@ -155,7 +155,7 @@ def test_a_score_is_one_entry(refused):
             sorted((1.0 + np.log10(row.contrast) for row in result.targets), reverse=True), rel=1e-12
         )
         assert RankResult.model_validate_json(result.model_dump_json()) == result
-        words = printed(print_rank, result)
+        words = printed(rank_blocks(result))
         assert "by planet brightness" in words
         assert "−log P" in words
         assert f"Score: {BRIGHTNESS.meaning}." in words
@@ -164,7 +164,7 @@ def test_a_score_is_one_entry(refused):
         told = explain_star(model, FEW, first.name, **asked)
         assert told.sentences[0].startswith(f"Rank 1 of {len(FEW)} by planet brightness: ")
         assert Explanation.model_validate_json(told.model_dump_json()) == told
-        assert "by planet brightness" in printed(print_explanation, told)
+        assert "by planet brightness" in printed(explanation_blocks(told))
     refused("^score = planet_brightness", rank_targets, model, FEW, **asked)
 
 
@@ -182,7 +182,7 @@ def test_a_library_is_one_entry():
         assert flag_text("master_of_many") == "the stars of the master are not modelled"
         task = prepare_task(model, star, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
         visits = visit_pair(task)
-        assert visits.plan.name == "master"
+        assert visits.strategy.library == "master"
         assert visits.reference.scene.cstar.v_mag == 4.0
         assert visits.scale == pytest.approx(10 ** (-0.4 * (float(star.v_mag[0]) - 4.0)), rel=1e-9)
         reduced = visits.draw(0).reduced

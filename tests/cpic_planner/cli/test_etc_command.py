@@ -8,10 +8,10 @@ import pytest
 
 from cpic_planner.api import closed_forms
 from cpic_planner.cli.main import main
-from cpic_planner.etc import band_law, build_model, contrast_limit, light_share
+from cpic_planner.etc import band_law, build_model, contrast_limit, light_share, separation_grid
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import EtcQuestion, Strategy
-from cpic_planner.ranking import optimise, separation_grid
+from cpic_planner.ranking import optimise
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 

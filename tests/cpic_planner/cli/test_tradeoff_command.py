@@ -13,15 +13,6 @@ COMMAND = "tradeoff"
 def rows_for(case, points, machine):
     from cpic_planner.results import TradeoffRow
 
-    samples = {
-        "white_e2": [10.0, 12.0],
-        "own_e2": [5.0],
-        "speckle_e2_s2": [1.0, 2.0],
-        "walk_e2_s2": [1.0, 2.0],
-        "one_epoch_e2_s2": [1.0, 2.0],
-        "whole_e2": [100.0],
-        "fixed_speckle_e2": [1.0],
-    }
     return [
         TradeoffRow(
             scene=case.name,
@@ -34,7 +25,8 @@ def rows_for(case, points, machine):
             peak_memory_mb=50.0,
             repeats=1,
             flux_e=100.0,
-            samples=samples,
+            snr=5.0,
+            samples={"contrast_error": [1e-9, 2e-9]},
             n_frames=case.n_frames,
             settings={"draw": "frames", "region": "full"},
             machine=machine,

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cpic_planner.api.functions import model_of
+from cpic_planner.api.one_star import best_places, closed_forms
 from cpic_planner.etc import Programme, aperture_rates, build_model, contrast_limit, with_modes
 from cpic_planner.etc.noise import balance_of, stack_noise
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
-from cpic_planner.queries import Strategy
+from cpic_planner.queries import EtcQuestion, Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 from simulator.signal import BandModes, ModeFactors
@@ -202,3 +204,15 @@ def test_modes_of_near_infrared_references_are_followed():
     assert (mean.n_modes, modes.n_modes) == (0, 4)
     assert modes.snr < mean.snr  # reading makes the noise: modes add theirs
     assert "modes_not_modelled" not in modes.flags
+
+
+@pytest.mark.parametrize("level", [{"snr": 10.0}, {"detect": True}])
+def test_the_best_place_for_a_level_takes_few_looks_at_modes(field, level):
+    """Every look may have to measure what modes change: places are compared without the nested search for a length."""
+    question = EtcQuestion.of({"target": "tau Cet", "bands": ["F520"], "strategy": {"n_modes": 3, "visits": 6}} | level)
+    found = best_places(question, model_of(question), TAU_CET, ["F520"])["F520"]
+    assert len(found) == 1
+    assert len(field) < 20
+    (answer,) = closed_forms(question, model_of(question), TAU_CET)
+    assert answer.separation_arcsec == found[0]
+    assert answer.n_modes == 3

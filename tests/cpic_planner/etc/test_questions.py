@@ -46,7 +46,7 @@ INSTRUMENTS = {
 }
 
 
-OFTEN = ("default", "counting", "few references", "large drift")
+OFTEN = ("default", "counting", "few references", "large drift", "slow walk")
 """Strategies and instruments with terms of their own in the closed forms; the others are long proofs."""
 
 

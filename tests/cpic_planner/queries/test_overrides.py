@@ -7,7 +7,7 @@ from astropy import units as u
 
 from cpic_core import InputError
 from cpic_planner.queries import Change, SimulatorOverrides
-from cpic_planner.queries.changes import ALIASES, is_optical
+from cpic_planner.queries.changes import ALIASES, alterations, is_optical
 from simulator.config import load_instrument, load_scene, unit_of
 from simulator.imaging import metrics_key
 from simulator.target import scene_sources
@@ -58,11 +58,12 @@ def test_the_usual_questions():
 @pytest.mark.parametrize("name", ALIASES)
 def test_every_short_name_is_of_a_key_of_the_instrument(name):
     unit = unit_of(ALIASES[name])
-    changes = SimulatorOverrides.of({name: f"0.5 {unit}"} if unit else {ALIASES[name]: 0.5}).changes(NOMINAL)
-    assert changes
-    assert all(change.altered == 0.5 for change in changes)
-    for doubled in SimulatorOverrides.of(f"{name}=x2").changes(NOMINAL):
-        assert doubled.altered == 2.0 * doubled.nominal
+    half = SimulatorOverrides.of({name: f"0.5 {unit}"} if unit else {ALIASES[name]: 0.5})
+    values = alterations(NOMINAL, half.entries).values()
+    assert values
+    assert all(after == 0.5 for _, _, after in values)
+    for _, before, after in alterations(NOMINAL, SimulatorOverrides.of(f"{name}=x2").entries).values():
+        assert after == 2.0 * before
 
 
 def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio(refused):
@@ -183,8 +184,8 @@ def test_the_altered_instrument_says_so():
 
 
 def test_changes_are_a_table():
-    (change,) = SimulatorOverrides.of("read_noise=x1.5").changes(NOMINAL)
-    assert (change.key, change.nominal, change.altered) == ("detector.read_noise_e", 110.0, 165.0)
+    ((key, (_, before, after)),) = alterations(NOMINAL, SimulatorOverrides.of("read_noise=x1.5").entries).items()
+    assert (key, before, after) == ("detector.read_noise_e", 110.0, 165.0)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import build_model, contrast_limit, place_status, reference_contrast, usable_range_arcsec
+from cpic_planner.etc import (
+    build_model,
+    contrast_limit,
+    place_status,
+    reference_contrast,
+    separation_grid,
+    usable_range_arcsec,
+)
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
-from cpic_planner.ranking import optimise, separation_grid
+from cpic_planner.ranking import optimise
 from cpic_planner.ranking.optimiser import Outlook, best_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument

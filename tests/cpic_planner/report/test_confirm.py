@@ -1,73 +1,21 @@
 """What was modelled, in words and as tables."""
 
-import io
-
 import pytest
-from rich.console import Console
 
-from cpic_planner.report import print_confirm
 from cpic_planner.report.confirm import (
     ConfirmReport,
-    albedo_text,
+    confirm_blocks,
     confirm_document,
     measure_table,
-    modelled_sentence,
     outcome_text,
 )
-from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.plan import PlanReport, plan_document
 from cpic_planner.report.ranking import velocities_sentence
-from cpic_planner.report.simulation import modelled_groups
+from cpic_planner.report.simulation import effect_rows, ways_texts
 from cpic_planner.report.words import dial_text, error_text
-
-
-def shown(function, *arguments, width=100):
-    stream = io.StringIO()
-    function(*arguments, Console(file=stream, width=width, highlight=False))
-    return stream.getvalue()
-
-
-@pytest.mark.parametrize("width", [40, 60, 110, 200])
-def test_it_fits_any_width(confirmation, width):
-    assert max(len(line) for line in shown(print_confirm, confirmation, width=width).splitlines()) <= width
-
-
-def test_bands_candidates_positions_albedos_and_the_etc(confirmation):
-    text = " ".join(shown(print_confirm, confirmation, width=200).split())
-    for words in (
-        "24.0 26.0 ± 1.0 0.92 ± 0.06 8/8",
-        "□ inside inner edge",
-        "F520 – 118 × 42.5 36.2 0.451 315.2 20.1 6.10 <script>",
-        "6.30 6.10 no planet of the scene",
-        "F662 – 118 × 42.5 36.2 – – – – nothing",
-        "1 detection that is no planet of the scene, in 16 searches.",
-        "0.4512 ± 0.0011 0.4500 314.70 ± 0.22 315.00 F520, F662",
-        "F662, with every effect (48 of 236 frames one by one): SNR 31.3 (30.7 predicted), "
-        "contrast off by 1.3 of its errors, found",
-        "Images altered: throughput ×0.7, companions on. Predictions are nominal.",
-        "Predicted over recovered SNR 1.43 ± 0.06",
-    ):
-        assert words in text, words
-
-
-def test_one_planet_needs_no_column_of_names(confirmation):
-    one = confirmation.model_copy(update={"bands": confirmation.bands[-1:]})
-    assert shown(print_confirm, confirmation).splitlines()[1].split()[:2] == ["planet", "band"]
-    assert shown(print_confirm, one).splitlines()[1].split()[0] == "band"
-
-
-def test_no_planet_is_said_and_nothing_is_compared(confirmation):
-    text = shown(print_confirm, confirmation.model_copy(update={"bands": [], "positions": [], "albedos": []}))
-    assert text.startswith("a scene: no planet, searched blind")
-    assert "optimistic" not in text
-
-
-def test_albedo_in_words(confirmation):
-    text = albedo_text(confirmation.albedos[0])
-    assert "log10 f_sed −1.20 to 0.77 (68 %), correlation −0.31, from F520, F662: not constrained" in text
-
+from cpic_planner.report.writing import first_table, page_html
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -87,29 +35,6 @@ def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
 
 def test_anchors_and_captions(reader):
     reader.check_anchors()
-
-
-def test_page_one_names_what_is_altered_and_how_the_etc_stands(words):
-    altered = "Images altered: throughput ×0.7, companions on. Predictions are nominal."
-    ratio = "Predicted over recovered SNR 1.43 ± 0.06 over 4 measurements"
-    sentence = f"{ratio}: the ETC is optimistic by 43 %, beyond two standard errors."
-    assert words.index(altered) < words.index("2 planets in F520, F662") < words.index(sentence)
-    assert words.index(sentence) < words.index("Planets <script>")
-    assert "c is found in F520 (8 of 8)." in words
-
-
-def test_search_positions_and_albedos(words):
-    for text in (
-        "F520 118 × 42.5 36.2 395 1 of 8 0.451 315.2 20.1 6.10 ✓ detected",
-        "0.451 315.2 6.30 6.10 ✓ detected –",
-        "F662 118 × 42.5 36.2 215 0 of 8 nothing is named",
-        "F520, F662 0.4512 ± 0.0011 0.4500 314.70 ± 0.22 315.00",
-        "0.97; 0.06 to 0.97 −0.40; −1.20 to 0.77 −0.31 0.40 (0) not constrained",
-        "cosmic rays: switched off",
-        "□ outside field",
-        "1 mode subtracted",
-    ):
-        assert text in words, text
 
 
 def test_a_scene_without_planets_has_its_search_alone(confirmation, read):
@@ -159,9 +84,7 @@ def test_the_title_follows_the_outcome_in_the_window_and_on_the_page(confirmatio
     page = page_html(confirm_document(ConfirmReport(result, {}, {})))
     assert f"<h1>{outcome}</h1>" in page
     assert f"<title>CPI-C: {outcome}, configuration" in page
-    stream = io.StringIO()
-    print_confirm(result, Console(file=stream, width=160))
-    assert stream.getvalue().startswith(f"{outcome}, 8 realisations a band")
+    assert first_table(confirm_blocks(result)).title == f"{outcome}, 8 realisations a band"
 
 
 def test_several_planets_count_their_measurements(confirmation):
@@ -200,33 +123,27 @@ def test_errors_in_words(errors, text):
     assert error_text(errors) == text
 
 
-def test_sets_that_are_made_alike_share_a_table(make_modelled):
+def test_sets_that_are_made_alike_share_a_paragraph(make_modelled):
     first, second, frames = make_modelled(0.001), make_modelled(0.003), make_modelled(0.0, "frames")
-    alike, other = modelled_groups([("a", first), ("b", second), ("c", frames)])
-    assert (alike.names, other.names) == (("a", "b"), ("c",))
-    assert alike.title == "Sums of frames over the dark hole"
-    assert "4 wavelengths a band" in alike.knobs
-    assert "6 epochs" in alike.knobs
-    assert alike.errors == "planet flux 0.20 %, SNR 0.70 % (asked: at most planet flux 1.0 %, SNR 3.0 %)"
+    (way, said), (_, other) = ways_texts([("a", first), ("b", second), ("c", frames)])
+    assert way == "Sums of frames over the dark hole"
+    assert said.startswith("a, b. ")
+    assert other.startswith("c. ")
+    for text in (
+        "4 wavelengths a band",
+        "6 epochs",
+        "planet flux 0.20 %, SNR 0.70 % (asked: at most planet flux 1.0 %",
+    ):
+        assert text in said
 
 
-def test_rows_stand_by_their_size(make_modelled):
-    (group,) = modelled_groups([("a", make_modelled(0.001)), ("b", make_modelled(0.003))])
-    assert [row.effect.key for row in group.rows] == ["sky", "summed_frames", "serial_cti", "photon_noise"]
-    assert [row.size for row in group.rows] == ["21 %", "0.40 %", "0.30 %", ""]
-    assert [row.where for row in group.rows] == ["", "", "b", ""]
-    assert [row.word for row in group.rows] == ["kept", "as sums", "left out", "kept"]
-    (absent,) = modelled_groups([("a", make_modelled(0.0))])
-    assert [row.effect.key for row in absent.rows][-2:] == ["photon_noise", "serial_cti"]
-
-
-def test_one_sentence_for_all_images(plan):
-    bands = [band for target in plan.targets for band in target.bands]
-    largest = max(band.modelled.predicted_error["snr"] for band in bands if band.modelled)
-    text = modelled_sentence(bands)
-    assert text.startswith("Images: sums of frames over the dark hole; predicted error beside the reference: planet")
-    assert error_text({"snr": largest}) in text
-    assert modelled_sentence([]) == ""
+def test_effects_stand_by_their_size(make_modelled):
+    rows = effect_rows([("a", make_modelled(0.001)), ("b", make_modelled(0.003))])
+    assert [row.effect.key for row in rows] == ["sky", "summed_frames", "serial_cti", "photon_noise"]
+    assert [row.where for row in rows] == ["", "", "b", ""]
+    assert [dict(row.decisions) for row in rows] == [{"kept": 2}, {"as sums": 2}, {"left out": 2}, {"kept": 2}]
+    absent = effect_rows([("a", make_modelled(0.0))])
+    assert [row.effect.key for row in absent][-2:] == ["photon_noise", "serial_cti"]
 
 
 def test_the_report_has_the_table_once_and_escapes_it(plan, rank, read):

@@ -5,10 +5,10 @@ import pytest
 from cpic_core import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.confirm import CONFIRM_SECTIONS, ConfirmReport, confirm_document
-from cpic_planner.report.document import page_html
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.plan import PLAN_SECTIONS, PlanReport, plan_document
 from cpic_planner.report.whatif import WHATIF_SECTIONS, WhatIfReport, whatif_document
+from cpic_planner.report.writing import page_html, table_on_page, together
 
 HOSTILE = "<script>alert('x')</script>"
 PAGES = {"plan": PLAN_SECTIONS, "confirm": CONFIRM_SECTIONS, "whatif": WHATIF_SECTIONS}
@@ -20,8 +20,11 @@ def page_of(*blocks):
 
 def toy(report):
     yield doc.Paragraph("Toys were counted.")
-    columns = [doc.Column("Toy", str, look="row left"), doc.Column("Twice", lambda number: str(2 * number), "n")]
-    yield doc.table("Toys", "All toys.", columns, (1, 2))
+    columns = [
+        doc.own_column("toy", str, look="row left"),
+        doc.own_column("twice", lambda number: str(2 * number), "n"),
+    ]
+    yield doc.Table("Toys", columns, (1, 2), "All toys.")
     yield doc.Figure(Picture("data:image/png;base64,", "a toy", "A toy."), "Picture of a toy", "toy")
 
 
@@ -45,7 +48,7 @@ def test_a_section_is_one_entry(kind, plan, rank, confirmation, compared, read):
     reader.check_alone()
     reader.check_anchors()
     words = reader.words
-    assert "All the toys Toys were counted. All toys. Toy Twice n 1 2 2 4 Picture of a toy A toy." in words
+    assert "All the toys Toys were counted. Toys. All toys. Toy Twice n 1 2 2 4 Picture of a toy A toy." in words
     assert made.index('id="assumptions"') < made.index('id="toys"') < made.index('id="glossary"')
     assert words.index("Contents" if "Contents" in words else "Assumptions") < words.index("All the toys")
     assert made.count('href="#toys"') == 1
@@ -71,7 +74,7 @@ def test_texts_are_text(read):
         doc.Items([text]),
         doc.Figure(picture, HOSTILE, "key", before=HOSTILE, more=HOSTILE),
         doc.Group("anchor", HOSTILE, [doc.Fold(HOSTILE, [doc.Paragraph(doc.link("anchor", HOSTILE))], True)]),
-        doc.table(HOSTILE, text, [doc.Column(text, lambda _: text, HOSTILE, look="row wide")], [1]),
+        doc.Table(HOSTILE, [doc.own_column(HOSTILE, lambda _: text, HOSTILE, look="row wide")], [1], text),
     )
     reader = read(page)
     reader.check_alone()
@@ -81,23 +84,50 @@ def test_texts_are_text(read):
 
 
 def test_cells(read):
-    """A cell may go over several columns, head its row, and its row be shaded; lines without text are left out."""
+    """A cell may head its row, and its row be shaded; lines without text are left out."""
     columns = [
-        doc.Column("A", lambda n: doc.Span("both", 2) if n == 2 else str(n), look="row left"),
-        doc.Column("B", lambda n: doc.lines(str(n), "", doc.small("unit"))),
-        doc.Column(doc.lines("C", "c"), lambda n: "", "s", look="wide"),
+        doc.own_column("A", str, look="row left"),
+        doc.own_column("B", lambda n: doc.lines(str(n), "", doc.small("unit"))),
+        doc.own_column("C", lambda n: "", "s", look="wide"),
+        doc.own_column("D", str, look="terminal"),
     ]
-    page = page_of(doc.table("label", "caption", columns, [1, 2], look="compact", picked=lambda n: n == 2))
+    page = page_of(doc.Table("label", columns, [1, 2], "caption", look="compact", picked=lambda n: n == 2))
     reader = read(page)
-    assert reader.words.endswith("caption A B C c s 1 1 unit both")
+    assert reader.words.endswith("label. caption A B C s 1 1 unit 2 2 unit")
     rows = [tag for tag in reader.tags if tag[0] == "tr"]
     assert rows == [("tr", {}), ("tr", {}), ("tr", {"class": "pick"})]
     heads = [attributes for tag, attributes in reader.tags if tag == "th"]
     assert heads[0] == {"scope": "col", "class": "left"}
     assert heads[1] == {"scope": "col"}
-    assert heads[-1] == {"scope": "row", "colspan": "2", "class": "left"}
-    assert [attributes for tag, attributes in reader.tags if tag == "td"] == [{}, {"class": "wide"}, {"class": "wide"}]
+    assert heads[-1] == {"scope": "row", "class": "left"}
+    assert [attributes for tag, attributes in reader.tags if tag == "td"] == [{}, {"class": "wide"}] * 2
     assert ("table", {"class": "compact"}) in reader.tags
+
+
+@pytest.mark.parametrize(("count", "kind"), [(1, doc.Paragraph), (2, doc.Paragraph), (5, doc.Items)])
+def test_many_lines_are_a_list(count, kind):
+    lines = [doc.Paragraph(f"Line {number}.") for number in range(count)]
+    blocks = list(together([doc.Heading("eps Eri"), *lines, doc.Paragraph("lead", "lead")]))
+    assert {type(block) for block in blocks[1:-1]} == {kind}
+
+
+@pytest.mark.parametrize(
+    ("pairs", "left_out"),
+    [
+        ([("F520", "F520"), ("F662", "F662"), ("F520", "F520")], True),
+        ([("F520", "F520"), ("F662", "F662")], False),  # two rows agree by chance
+        ([("F520", "F520"), ("F662", "F662"), ("F520", "F720")], False),
+        ([("–", "–")] * 3, False),  # nothing is said at all
+    ],
+)
+def test_a_column_that_repeats_another_one_is_named_instead_of_shown(pairs, left_out):
+    """The last one, the status, stays whatever it says."""
+    rows = [(f"star {number}", *pair) for number, pair in enumerate(pairs)]
+    columns = [doc.own_column(name, f"{{{at}}}") for name, at in (("star", 0), ("one", 1), ("other", 2), ("status", 1))]
+    page = table_on_page(doc.Table("Stars", columns, rows))
+    heads = [doc.plain(head) for head, _ in page["heads"]]
+    assert heads == ["Star", "One", *["Other"] * (not left_out), "Status"]
+    assert ("Left out, because alike in every row: Other (as One)." in doc.plain(page["caption"])) == left_out
 
 
 def test_backticks_are_code(read):

@@ -4,13 +4,12 @@ import csv
 import io
 
 import pytest
-from rich.console import Console
 
 from catalogs import TableBytes, open_catalogue, parse_table
 from cpic_core import visible
 from cpic_planner.queries.rank import read_star_names
 from cpic_planner.ranking.sensitivity import load_ranking
-from cpic_planner.report import Sheet, form_text, print_rank, ranking_csv, ranking_ecsv
+from cpic_planner.report import first_table, form_text, rank_blocks, ranking_csv, ranking_ecsv
 from cpic_planner.report.confirm import measurements_csv
 from cpic_planner.report.whatif import targets_csv
 from cpic_planner.results import PlannedVisitRow, csv_text, ecsv_text, names_of, taken_of, values_of
@@ -66,9 +65,7 @@ def test_a_ranking_has_no_formula_and_reads_back_as_it_was(hostile, tmp_path, en
 
 @pytest.mark.parametrize("form", ["csv", "ecsv"])
 def test_tables_of_the_terminal_have_none(hostile, form):
-    sheet = Sheet(Console(file=io.StringIO(), width=80), form)
-    print_rank(hostile, sheet, limit=len(hostile.targets))
-    text = form_text(form, hostile, sheet.taken)
+    text = form_text(form, hostile, first_table(rank_blocks(hostile, limit=len(hostile.targets))))
     assert no_formula(text)
     assert "'=cmd|" in text
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.document import Paragraph, Table
+from cpic_planner.report.document import Paragraph, Table, cell
 from cpic_planner.report.drawing import date_axis, new_figure, style
 from cpic_planner.report.plotted import panels_of, values_blocks
 
@@ -65,8 +65,8 @@ def test_tables_have_every_value_and_dates_as_days(figure):
     """From the first value to the last, gaps between them too."""
     blocks = list(values_blocks(panels_of(figure)))
     tables = [block for block in blocks if isinstance(block, Table)]
-    texts = [[[cell.text for cell in row] for row in table.rows] for table in tables]
-    assert [cell.text[0] for cell in tables[0].heads] == ["time (h)", "rate of $b$", "twice"]
+    texts = [[[cell(column, row) for column in table.columns] for row in table.entries] for table in tables]
+    assert [column.heading for column in tables[0].columns] == ["time (h)", "rate of $b$", "twice"]
     assert texts[0] == [
         ["1.000", "3.250", "6.500"],
         ["2.000", "1.000 × 10⁻⁸", "2.000 × 10⁻⁸"],

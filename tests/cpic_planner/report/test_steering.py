@@ -14,9 +14,9 @@ from cpic_core import dump_json
 from cpic_planner import report
 from cpic_planner.report import confirm, ranking, whatif
 from cpic_planner.report.confirm import ConfirmReport, confirm_document
-from cpic_planner.report.document import page_html
 from cpic_planner.report.plan import PlanReport, panel_pictures, plan_document, plan_figures
 from cpic_planner.report.whatif import WhatIfReport, whatif_document
+from cpic_planner.report.writing import page_html
 
 STEERS = "\x1b[31m\x07\x9b1m\u202e\u2066\u2028\x7f\x00α é "
 NAMES = {"name", "target", "star", "planet", "scene", "strategy", "reference", "catalogue", "description", "message"}
@@ -51,12 +51,12 @@ def check(text):
 @pytest.fixture
 def printers(rank, plan, confirmation, etc_answers, compared, explanation):
     return {
-        "rank": partial(report.print_rank, renamed(rank)),
-        "explanation": partial(report.print_explanation, renamed(explanation)),
-        "plan": partial(report.print_plan, renamed(plan)),
-        "confirm": partial(report.print_confirm, renamed(confirmation)),
-        "etc": partial(report.print_etc, renamed(etc_answers)),
-        "whatif": partial(report.print_whatif, renamed(compared(["one", "two"]))),
+        "rank": partial(report.rank_blocks, renamed(rank)),
+        "explanation": partial(report.explanation_blocks, renamed(explanation)),
+        "plan": partial(report.plan_blocks, renamed(plan)),
+        "confirm": partial(report.confirm_blocks, renamed(confirmation)),
+        "etc": partial(report.etc_blocks, renamed(etc_answers)),
+        "whatif": partial(report.whatif_blocks, renamed(compared(["one", "two"]))),
     }
 
 
@@ -66,12 +66,10 @@ def test_tables(printers, name, form):
     stream = io.StringIO()
     screen = Console(file=stream, width=200, highlight=False)
     if form == "table":
-        printers[name](screen)
+        report.print_blocks(printers[name](), screen, full=True)
         check(stream.getvalue())
         return
-    sheet = report.Sheet(screen, form)
-    printers[name](sheet)
-    text = report.form_text(form, printers[name].args[0], sheet.taken)
+    text = report.form_text(form, printers[name].args[0], report.first_table(printers[name]()))
     assert steering(text.replace("\r\n", "\n")) == set()
 
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from cpic_planner.report.document import page_html
 from cpic_planner.report.whatif import WhatIfReport, whatif_document
 from cpic_planner.report.whatif_figures import doubt_figure
-from cpic_planner.report.words import decimals
+from cpic_planner.report.writing import page_html
 from cpic_planner.survey import load_strategies, with_doubt
 from cpic_planner.survey.doubt import doubted, record_of
 
@@ -32,28 +31,6 @@ def result(compared, record):
 @pytest.fixture(scope="module")
 def page(result):
     return page_html(whatif_document(WhatIfReport(result, {"doubt": doubt_figure(result)})))
-
-
-def test_the_section_says_what_the_record_says(record, page, words, compared):
-    assert record.statement in words
-    assert 'id="doubt"' not in page_html(whatif_document(WhatIfReport(compared(NAMES), {})))
-    assert "Plan drift 0.02 nm weight 68.8 % drift 0.2 nm weight 31.2 %" in words
-    for choice in record.choices:
-        row = f"{choice.strategy}, for {choice.planned_for}"
-        for value in record.values:
-            (cell,) = (
-                item
-                for item in record.cells
-                if (item.strategy, item.planned_for, item.played_under)
-                == (choice.strategy, choice.planned_for, value.text)
-            )
-            row += f" {cell.planets.mean:.2f}"
-            if cell.loss.mean:
-                row += f" loses {cell.loss.mean:.3f} ({decimals(cell.loss.low, 3)} to {decimals(cell.loss.high, 3)})"
-            else:
-                row += " best"
-        assert f"{row} {choice.largest_loss:.3f} {choice.planets:.2f}" in words
-    assert "If the strategy is settled" in words
 
 
 def test_both_choices_are_shaded(record, reader):

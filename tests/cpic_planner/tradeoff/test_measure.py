@@ -8,41 +8,25 @@ import pytest
 
 from cpic_planner.tradeoff import chosen, n_rows
 from cpic_planner.tradeoff.measure import (
+    ClosedForm,
+    Images,
     NotApplicable,
-    Places,
-    aperture_flux_e,
-    closed_form,
-    drawn_frames,
-    expected_flux_e,
-    flux_of_programme,
-    light_without,
-    own_noise_e2,
+    compared,
     peak_memory_mb,
-    ratio_of_programmes,
     reset_peak_memory,
-    snr_of_programme,
-    speckle_samples,
     timed,
-    walk_samples,
-    white_of_frames,
-    white_of_sums,
-    worked,
 )
 from cpic_planner.tradeoff.scenes import (
     SCENES,
     TOLERANCES_MEASURED,
     FixedScene,
+    Point,
     Setup,
-    choice_of,
-    chosen_by,
     points_of,
     reference_setup,
     this_machine,
-    visit,
 )
-from simulator.detectors import excess_noise_factor2
-from simulator.imaging import overlap_weights
-from simulator.knobs import FIDELITIES, dial_of
+from simulator.knobs import FIDELITIES
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -62,7 +46,6 @@ def test_knobs_and_effects_change_one_thing_of_the_reference(name):
         if changed == ["knobs"]:
             ours, theirs = point.setup.knobs.model_dump(), best.knobs.model_dump()
             assert sum(ours[key] != theirs[key] for key in ours) == 1
-        assert point.light_changes == (changed != ["switches"])
 
 
 def test_every_way_of_the_dial_is_there():
@@ -104,158 +87,112 @@ def test_refusals(refused):
 QUICK = FIDELITIES["quick"]
 
 
-@pytest.fixture(scope="module")
-def window():
-    return Setup("frames", "hole", QUICK, 1)
+def way(draw="frames", **changes):
+    return Point("way", "a way", "images", setup=Setup(draw, "hole", QUICK, 1, **changes))
 
 
-@pytest.fixture(scope="module")
-def sums():
-    return Setup("sums", "hole", QUICK, 1)
-
-
-@pytest.fixture(scope="module")
-def places(small_case):
-    return Places.of(small_case)
-
-
-def flux_of(case, setup):
-    return expected_flux_e(case, setup, visit(case, setup), light_without(case, setup))
-
-
-def test_the_flux_is_that_of_the_closed_form(small_case, window, sums):
-    said = closed_form(small_case).answer()["flux_e"]
+def test_the_flux_is_that_of_the_closed_form(small_case):
+    said, _ = ClosedForm.of(small_case, small_case.instrument).answer()
+    frames, sums = (Images.of(small_case, way(draw)).flux_e() for draw in ("frames", "sums"))
     # The closed form averages the core over the phase of the pixels.
-    assert flux_of(small_case, window) == pytest.approx(said, rel=0.02)
-    assert flux_of(small_case, sums) == pytest.approx(said, rel=0.02)
+    assert frames == pytest.approx(said, rel=0.02)
+    assert sums == pytest.approx(said, rel=0.02)
     # Transfer losses are the one effect of the mean that a reduction leaves.
-    without = dataclasses.replace(window, switches={"parallel_cti": False, "serial_cti": False})
-    assert flux_of(small_case, without) == pytest.approx(flux_of(small_case, sums), rel=1e-5)
-    assert flux_of(small_case, window) < flux_of(small_case, sums)
+    without = Images.of(small_case, way(switches={"parallel_cti": False, "serial_cti": False})).flux_e()
+    assert without == pytest.approx(sums, rel=1e-5)
+    assert frames < sums
 
 
-def test_a_left_out_source_and_a_dark_sky_are_not_in_the_light(small_case, window):
-    dark = light_without(small_case, dataclasses.replace(window, sky=False))
-    assert dark.max() < 1e-6 * light_without(small_case, window).max()
-    scene = dataclasses.replace(window, left_out=("planet",)).scene(small_case)
-    assert scene.planets == ()
+def test_a_left_out_source_and_a_dark_sky_are_not_in_the_light(small_case):
+    whole, dark, alone = (
+        Images.of(small_case, way(**changes)).visits.science
+        for changes in ({}, {"sky": False}, {"sky": False, "left_out": ("planet",)})
+    )
+    assert np.median(dark.light.static_e_s) < 1e-3 * np.median(whole.light.static_e_s)
+    assert alone.scene.planets == ()
+    assert alone.light.static_e_s.max() < 1e-6 * whole.light.static_e_s.max()
 
 
-def test_read_noise_alone_gives_its_own_variance(small_case, window, places):
-    switches = small_case.instrument.detector.switches.model_dump()
-    only = {name: name == "read_noise" for name, on in switches.items() if on}
-    setup = dataclasses.replace(window, switches=only)
-    drawn = drawn_frames(visit(small_case, setup, n_frames=12))
-    white = white_of_frames(dataclasses.replace(places, level=np.ones_like(places.level)), (drawn,))
-    metrics = visit(small_case, setup, n_frames=1).psf.metrics
-    weights = overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec)
-    detector = small_case.instrument.detector
-    pixel = (detector.read_noise_e**2 + detector.gain_e_adu**2 / 12) / small_case.em_gain**2
-    error = white.std(ddof=1) / np.sqrt(len(white))
-    assert abs(white.mean() - pixel * (weights**2).sum()) < 4 * error
-    assert error < 0.1 * white.mean()
-
-
-def test_lost_frames_cost_noise(small_case, window, places):
-    drawn = drawn_frames(visit(small_case, window, n_frames=12))
-    every = white_of_frames(places, (drawn,)).mean()
-    usable = drawn.usable.copy()
-    usable[::2] = False
-    half = dataclasses.replace(drawn, usable=usable)
-    half = dataclasses.replace(half, electrons=np.where(usable, drawn.electrons, drawn.electrons[1::2].mean(axis=0)))
-    kept = dataclasses.replace(drawn, usable=drawn.usable)
-    assert white_of_frames(places, (half,)).mean() / every == pytest.approx(2.0, rel=0.25)
-    assert white_of_frames(places, (kept,)).mean() == every
-
-
-def test_sums_and_frames_have_the_same_noise(small_case, window, sums, places):
+def test_sums_and_frames_have_the_noise_of_the_closed_form(small_case):
     case = FixedScene.of(small_case, n_frames=4)
-    still = {"cosmic_rays": False, "bad_pixels": False, "bad_columns": False}
-    calm = dataclasses.replace(window, switches=still)
-    frames = white_of_frames(places, (drawn_frames(visit(case, calm, n_frames=24)),))
-    stacked = white_of_sums(case, sums, places, 24)
-    spread = [part.std(ddof=1) / np.sqrt(len(part)) for part in (frames, stacked)]
-    assert abs(frames.mean() - stacked.mean()) < 4 * np.hypot(*spread)
+    calm = {"cosmic_rays": False, "bad_pixels": False, "bad_columns": False}
+    flux, snr = ClosedForm.of(case, case.instrument).answer()
+    assert flux > 0
+    for one in (way(switches=calm), way("sums")):
+        images = Images.of(case, one)
+        errors = np.array([images.contrast_error(number) for number in range(12)])
+        assert images.contrast / np.sqrt((errors**2).mean()) == pytest.approx(snr, rel=0.15)
 
 
-def test_infrared_sums_and_frames_have_the_same_noise(window, sums):
-    case = FixedScene.of(SCENES["infrared"], n_frames=4)
-    places, calm = Places.of(case), dataclasses.replace(window, switches={"cosmic_rays": False, "bad_pixels": False})
-    frames = white_of_frames(places, (drawn_frames(visit(case, calm, n_frames=24)),))
-    stacked = white_of_sums(case, sums, places, 24)
-    spread = [part.std(ddof=1) / np.sqrt(len(part)) for part in (frames, stacked)]
-    assert abs(frames.mean() - stacked.mean()) < 4 * np.hypot(*spread) < 0.2 * frames.mean()
-
-
-def test_own_noise_is_that_of_the_planets_light(small_case, window, places):
-    metrics = visit(small_case, window, n_frames=1).psf.metrics
-    factor2 = float(excess_noise_factor2(small_case.em_gain, 604))
-    expected = factor2 * metrics.source_noise_fraction * 50.0
-    assert own_noise_e2(small_case, window, places, 50.0) == pytest.approx(expected)
-    without = dataclasses.replace(window, switches={"em_register": False})
-    assert own_noise_e2(small_case, without, places, 50.0) == pytest.approx(metrics.source_noise_fraction * 50.0)
-    silent = dataclasses.replace(window, switches={"photon_noise": False})
-    assert own_noise_e2(small_case, silent, places, 50.0) == 0.0
-
-
-def test_speckles_grow_with_the_star_and_vanish_without_drift(small_case, window, places):
-    few = speckle_samples(small_case, window, places, 2)
-    assert (few > 0).all()
-    assert (speckle_samples(small_case, dataclasses.replace(window, drift=False), places, 2) == 0).all()
-    bright = dict(small_case.tree) | {"cstar": dict(small_case.tree["cstar"]) | {"magnitude": 3.0}}
-    brighter_case = FixedScene.of(small_case, tree=bright)
-    brighter = speckle_samples(brighter_case, window, Places.of(brighter_case), 2)
-    assert brighter == pytest.approx(few * 100.0, rel=1e-6)  # 2.5 mag, squared
-    walk, one = walk_samples(small_case, dataclasses.replace(window, epochs=2), places, 2)
-    assert not np.array_equal(walk, one)
-    assert walk == pytest.approx(one, rel=0.5)
-
-
-def test_the_work_measures_what_is_there(small_case, sums):
-    case = FixedScene.of(small_case, em_gain=1.0)
-    work = worked(case, sums)
-    assert work.drawn == ()
-    ones = np.ones(work.science.psf.on_axis.shape)
-    assert aperture_flux_e(work.science, ones) == pytest.approx(case.instrument.aperture_pixels(case.band), rel=1e-3)
+def test_a_way_that_does_not_apply_says_so(small_case):
     with pytest.raises(NotApplicable, match="reach"):
-        worked(FixedScene.of(case, em_gain=1000.0, exposure_s=1e5), sums)
+        Images.of(FixedScene.of(small_case, em_gain=1000.0, exposure_s=1e5), way("sums"))
 
 
 def test_the_ledger_decides(small_case):
-    choice = choice_of(small_case, dial_of("reference"))
-    setup = chosen_by(small_case, choice)
-    best = reference_setup(small_case)
-    assert (setup.draw, setup.region, setup.knobs) == (best.draw, best.region, best.knobs)
-    assert not setup.switches
-    coarse = chosen_by(small_case, choice_of(small_case, dial_of(None, 0.3)))
-    assert coarse.n_epochs(small_case) <= best.n_epochs(small_case)
-    assert coarse.knobs.wavelength_nodes < best.knobs.wavelength_nodes
-
-
-def test_a_brighter_place_counts_for_what_the_planet_has(places):
-    # The halo falls outwards: the planet's place is darker than the inner edge and brighter than the corners.
-    assert 0.3 < places.level[places.white].min() < 1.0 < places.level[places.white].max() < 3.0
-    assert not (places.near & ~places.white).any()
-    assert (places.near.sum(), places.white.sum()) > (0, places.near.sum())
+    coarse = Images.of(small_case, Point("tolerance_0.3", "coarse", "tolerance", tolerance=0.3))
+    assert coarse.how.predicted_error["snr"] <= 0.3
+    assert coarse.how.knobs.wavelength_nodes < reference_setup(small_case).knobs.wavelength_nodes
 
 
 def test_the_closed_form_of_independent_visits_gains_as_their_root():
-    answers = [closed_form(SCENES[name]).answer() for name in ("visits_1", "visits_16")]
-    one, many = (answer["flux_e"] / answer["white_e2"] ** 0.5 for answer in answers)
+    one, many = (ClosedForm.of(SCENES[name], SCENES[name].instrument).answer()[1] for name in ("visits_1", "visits_16"))
     assert many / one == pytest.approx(4.0, rel=0.02)
 
 
-def test_what_is_common_to_realisations_drops_out_of_their_ratio():
-    rng = np.random.default_rng(5)
-    contrast, error = rng.normal(1.0, 0.1, 20), rng.normal(0.1, 0.01, 20)
-    ours = {"contrast": list(1.1 * contrast), "contrast_error": list(error)}
-    theirs = {"contrast": list(contrast), "contrast_error": list(error)}
-    for what in (flux_of_programme, snr_of_programme):
-        assert ratio_of_programmes(ours, theirs, what, paired=True) == pytest.approx((1.1, 0.0), abs=1e-12)
-    # Apart, each mean carries its scatter over the root of its number.
-    _, spread = ratio_of_programmes(ours, theirs, flux_of_programme, paired=False)
-    relative = contrast.std(ddof=1) / contrast.mean() / 20**0.5
-    assert spread == pytest.approx(1.1 * 2**0.5 * relative, rel=1e-9)
+def samples(errors):
+    errors = np.asarray(errors)
+    return {"samples": {"contrast_error": errors.tolist()}, "snr": float(1.0 / np.sqrt((errors**2).mean()))}
+
+
+@pytest.fixture
+def reference(make):
+    return make.row("reference", group="tier", **samples(np.random.default_rng(1).gamma(50, 2, 16)))
+
+
+def one(rows):
+    return {row.point: row for row in compared(rows)}
+
+
+def test_the_reference_is_its_own_measure(reference):
+    row = one([reference])["reference"]
+    assert row.snr == pytest.approx(reference.snr, rel=1e-12)
+    assert row.variance_e2 == pytest.approx((100.0 / reference.snr) ** 2, rel=1e-12)
+    assert (row.flux_error, row.snr_error, row.flux_uncertainty, row.snr_uncertainty) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_common_random_numbers_leave_no_scatter(make, reference):
+    scaled = samples(1.1 * np.array(reference.samples["contrast_error"][:4]))
+    row = one([reference, make.row("changed", group="knob", flux_e=110.0, **scaled)])["changed"]
+    assert row.flux_error == pytest.approx(0.1)
+    assert row.snr_error == pytest.approx(1.0 / 1.1 - 1.0, abs=1e-12)
+    assert row.snr == pytest.approx(reference.snr / 1.1, rel=1e-12)  # not that of its own few realisations
+    assert row.snr_uncertainty == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_stated_error_is_that_of_the_scatter(make):
+    # Many trials of two independent ways with the same noise.
+    rng, off, said = np.random.default_rng(3), [], []
+    for _ in range(300):
+        first = make.row("reference", group="tier", **samples(rng.normal(10, 1, 40)))
+        second = make.row("sums", **samples(rng.normal(10, 1, 60)), settings={"draw": "sums", "region": "hole"})
+        row = one([first, second])["sums"]
+        off.append(row.snr_error)
+        said.append(row.snr_uncertainty)
+    assert np.std(off) / np.mean(said) == pytest.approx(1.0, abs=0.15)
+    assert abs(np.mean(off)) < 4 * np.std(off) / np.sqrt(300)
+
+
+def test_closed_forms_refusals_and_scenes_without_reference(make, reference):
+    said = make.row("etc", group="closed_form", flux_e=101.0, settings={}, snr=0.5 * reference.snr)
+    refused = make.row("sums", status="invalid", reason="register_full_well", message="no", flux_e=None, wall_s=None)
+    found = one([reference, said, refused])
+    assert found["etc"].snr == pytest.approx(0.5 * reference.snr)
+    assert found["etc"].flux_error == pytest.approx(0.01)
+    assert found["etc"].snr_error == pytest.approx(-0.5)
+    assert found["etc"].snr_uncertainty > 0
+    assert found["sums"] == refused
+    assert one([said])["etc"].snr_error is None
 
 
 def test_a_sleep_is_long_and_costs_no_processor_time():

@@ -44,7 +44,7 @@ def residual(psf, image, sigma_e=10.0, region=None, integration_s=100.0):
     hole = psf.metrics.hole if region is None else region
     image = np.where(hole, image, 0.0)
     none = np.zeros((0, int(hole.sum())))
-    rdi = RdiResult(image[None], 0, 0, False, "temporal", hole, none, np.zeros(0))
+    rdi = RdiResult(image[None], 0, False, "temporal", hole, none, np.zeros(0))
     return ReducedStack(image, hole, np.where(hole, sigma_e**2, 0.0), np.zeros(hole.shape), rdi, integration_s, 2.0)
 
 
@@ -388,12 +388,6 @@ def test_no_noise_and_no_light_find_nothing_and_a_planet_is_found_without_noise(
     assert (answer.detections[0].x_arcsec, answer.detections[0].y_arcsec) == pytest.approx((0.42, 0.40), abs=0.004)
 
 
-def test_a_whole_search_asks_for_more(psf, still):
-    each = search(white(psf, 6), psf, still, star_rate_e_s=STAR_E_S)
-    whole = search(white(psf, 6), psf, still, star_rate_e_s=STAR_E_S, per_search=True)
-    assert whole.threshold.unwrap() > each.threshold.unwrap() > 5.0
-
-
 def test_bad_input_is_named(refused, psf, still):
     stack = white(psf, 7)
     image = stack.image_e.copy()
@@ -428,7 +422,8 @@ def test_a_star_that_does_not_drift_may_be_of_any_light(psf, still):
 def test_a_candidate_says_how_often_noise_does_as_much(significance):
     """Expected Euler characteristic of a Gaussian field above the level, which is 1 at least; the threshold counts."""
     region, roughness = SearchedRegion(2704.0, 208.0, 4.0, 2916, 99.0), 0.05
-    peak = Peak(40.5, 70.0, 6.0, significance, 0.1, 80.0, 1e3)
+    where = {"x_pixel": 40.5, "y_pixel": 70.0, "place": 0, "noise": None}
+    peak = Peak(**where, snr=6.0, flux_e=1e3, significance=significance, laplace=0.1, dof=80.0)
     level = max(significance, 1.0)
     curve = math.exp(-(level**2) / 2.0) / (2.0 * math.pi)
     expected = (

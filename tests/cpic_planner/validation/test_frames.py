@@ -83,7 +83,7 @@ def test_level_does_not_see_sources() -> None:
     """Adding a source to a frame leaves its fitted level exactly as it is; particles on the bar move it little."""
     seen = observed(n_frames=1, em_gain=300.0, exposure_s=1.0)
     detector, zero = seen.instrument.detector, np.zeros(seen.shape)
-    level = frame_level(seen, None, flaws=zero.astype(np.uint8), mean_e=zero)
+    level = frame_level(seen, flaws=zero.astype(np.uint8), mean_e=zero)
     assert level is not None
     rng = np.random.default_rng(0)
     rows, columns = np.indices(seen.shape)
@@ -126,10 +126,6 @@ def test_flawed_pixels_and_limits() -> None:
     bad = (first.mask & (MaskBit.BAD | MaskBit.HOT)) != 0
     assert bad.any()
     assert not frames.usable[:, bad].any()
-    kept = calibrated_frames(seen, keep_hot=True)
-    hot = ((first.mask & MaskBit.HOT) != 0) & ((first.mask & MaskBit.BAD) == 0) & (kept.n_lost == 0)
-    assert hot.any()
-    assert kept.usable[:, hot].all()
     assert not frames.usable[0][first.lost].any()
     lost = sum(seen.frame(index).lost.astype(int) for index in range(10))
     hole = seen.psf.metrics.hole
@@ -212,11 +208,6 @@ def test_near_infrared_frames_are_the_light_again(mode: str) -> None:
 
 def test_refusals(refused) -> None:
     refused("n_frames", calibrated_frames, observed(n_frames=1_000_000))
-    seen = observed(n_frames=1)
-    refused("at least 100 pixels", calibrated_frames, seen, level_pixels=np.zeros(seen.shape, dtype=bool))
-    refused("level_pixels", calibrated_frames, seen, level_pixels=np.ones((3, 3), dtype=bool))
-    still = observed(n_frames=1, switches={"bias_drift": False, "interference": False})
-    assert calibrated_frames(still, level_pixels=np.zeros(seen.shape, dtype=bool)).n_frames == 1
 
 
 def test_register_clock_charge_is_taken_off() -> None:

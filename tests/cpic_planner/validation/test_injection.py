@@ -37,7 +37,7 @@ def white(psf, seed):
     hole = psf.metrics.hole
     image = np.where(hole, SIGMA_E * np.random.default_rng(seed).standard_normal(hole.shape), 0.0)
     modes = np.linalg.qr(np.random.default_rng(99).standard_normal((int(hole.sum()), 1)))[0].T
-    rdi = RdiResult(image[None], 1, 1, False, "temporal", hole, modes, np.ones(1))
+    rdi = RdiResult(image[None], 1, False, "temporal", hole, modes, np.ones(1))
     variance = np.where(hole, SIGMA_E**2, 0.0)
     return ReducedStack(
         image, hole, variance, np.zeros(hole.shape), rdi, TIME_S, float(excess_noise_factor2(300.0, 604))

@@ -60,7 +60,7 @@ def prepared():
 
 def star():
     rate = prepared()[0].science.truth.sources[0].rate_e_s
-    return StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0)
+    return StarFlux(rate, 0.0, "off_mask")
 
 
 def test_subjects_stand_where_the_scene_puts_them():

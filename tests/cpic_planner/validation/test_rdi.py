@@ -146,7 +146,6 @@ def test_degenerate_libraries(name: str, centering: str, region: np.ndarray) -> 
     refs, ranks = DEGENERATE[name]
     result = rdi_subtract(speckles(2, seed=2), refs, 10, region=region, centering=centering)
     assert result.modes_used == ranks[centering]
-    assert result.modes_requested == 10
     assert result.truncated
     assert np.isfinite(result.residuals).all()
     expected = by_svd(*centred(speckles(2, seed=2)[:, region], refs[:, region], centering), ranks[centering])

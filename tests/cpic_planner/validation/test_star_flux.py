@@ -38,8 +38,6 @@ def test_star_off_the_mask(band: str, n_seeds: int) -> None:
     assert abs(pulls.std(ddof=1) - 1.0) < 3.5 / math.sqrt(2 * pulls.size)
     assert found[0].error_e_s < 1e-3 * true
     assert found[0].method == "off_mask"
-    assert found[0].rate_e_s * found[0].core * found[0].time_s == pytest.approx(found[0].flux_e, rel=1e-12)
-    assert found[0].time_s == pytest.approx(4 * seen.exposure_s)
 
 
 def test_other_places_and_gains_agree() -> None:

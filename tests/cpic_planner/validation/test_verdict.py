@@ -57,7 +57,7 @@ MODELLING = Modelling(
     predicted_error={"planet_flux": 0.001, "snr": 0.004},
     outcome=Outcome.ok(0.004),
 )
-STAR = StarFlux(1e6, 1e3, "off_mask", 1e5, 0.2, 0.5)
+STAR = StarFlux(1e6, 1e3, "off_mask")
 
 
 def measurement(contrast=1e-8, snr=10.0, found=True):

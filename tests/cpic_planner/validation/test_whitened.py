@@ -211,7 +211,7 @@ def test_images_are_measured_with_it_where_the_strategy_says_so(smooth):
     visits, planets, realised = prepared()
     asked = replace(visits, strategy=visits.strategy.model_copy(update={"filter": "whitened"}))
     rate = visits.science.truth.sources[0].rate_e_s
-    star = StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0)
+    star = StarFlux(rate, 0.0, "off_mask")
     found, _ = measure_planets(asked, realised, planets, star, searched=False)
     for one, source, planet in zip(found, visits.science.truth.sources[1:], planets, strict=True):
         assert abs(one.contrast - source.contrast) < 5.0 * one.contrast_error

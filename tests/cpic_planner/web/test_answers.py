@@ -44,7 +44,7 @@ def words(told):
 def test_a_page_says_what_the_commands_say(ask, capsys):
     text = words(ask("/star?name=eps+Eri&date_utc=2030-01-01"))
     season = star_visibility("eps Eri", start_utc="2030-01-01").targets[0].seasons[0]
-    assert f"season {season.start_utc[:16]} to {season.end_utc[:16]}" in text
+    assert f"Season {season.start_utc[:16]} to {season.end_utc[:16]}" in text
     assert main(["known", "eps Eri", "--date", "2030-01-01", "-v"]) == 0
     (windows,) = re.findall(r"more likely than not in the dark hole (.*)", " ".join(capsys.readouterr().out.split()))
     assert windows.split(" Numbers")[0][:40] in text

@@ -30,8 +30,11 @@ def same(ask, capsys, seed):
     page = ask(address)
     cells = [re.sub(r"<[^>]*>", "", cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", page.text, re.S)]
     shown = ask(f"{address}&format=markdown").text
+    digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
     for cell in cells[:3]:
-        assert cell.strip() in shown
+        power = re.fullmatch(r"([\d.]+) × 10(\S+)", cell.strip())
+        written = f"{power[1]}e-{-int(power[2].translate(digits)):02d}" if power else cell.strip()
+        assert written in shown
     return True
 
 

@@ -1,12 +1,11 @@
 """What the optics refuse, each in one line that names the setting."""
 
 from simulator.config.map_files import pixel_scale
-from simulator.imaging import HoleZone, read_maps
+from simulator.imaging import read_maps
 from simulator.imaging.deformable_mirror import DeformableMirror
 
 READERS = {
     "mirror": lambda settings: DeformableMirror(**settings),
-    "hole_zone": lambda zone: HoleZone(*zone),
     "pixel_scale": lambda header: pixel_scale("map", "file", header),
     "map_path": lambda path: read_maps("psf", path),
 }

@@ -81,17 +81,6 @@ def test_steps_of_the_charge_may_differ_from_frame_to_frame(sequence, tmp_path):
     assert table["charge_step1_e"].tolist() == [0.0, 5.0, 0.0]
 
 
-@pytest.mark.parametrize("name", ["expected", "expected_e"])
-@pytest.mark.parametrize("fault", ["shape", "nan"])
-def test_maps_that_do_not_fit_are_refused_by_name(refused, sequence, tmp_path, name, fault):
-    base = type(sequence())
-    value = np.zeros((3, 3)) if fault == "shape" else np.full((24, 40), np.nan)
-    maps = {"expected": np.ones((24, 40)), "expected_e": np.ones((24, 40))} | {name: value}
-    faulty = type("Faulty", (base,), {key: property(lambda self, key=key: maps[key]) for key in maps})
-    refused(f"{name} = ", write_level0, faulty(), tmp_path)
-    assert not list(tmp_path.rglob("*.fits"))
-
-
 def test_sizes_go_into_header_configuration_and_truth(tmp_path):
     scene = {"name": "s", "cstar": {"name": "s", "v_mag": 6.0, "teff_k": 5800}}
     seen = observe(scene, band="F662", exposure_s=0.1, tolerance=0.1)

@@ -13,7 +13,6 @@ from astropy.wcs import WCS
 
 from cpic_core import InputError
 from simulator import load_instrument, load_scene
-from simulator.camera import Frame
 from simulator.products import check_level0, write_level0
 from simulator.products.keywords import KEYWORD_FILE, load_keywords
 
@@ -246,24 +245,13 @@ class Broken(RuntimeError):
     pass
 
 
-@pytest.mark.parametrize("fault", ["raises", "short", "long", "shape", "dtype", "mask"])
-def test_a_sequence_that_fails_leaves_no_file(sequence, tmp_path, fault):
+def test_a_sequence_that_fails_leaves_no_file(sequence, tmp_path):
     class Faulty(type(sequence())):
         def iter_full_frames(self):
-            for index in range({"short": 2, "long": 4}.get(fault, 3)):
-                frame = self.frame(index)
-                if index == 1 and fault == "raises":
-                    raise Broken
-                if index == 1 and fault == "shape":
-                    frame = Frame(adu=frame.adu[1:], mask=frame.mask[1:])
-                if index == 1 and fault == "dtype":
-                    frame = Frame(adu=frame.adu.astype(np.int32), mask=frame.mask)
-                if index == 1 and fault == "mask":
-                    frame = Frame(adu=frame.adu, mask=frame.mask != 0)
-                yield frame
+            yield self.frame(0)
+            raise Broken
 
-    words = {"short": "2", "long": "4", "shape": "frame 2 adu", "dtype": "uint16", "mask": "frame 2 mask"}
-    with pytest.raises(Broken if fault == "raises" else InputError, match=words.get(fault)):
+    with pytest.raises(Broken):
         write_level0(Faulty(), tmp_path)
     assert files(tmp_path) == []
     write_level0(sequence(), tmp_path)
@@ -273,15 +261,7 @@ def test_a_sequence_that_fails_leaves_no_file(sequence, tmp_path, fault):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"camera": "UV"}, ("camera = UV", "VIS, NIR")),
-        ({"kind": "SCIE"}, ("kind = SCIE", "DSF")),
-        ({"n_frames": 0}, ("n_frames = 0",)),
-        ({"n_frames": 2.5}, ("n_frames = 2.5",)),
-        ({"exposure_s": -1.0}, ("exposure_s = -1.0 s",)),
-        ({"exposure_s": float("nan")}, ("exposure_s",)),
-        ({"readout_s": float("inf")}, ("readout_s",)),
         ({"start_utc": "tomorrow"}, ("start_utc = tomorrow",)),
-        ({"extra": {"bad key": 1}}, ("header.bad key",)),
         ({"extra": {"GAIN": "high"}}, ("header.GAIN = high", "float")),
     ],
 )

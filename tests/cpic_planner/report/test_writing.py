@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import pkgutil
-from functools import partial
 from types import SimpleNamespace
 
 import astropy.units as u
@@ -15,23 +14,20 @@ from astropy.table import Table
 from rich.console import Console
 
 from cpic_core import InputError
-from cpic_planner.report import (
-    Sheet,
-    form_text,
-    offered_text,
-    print_confirm,
-    print_etc,
-    print_explanation,
-    print_plan,
-    print_rank,
-    print_sensitivity,
-    print_whatif,
-    ranking_csv,
-    ranking_ecsv,
-)
-from cpic_planner.report.cells import chosen, latex_text, offered, print_table, row_cells
+from cpic_planner import report
+from cpic_planner.report import chosen, first_table, form_text, offered_text, print_table, ranking_csv, ranking_ecsv
 from cpic_planner.report.confirm import MEASUREMENT_COLUMNS, measurements_csv
+from cpic_planner.report.document import (
+    Table as DocumentTable,
+    cell,
+    cell_text,
+    files_of,
+    name_shown,
+    row_columns,
+    unit_shown,
+)
 from cpic_planner.report.whatif import targets_csv
+from cpic_planner.report.writing import latex_text, offered, table_on_page
 from cpic_planner.results import (
     EtcAnswer,
     ProgrammeColumns,
@@ -149,14 +145,14 @@ def test_every_star_of_every_strategy_has_a_line(compared):
 
 WORDS = {"held_by", "outcome"}
 """Columns without a field of their own, in words for people."""
-PRINTERS = {
-    "rank": print_rank,
-    "etc_answers": print_etc,
-    "plan": print_plan,
-    "confirmation": print_confirm,
-    "sensitivity": print_sensitivity,
-    "explanation": print_explanation,
-    "strategies": print_whatif,
+ANSWERS = {
+    "rank": report.rank_blocks,
+    "etc_answers": report.etc_blocks,
+    "plan": report.plan_blocks,
+    "confirmation": report.confirm_blocks,
+    "sensitivity": report.sensitivity_blocks,
+    "explanation": report.explanation_blocks,
+    "strategies": report.whatif_blocks,
 }
 
 
@@ -165,60 +161,94 @@ def result(request, compared):
     return compared(["one", "two"]) if request.param == "strategies" else request.getfixturevalue(request.param)
 
 
-def sheet_of(name, result, form="csv", columns=()):
-    stream = io.StringIO()
-    sheet = Sheet(Console(file=stream, width=80), form, columns)
-    PRINTERS[name](result, sheet)
-    return sheet, stream
+def table_of(name, result):
+    return first_table(ANSWERS[name](result))
+
+
+def shown(blocks, width=100, encoding="utf-8"):
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding)
+    report.print_blocks(blocks, Console(file=stream, width=width, highlight=False), full=True)
+    stream.flush()
+    return raw.getvalue().decode(encoding)
 
 
 def each(function):
-    return pytest.mark.parametrize(("name", "result"), [(name, name) for name in PRINTERS], indirect=["result"])(
+    return pytest.mark.parametrize(("name", "result"), [(name, name) for name in ANSWERS], indirect=["result"])(
         function
     )
 
 
 @each
+@pytest.mark.parametrize("width", [40, 60, 100, 200])
+def test_tables_fit_any_width_and_any_terminal(name, result, width):
+    for encoding in ("utf-8", "ascii"):
+        assert max(map(len, shown(ANSWERS[name](result), width, encoding).splitlines())) <= width
+
+
+def test_names_are_no_markup_and_bars_are_bars(rank, etc_answers):
+    odd = rank.targets[0].model_copy(update={"name": "[bold]x[/bold] [/]"})
+    assert "[bold]x[/bold]" in shown(report.rank_blocks(rank.model_copy(update={"targets": [odd]})))
+    assert 24 * "█" in shown(report.etc_blocks(etc_answers))
+    assert 24 * "#" in shown(report.etc_blocks(etc_answers), encoding="ascii")
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 160, 190, 230])
+def test_rank_keeps_what_matters_at_any_width(rank, width):
+    head = shown(report.rank_blocks(rank), width).splitlines()[1]
+    wanted = {
+        80: "% per h compl % known % blind % status",
+        100: "visits band",
+        120: "margin",
+        160: "V mag dist pc contrast sep ″",
+        190: "in visit wall",
+        230: "gain frames × s",
+    }
+    for at, words in wanted.items():
+        assert width < at or all(word in head for word in words.split()), (at, head)
+
+
+@each
 def test_a_column_of_numbers_is_one_of_numbers_in_every_form(name, result):
-    taken = sheet_of(name, result)[0].taken
-    items = {item.column.name: item for cells in taken[1] for item in cells.taken}
-    table = Table.read(form_text("ecsv", result, taken), format="ascii.ecsv")
-    frame = pd.read_csv(io.StringIO(form_text("csv", result, taken)))
+    shown = table_of(name, result)
+    items = {item.name: item for column in shown.columns if "page" not in column.look for item in files_of(column)}
+    table = Table.read(form_text("ecsv", result, shown), format="ascii.ecsv")
+    frame = pd.read_csv(io.StringIO(form_text("csv", result, shown)))
     assert table.colnames == list(frame.columns) == list(items)
     for key, item in items.items():
-        values = [item.value(entry) for entry in taken[2]]
-        numeric = item.column.dtype in ("float64", "int64")
+        values = [item.value(entry) for entry in shown.entries]
+        numeric = item.dtype in ("float64", "int64")
         assert numeric == (table[key].dtype.kind in "fi"), key
-        assert (table[key].unit or u.dimensionless_unscaled) == u.Unit(item.column.unit), key
+        assert (table[key].unit or u.dimensionless_unscaled) == u.Unit(item.unit), key
         if numeric:
             assert [None if np.ma.is_masked(cell) else cell for cell in table[key]] == values, key
             read = pd.to_numeric(frame[key])
             assert [None if np.isnan(cell) else cell for cell in read.astype(float)] == values, key
-    texts = {cells.header for cells in taken[1] if cells.right and all(not item.column.right for item in cells.taken)}
+    columns = [column for column in shown.columns if "page" not in column.look]
+    texts = {one.heading for one in columns if one.right and all(not item.right for item in files_of(one))}
     assert not texts, "columns at the right are numbers for people, and words in files"
 
 
 @each
 def test_any_column_can_be_chosen_in_any_order(name, result):
-    taken = sheet_of(name, result)[0].taken
-    names = list(offered(taken[1]))
-    assert len(names) == len(set(names)) == len(offered_text(taken).splitlines())
+    table = table_of(name, result)
+    names = list(offered(table.columns))
+    assert len(names) == len(set(names)) == len(offered_text(table).splitlines())
     some = names[::-7]
-    assert Table.read(form_text("ecsv", result, taken, columns=some), format="ascii.ecsv").colnames == some
+    assert Table.read(form_text("ecsv", result, table, columns=some), format="ascii.ecsv").colnames == some
     for form in ("csv", "latex", "markdown"):
-        assert form_text(form, result, taken, columns=some)
-    sheet, stream = sheet_of(name, result, "table", tuple(some))
-    lines = stream.getvalue().splitlines()
-    cells = [len(str(cell.text(taken[2][0]))) for cell in chosen(taken[1], some)]
+        assert form_text(form, result, table, columns=some)
+    console = Console(file=io.StringIO(), width=80)
+    print_table(chosen(table, some), console, chosen=True)
+    lines = console.file.getvalue().splitlines()
+    cells = [len(cell_text(column, table.entries[0])) for column in chosen(table, some).columns]
     assert max(map(len, lines)) >= sum(cells)
     assert "…" not in lines[-1]
-    assert sheet.taken is not None
 
 
 def test_identifiers_and_places_can_be_chosen(rank):
-    taken = sheet_of("rank", rank)[0].taken
     columns = ("name", "hip", "hd", "gj", "ra_deg", "dec_deg", "sp_type", "v_mag", "detection_time_s")
-    table = Table.read(form_text("ecsv", rank, taken, columns=columns), format="ascii.ecsv")
+    table = Table.read(form_text("ecsv", rank, table_of("rank", rank), columns=columns), format="ascii.ecsv")
     assert tuple(table.colnames) == columns
     assert table["detection_time_s"].unit == u.s
     assert table["ra_deg"].dtype.kind == "f"
@@ -230,15 +260,8 @@ def test_identifiers_and_places_can_be_chosen(rank):
 )
 def test_a_column_that_is_not_there_is_refused_with_the_nearest(rank, columns, said):
     with pytest.raises(InputError, match=said) as refused:
-        form_text("csv", rank, sheet_of("rank", rank)[0].taken, columns=columns)
+        form_text("csv", rank, table_of("rank", rank), columns=columns)
     assert refused.value.key == "--columns"
-
-
-def test_a_chosen_table_stands_alone(rank):
-    text = sheet_of("rank", rank, "table", ("name", "hip"))[1].getvalue()
-    head, _, body = text.strip().rpartition("─")
-    assert " ".join(head.split("─")[0].split()).endswith("star HIP")
-    assert len(body.strip().splitlines()) == len(rank.targets)
 
 
 @each
@@ -274,14 +297,11 @@ def test_rows_that_a_result_does_not_have_are_refused(rank):
 
 def test_a_null_column_keeps_its_type():
     """Of a column without any value nothing but the row says what it holds."""
-    frame = partial(form_text, "ecsv", ProgrammeColumns())
-    rows = [ProgrammeColumns(), ProgrammeColumns()]
-    from cpic_planner.report.cells import row_cells
-
-    table = Table.read(frame(("", row_cells(ProgrammeColumns, "visits time_s"), rows)), format="ascii.ecsv")
+    shown = DocumentTable("", row_columns(ProgrammeColumns, "visits time_s"), [ProgrammeColumns(), ProgrammeColumns()])
+    table = Table.read(form_text("ecsv", ProgrammeColumns(), shown), format="ascii.ecsv")
     assert [table[name].dtype.kind for name in ("visits", "time_s")] == ["i", "f"]
     assert table["time_s"].mask.all()
-    assert [item.column.dtype for item in taken_of(ProgrammeColumns, "visits", "time_s")] == ["int64", "float64"]
+    assert [item.dtype for item in taken_of(ProgrammeColumns, "visits", "time_s")] == ["int64", "float64"]
 
 
 def test_columns_stand_where_the_row_says():
@@ -304,17 +324,18 @@ def rows(rank):
 
 
 def test_one_line_of_a_class_is_a_column_everywhere(rows):
-    console = Console(file=io.StringIO(), width=120)
-    print_table(console, "", row_cells(Wider, "rank name status"), rows)
-    head, _, first, second, _ = (line.split() for line in console.file.getvalue().splitlines() if line.strip())
+    text = shown([DocumentTable("", row_columns(Wider, "rank name status"), rows)])
+    head, _, first, second, *_ = (line.split() for line in text.splitlines() if line.strip())
     assert head == ["#", "star", "new", "status"]
     assert "12.3" in first
     assert "–" in second
 
-    page = row_cells(Wider, "rank name contrast", page=True)
-    assert [(cell.label, cell.unit) for cell in page] == [("#", ""), ("star", ""), ("new", "deg"), ("contrast", "")]
-    assert page[2].text(rows[0]) == "12.3"
-    assert "× 10⁻" in page[3].text(rows[0])
+    columns = row_columns(Wider, "rank name contrast")
+    heads = [(name_shown(one), unit_shown(one)) for one in columns]
+    assert heads == [("#", ""), ("Star", ""), ("New", "deg"), ("Contrast", "")]
+    assert cell(columns[2], rows[0]) == "12.3"
+    page = table_on_page(DocumentTable("Stars", columns, rows))
+    assert "× 10⁻" in page["rows"][0][1][3][0]
 
     lines = list(csv.DictReader(io.StringIO(csv_text(names_of(Wider), map(values_of, rows)))))
     assert [line["airmass_deg"] for line in lines] == ["12.34", "", ""]
@@ -339,8 +360,8 @@ def test_one_line_of_a_class_is_a_column_everywhere(rows):
 
 def test_cells_of_a_row_that_is_not_there_are_dashes(rows):
     """Also of null whole numbers, which stay whole in a frame."""
-    cells = row_cells(RankedTarget, "name v_mag", of=lambda pair: pair[1])
-    assert [cell.text((1, None)) for cell in cells] == ["–", "–"]
+    columns = row_columns(RankedTarget, "name v_mag", of=lambda pair: pair[1])
+    assert [cell(column, (1, None)) for column in columns] == ["–", "–"]
     without = rows[0].model_copy(update={"n_frames": None})
     assert data_frame(taken_of(Wider), [rows[0], without])["n_frames"].dtype == "Int64"
 
@@ -441,9 +462,7 @@ def test_a_row_is_made_of_the_attributes_of_others():
 
 @pytest.fixture
 def taken(rank):
-    sheet = Sheet(Console(file=io.StringIO(), width=80), "csv")
-    print_rank(rank, sheet, limit=len(rank.targets))
-    return sheet.taken
+    return first_table(report.rank_blocks(rank, limit=len(rank.targets)))
 
 
 def test_csv_holds_fields_in_full(rank, taken):
@@ -459,7 +478,7 @@ def test_csv_holds_fields_in_full(rank, taken):
 def test_ecsv_reads_back_with_units(rank, taken):
     table = Table.read(form_text("ecsv", rank, taken), format="ascii.ecsv")
     assert str(table["separation_arcsec"].unit) == "arcsec"
-    assert len(table) == len(taken[2])
+    assert len(table) == len(taken.entries)
     assert table["n_frames"].dtype.kind == "i"
     assert table["score"].unit == 1 / u.h
     assert table.meta["title"].startswith("Ranking")
@@ -476,13 +495,13 @@ def test_latex_is_a_table_that_fits_a_page(rank, taken):
     assert lines[4].startswith(r"\begin{tabular}{")
     assert lines[-2:] == [r"\end{tabular}", r"\end{table}"]
     columns = len(lines[4].split("{")[2].rstrip("}"))
-    assert 5 < columns < len(taken[1])
+    assert 5 < columns < len(taken.columns)
     body = [line for line in lines if line.endswith(r"\\")]
-    assert len(body) == 1 + len(taken[2])
+    assert len(body) == 1 + len(taken.entries)
     assert {line.replace(r"\&", "").count(" & ") + 1 for line in body} == {columns}
     assert "\n".join(lines[4:]).isascii()
     assert not any(mark in text for mark in "✓○□▲→")
-    assert len(Table.read("\n".join(lines[4:-1]), format="ascii.latex")) == len(taken[2])
+    assert len(Table.read("\n".join(lines[4:-1]), format="ascii.latex")) == len(taken.entries)
 
 
 def test_caption_and_label_are_those_that_are_given(rank, taken):
@@ -496,8 +515,8 @@ def test_caption_and_label_are_those_that_are_given(rank, taken):
 def test_markdown_has_as_many_cells_in_every_line(rank, taken):
     lines = form_text("markdown", rank, taken).splitlines()
     table = [line for line in lines if line.startswith("|")]
-    assert len(table) == 2 + len(taken[2])
-    assert {line.count("|") for line in table} == {len(taken[1]) + 1}
+    assert len(table) == 2 + len(taken.entries)
+    assert {line.count("|") for line in table} == {len(taken.columns) + 1}
 
 
 @pytest.mark.parametrize(
@@ -517,12 +536,14 @@ def test_signs_in_latex(text, written):
     assert latex_text(text) == written
 
 
-def test_a_sheet_takes_the_first_table_alone(etc_answers):
-    stream = io.StringIO()
-    sheet = Sheet(Console(file=stream, width=120))
-    print_etc(etc_answers, sheet)
-    text = stream.getvalue()
-    assert "→ F520" in text
-    assert "Noise in" not in text
-    assert "!" not in text
-    assert text.count("\n") == 4 + len(etc_answers.answers)
+def test_a_template_writes_fields_of_records_and_of_tuples(rank):
+    star = rank.targets[0].model_copy(update={"snr": None})
+    for text, written in {
+        "{name:name}": "α Cen B",
+        "{snr:.3g}": "–",
+        "{v_mag:.1f} mag\n{snr:.3g} SNR": "1.3 mag",
+        "{v_mag:.1f} mag\n{distance_pc:.2f} pc": "1.3 mag (1.25 pc)",
+    }.items():
+        assert cell_text(report.own_column("", text), star) == written
+    assert cell_text(report.own_column("", "{0.v_mag:.1f} of {1}"), (star, "x")) == "1.3 of x"
+    assert cell_text(report.own_column("", "{1.v_mag:.1f}"), (star, None)) == "–"
