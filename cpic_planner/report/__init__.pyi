@@ -24,6 +24,7 @@ from cpic_planner.report.document import (
     Paragraph as Paragraph,
     Table as Table,
     code as code,
+    facts_of as facts_of,
     lines as lines,
     own_column as own_column,
     page_link as page_link,

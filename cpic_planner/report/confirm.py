@@ -134,47 +134,40 @@ def measured_columns(layout: str, of: Callable[[Any], BandConfirmation], library
     )
 
 
-def comparison_blocks(
-    result: results.ImagedResult, bands: Sequence[BandConfirmation], *, measured: bool = True
-) -> Iterator[doc.Block]:
+def comparison_blocks(result: results.ImagedResult, bands: Sequence[BandConfirmation]) -> Iterator[doc.Block]:
     """Yield what is altered in the images, how they compare with the prediction, and where a tier is not enough."""
     yield from doc.notes(overrides_sentence(result), look="altered")
-    yield from doc.notes(calibration_sentence(result) if measured else "", look="lead")
+    yield from doc.notes(calibration_sentence(result), look="lead")
     invalid = dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid")
     yield from doc.notes(*invalid, look="")
 
 
 def confirm_blocks(result: results.ConfirmResult, *, full: bool = True) -> Iterator[doc.Block]:
-    """Yield measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
+    """Yield measurements, blind candidates, positions and albedo fits of a scene, as a terminal shows them.
 
     Parameters
     ----------
     result : ConfirmResult
     full : bool
-        Also what was run frame by frame, and how images were made.
+        Also how images were made.
     """
-    if result.bands:
-        yield _scene_table(result, legend=not full)
-    else:
-        yield doc.Heading(f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}")
-    yield from audit_blocks(result.scene, result.bands if full else ())
-    if result.searches:
-        yield from _search_blocks(result.searches, _SHOWN)
-    yield from doc.notes(*programme_sentences(result))
-    yield from _fitted_blocks(result)
-    yield from comparison_blocks(result, result.bands, measured=bool(result.bands))
+    names = ["planets", *["search"] * bool(result.searches), "found"]
+    yield from doc.parts(confirm_document(ConfirmReport(result, {}, {}, _SHOWN)), *names)
+    yield from doc.notes(
+        *dict.fromkeys(f"{one.band}: {one.message}" for one in result.bands if one.status == "invalid")
+    )
     if full:
         yield from doc.notes(modelled_sentence(result.bands), setup_text(result))
 
 
-def _scene_table(result: results.ConfirmResult, *, legend: bool = False) -> doc.Table:
+def _scene_table(result: results.ConfirmResult) -> doc.Table:
     """Return a line for each planet and band of a scene."""
     several = len({item.planet for item in result.bands}) > 1
     layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
     columns = measured_columns(layout, doc.itself, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     title = f"{result.scene}: {outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
-    return doc.Table(title, columns, rows, legend=legend)
+    return doc.Table(title, columns, rows, legend=True)
 
 
 _SHOWN = 5
@@ -329,11 +322,12 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
     if audited := [(band, band.audit) for band in bands if band.audit is not None]:
         columns = doc.row_columns(
             results.AuditRecord,
-            "band:row frames_run frames_in_all/3 predicted_snr/2 recovered_snr true_contrast/4 contrast "
+            "band:row planet/9 frames_run frames_in_all/3 predicted_snr/2 recovered_snr true_contrast/4 contrast "
             "deviation_sigma false_detections/5 hits/9 rejected_fraction/8 saturated_in_hole/7 saturated_outside/6 "
             "detected",
             of=itemgetter(1),
             band=doc.own_column("band", "{0.band}", look="left"),
+            planet=doc.own_column("planet", "{0.planet}", look="left"),
             true_contrast=doc.own_column("true contrast", "{0.true_contrast:.2e}"),
             detected=lambda case: _yes_or_no(case[1].detected, "found", "not found"),
         )
@@ -381,11 +375,14 @@ class ConfirmReport:
         By the keys of `CONFIRM_FIGURES`, or by a title.
     images : mapping of str to Picture
         Image panels by band.
+    most : int, optional
+        Most candidates of a band that are told; all by default.
     """
 
     result: results.ConfirmResult
     figures: Mapping[str, Picture]
     images: Mapping[str, Picture]
+    most: int | None = None
 
     @property
     def calibration(self) -> str:
@@ -424,14 +421,14 @@ def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
     if by_planet:
         yield _scene_table(report.result)
     for number, (name, bands) in enumerate(by_planet.items(), 1):
-        blocks = [measure_table(name, bands, f"{name} by band."), *audit_blocks(name, bands)]
-        yield doc.Group(f"planet-{number}", name, blocks)
+        yield doc.Group(f"planet-{number}", name, [measure_table(name, bands, f"{name} by band.")])
+    yield from audit_blocks(report.result.scene, report.result.bands)
 
 
 @doc.section_of(CONFIRM_SECTIONS, "search", "Blind search")
 def _search(report: ConfirmReport) -> Iterator[doc.Block]:
     searches = report.result.searches
-    return _search_blocks(searches) if searches else iter([doc.Paragraph(words.text("texts.no_search"))])
+    return _search_blocks(searches, report.most) if searches else iter([doc.Paragraph(words.text("texts.no_search"))])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "found", "Positions and albedos")

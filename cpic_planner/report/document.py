@@ -402,13 +402,19 @@ _UNITS = {"AU": "au", "solLum": "L☉"}
 def unit_shown(column: Column) -> str:
     """Return the unit that people read at the heading of a column."""
     form = column.format.partition(" ± ")[0]
-    return "%" if form == "%" else "" if form in WITH_UNIT else _UNITS.get(column.unit, column.unit)
+    return form if form in ("%", "min") else "" if form in WITH_UNIT else _UNITS.get(column.unit, column.unit)
 
 
 def name_shown(column: Column) -> str:
     """Return the heading of a column in pages, without the unit."""
     name = column.label or column.heading
-    return name[:1].upper() + name[1:]
+    return name if name.startswith("e-") else name[:1].upper() + name[1:]
+
+
+def meaning(column: Column) -> str:
+    """Return what the heading of a column means; empty where it says so itself."""
+    told = column.description
+    return "" if told.casefold() in (column.heading.casefold(), name_shown(column).casefold()) else told
 
 
 def user_columns(rows: Sequence[Any]) -> list[Column]:

@@ -186,7 +186,7 @@ def _sequence_columns(
         kind=lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
         target=lambda item: shortened(item.target),
         frames=doc.own_column("frames × s", "{n_frames} × {exposure_s:g}", fields="n_frames exposure_s", of=of),
-        adu=doc.own_column("ADU", "{adu_min}–{adu_max}", fields="adu_min adu_max", of=of),
+        adu=doc.own_column("ADU", "{adu_min}–{adu_max}", fields="adu_min adu_max" * ("adu" in more.split()), of=of),
         start_utc=lambda item: item.start_utc[:19],
     )
 

@@ -223,7 +223,8 @@ def formatted(value: Any, form: str = "") -> str:
     str
     """
     if form.startswith("±"):
-        return f"{formatted(value, form[1:])} ± {formatted(0.5 * (value.high - value.low), form[1:])}"
+        spread = ".0e" if form.endswith("e") else form[1:]
+        return f"{formatted(value, form[1:])} ± {formatted(0.5 * (value.high - value.low), spread)}"
     value = getattr(value, "median", value)
     if value is None or value == []:
         return MISSING

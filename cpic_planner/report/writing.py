@@ -42,7 +42,7 @@ def first_table(blocks: Iterable[doc.Block]) -> doc.Table | None:
 
 
 def print_blocks(blocks: Iterable[doc.Block], console: Console, *, full: bool = False) -> None:
-    """Print blocks on a terminal; pictures are for pages, and so is what is folded.
+    """Print blocks on a terminal; pictures, groups and what is folded are for pages.
 
     Parameters
     ----------
@@ -71,8 +71,6 @@ def print_blocks(blocks: Iterable[doc.Block], console: Console, *, full: bool = 
         elif isinstance(block, doc.Facts):
             for term, meaning in block.items:
                 _print_text(f"{doc.plain(term)}: {doc.plain(meaning)}", console)
-        elif isinstance(block, doc.Group):
-            print_blocks(block.blocks, console, full=full)
 
 
 def print_lines(console: Console, *texts: str, bold: bool = False, wraps: bool = True) -> None:
@@ -142,7 +140,7 @@ def print_table(table: doc.Table, console: Console, *, chosen: bool = False) -> 
     told = [f"{sign} {status_text(name)}" for name, sign in STATUS_SYMBOLS.items() if name != "ok" and sign in begun]
     _print_text("   ".join(told), console, "dim")
     if table.legend:
-        told = [f"{heads[i]}: {columns[i].description}" for i in shown if columns[i].description]
+        told = [f"{heads[i]}: {doc.meaning(columns[i])}" for i in shown if doc.meaning(columns[i])]
         _print_text("; ".join(told), console, "dim")
 
 
@@ -360,7 +358,7 @@ def table_on_page(table: doc.Table, star_page: str = "") -> dict[str, Any]:
     said = "".join(f" {text}." for text in filter(None, [*about, same]))
     caption = [doc.strong(f"{title}."), said, " " if table.caption else "", table.caption]
     told = zip(names, columns, strict=True)
-    legend = [] if table.caption else [f"{name}: {one.description}." for name, one in told if one.description]
+    legend = [] if table.caption else [f"{name}: {doc.meaning(one)}." for name, one in told if doc.meaning(one)]
     return {"label": title, "caption": caption, "heads": heads, "rows": rows, "legend": legend}
 
 

@@ -368,19 +368,20 @@ def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
     yield from elsewhere(commands, f"; {answer.catalogue}")
 
 
+_STAR_FACTS = {
+    "V": "{v_mag:.2f} mag",
+    "Distance": "{distance_pc:.4g} pc",
+    "Spectral type": "{sp_type}",
+    "Temperature": "{teff_k:.0f} K",
+    "Luminosity": "{luminosity_lsun:.3g} L☉",
+    "Companion": "at {companion_separation_arcsec:.3g}″ on {date_utc}",
+}
+
+
 def _facts(star: StarResult) -> Iterator[report.Block]:
     if star.note:
         yield report.Paragraph(star.note, "note")
-    companion = star.companion_separation_arcsec
-    facts: list[tuple[Any, Any]] = [
-        ("V", f"{star.v_mag:.2f} mag"),
-        ("Distance", f"{star.distance_pc:.4g} pc"),
-        ("Spectral type", star.sp_type or "not known"),
-        ("Temperature", f"{star.teff_k:.0f} K"),
-        ("Luminosity", f"{star.luminosity_lsun:.3g} L☉"),
-        ("Companion", "none that counts" if companion is None else f"at {companion:.3g}″ on {star.date_utc[:10]}"),
-    ]
-    yield report.Facts(facts, wide=False)
+    yield report.Facts(report.facts_of(star, _STAR_FACTS), wide=False)
     target = address(ETC.page, [("target", star.name)])
     asked = [
         report.page_link(target, "SNR in ten hours"),

@@ -139,16 +139,6 @@ class _GivenHits(NamedTuple):
         return self.map_e
 
 
-class _Lit(NamedTuple):
-    """The inputs of a frame: rates, how many were negative, exposure, place, and flaws of the pixels."""
-
-    rates: FloatArray
-    n_negative: int
-    exposure_s: float
-    place: Place
-    flaws: CalibrationSet | None
-
-
 class Camera:
     """A chain of effects on a detector.
 
@@ -277,8 +267,10 @@ class Camera:
         """Return the numbers of a frame from its charge, and how many the converter cut off; mark what says nothing."""
         raise NotImplementedError
 
-    def _lit(self, rate_map_e_s: ArrayLike, exposure_s: float, first_pixel: tuple[int, int] | None) -> "_Lit":
-        """Return the checked inputs of a frame, its place, and the flaws of its pixels."""
+    def _lit(
+        self, rate_map_e_s: ArrayLike, exposure_s: float, first_pixel: tuple[int, int] | None
+    ) -> tuple[FloatArray, int, float, Place, CalibrationSet | None]:
+        """Return the rates of a frame, how many were negative, its exposure and place, and the flaws of its pixels."""
         rates, n_negative = checked_rates(rate_map_e_s)
         time = checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
         corner = corner_of(self.detector, rates.shape, first_pixel)
@@ -287,7 +279,7 @@ class Camera:
             place = dataclasses.replace(
                 place, **dict(zip(("rows", "columns"), self.detector.sections["image"], strict=True))
             )
-        return _Lit(rates, n_negative, time, place, flaws_of(self.detector, rates.shape, corner))
+        return rates, n_negative, time, place, flaws_of(self.detector, rates.shape, corner)
 
     def _tracks(self, exposure_s: float) -> Any:
         """Return what draws the particles of one frame."""

@@ -247,27 +247,6 @@ def visit_waves(
     return np.array(every)
 
 
-@dataclass(frozen=True, eq=False)
-class StaticLight:
-    """Light that does not change, electrons per second; made by `static_light`.
-
-    Attributes
-    ----------
-    static_e_s : ndarray
-        On the pixels of the window: everything but the stamp of the star; on a whole frame with its far wings.
-    beyond_e_s : ndarray, shape (columns,), or None
-        In all active rows beyond the window, summed over each of its columns: what a transfer without a shutter smears
-        into it. None for whole frames and where nothing smears. Far wings of planets are left out: they are below
-        those of the star by their contrast.
-    stray_e_s : dict of str to ndarray
-        Of ``static_e_s``, the parts that are given on the detector, by origin.
-    """
-
-    static_e_s: FloatArray
-    beyond_e_s: FloatArray | None
-    stray_e_s: dict[str, FloatArray]
-
-
 def static_light(
     psf: AnyPsf,
     instrument: Instrument,
@@ -281,7 +260,7 @@ def static_light(
     roll_deg: float,
     star_arcsec: tuple[float, float],
     model: SceneModel,
-) -> StaticLight:
+) -> tuple[FloatArray, FloatArray | None, dict[str, FloatArray]]:
     """Return everything on a window but the stamp of the star, and what smears into a window from beyond it.
 
     Parameters
@@ -300,6 +279,18 @@ def static_light(
         Sky in front of the telescope.
     roll_deg, star_arcsec, model
         As `simulator.imaging.frame.off_axis_light`.
+
+    Returns
+    -------
+    static_e_s : ndarray
+        Electrons per second on the pixels of the window: everything but the stamp of the star; on a whole frame with
+        its far wings.
+    beyond_e_s : ndarray, shape (columns,), or None
+        In all active rows beyond the window, summed over each of its columns: what a transfer without a shutter smears
+        into it. None for whole frames and where nothing smears. Far wings of planets are left out: they are below
+        those of the star by their contrast.
+    stray_e_s : dict of str to ndarray
+        Of ``static_e_s``, the parts that are given on the detector, by origin.
     """
     detector = instrument.detector_of(band)
     seen, inside, beyond = area, slice(None), None  # the window alone, unless light beyond it smears into it
@@ -323,7 +314,7 @@ def static_light(
     if beyond is not None:
         columns = whole[beyond].sum(axis=0)
         columns += sources[0].rate_e_s * star_column_light(psf, seen, beyond, star_arcsec)
-    return StaticLight(whole[inside].copy(), columns, {name: part[inside] for name, part in stray.items()})
+    return whole[inside].copy(), columns, {name: part[inside] for name, part in stray.items()}
 
 
 def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, BoolArray]:
@@ -595,7 +586,7 @@ def observe(
     sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=cstar.ra_deg, dec_deg=cstar.dec_deg, start_utc=start)
     shown = [sources[0], *(source for source in sources[1:] if source.name not in left_out)]
     extended = [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out]
-    still = static_light(
+    static_e_s, beyond_e_s, stray_e_s = static_light(
         optics,
         switched,
         band,
@@ -612,7 +603,7 @@ def observe(
     x_pixel = tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources)
     y_pixel = tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources)
     rows, columns, part = area.stamp(stamps.shape[1])
-    light = Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s)
+    light = Light(static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), beyond_e_s)
     if choice is None:
         ledger = effect_ledger(
             scene,
@@ -621,7 +612,7 @@ def observe(
             scene_model=scene_model,
             hole_state=optics.hole_state,
             sky=sky,
-            stray=still.stray_e_s,
+            stray=stray_e_s,
             start_utc=start,
         )
     else:

@@ -76,10 +76,12 @@ def test_what_is_there_is_found(monkeypatch):
     assert pair.worst < search.AGREES
 
 
+@pytest.mark.long
 def test_no_choice_explains_table_1():
     assert all(search.best((one,), {}, held=False).worst > 3 * search.AGREES for one in search.choices())
 
 
+@pytest.mark.long
 def test_pairs_that_fit_widen_f850():
     fitting = [one for one in search.pairs({}, held=True) if one.worst <= search.AGREES]
     assert fitting

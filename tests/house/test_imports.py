@@ -79,7 +79,7 @@ COMMANDS = [
     ("check --help", ""),
 ]
 LAST = [
-    ("from cpic_planner.report import answers, cells, document, ranking, ranking_figures", " ".join(HEAVY)),
+    ("from cpic_planner.report import answers, document, ranking, ranking_figures, writing", " ".join(HEAVY)),
     (
         """
         from cpic_planner.report.drawing import new_figure, save, style

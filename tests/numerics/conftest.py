@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 HERE = Path(__file__).resolve().parent
-NAMES = ("oracle", "inventory", "refusal", "refusals", "round_trips")
+NAMES = ("oracle", "inventory", "refusals", "round_trips")
 
 
 def load():

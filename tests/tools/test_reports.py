@@ -151,20 +151,6 @@ def test_older_ones_alone_are_made(made, capsys):
     assert "1 reports" in capsys.readouterr().out
 
 
-def test_what_is_changed_while_a_report_is_made_is_named(project):
-    (project / "reports/one/make.py").write_text(
-        SCRIPT + "import os\nos.utime(here.parents[1] / 'cpic_core/first.py', (4e9, 4e9))\n"
-    )
-    assert reports.main(["one"]) == 0
-    assert reports.changed("one") == ["cpic_core/first.py"]
-
-
-def test_a_part_is_not_recorded(made):
-    (made / "reports/one" / reports.MADE).unlink()
-    assert reports.main(["one", "--", "--only", "a"]) == 0
-    assert not (made / "reports/one" / reports.MADE).exists()
-
-
 @pytest.mark.parametrize(
     ("file", "text", "says"),
     [
@@ -179,12 +165,6 @@ def test_what_cannot_be_followed_fails(made, capsys, file, text, says):
     (made / file).unlink() if text is None else (made / file).write_text(text)
     assert reports.main(["--check"]) == 1
     assert says in capsys.readouterr().err
-
-
-def test_an_unknown_report_is_refused(project, capsys):
-    with pytest.raises(SystemExit):
-        reports.main(["three"])
-    assert "no report is called three; there are one" in capsys.readouterr().err
 
 
 def test_every_committed_report_has_its_record_and_what_pages_quote():

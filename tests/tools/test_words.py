@@ -1,8 +1,6 @@
 """The check of words finds planted fragments and words that the glossary replaces, and nothing in the repository."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -25,14 +23,6 @@ class Table:
 '''
 
 
-def test_lint_asks_and_fails_where_something_is_found(tmp_path):
-    planted = tmp_path / "planted.py"
-    planted.write_text("from tools import words\nwords.findings = lambda: iter(['a finding'])\nexit(words.main())\n")
-    ran = subprocess.run([sys.executable, planted], cwd=words.ROOT, env={"PYTHONPATH": "."}, capture_output=True)
-    assert (ran.returncode, ran.stderr) == (1, b"a finding\n")
-    assert "python -m tools.words\n" in (words.ROOT / "Makefile").read_text(encoding="utf-8").partition("\nlint:")[2]
-
-
 @pytest.mark.parametrize(
     "fragment",
     ["The column.", "Name of the column.", "Band-averaged column.", "What a column holds.", "Numbers, None without."],
@@ -50,19 +40,6 @@ def test_a_riddle_at_the_head_of_a_module_or_class_is_found():
         "What fills a table.",
         "Where rows stand.",
     ]
-
-
-def test_a_plain_module_is_not_found():
-    code = MODULE.format(module="Tables of stars.", thing="A table.", function="Name the columns.")
-    assert list(words.docstring_fragments("here.py", code)) == []
-
-
-def test_terms_of_the_project_are_in_the_glossary_and_replace_others():
-    terms = {"SNR", "significance", "detection threshold", "wall time", "visit", "programme", "library", "margin"}
-    assert terms <= set(REPLACED.values())
-    assert REPLACED["S/N"] == "SNR"
-    assert not set(REPLACED) & set(REPLACED.values())
-    assert all(f"\n{term}\n  " in GLOSSARY for term in REPLACED.values())
 
 
 @pytest.mark.parametrize(
@@ -83,17 +60,6 @@ def test_options_and_code_are_names_and_no_words():
     text = "Set --headroom, `headroom`, ``headroom`` or drift.wander=1 [as here](how_to/headroom.md)."
     assert list(words.wrong_words("here", text, REPLACED)) == []
     assert len(list(words.wrong_words("here", text + " It is the headroom.", REPLACED))) == 1
-
-
-def test_the_help_of_a_command_without_a_verb_is_found():
-    texts = [("cpic cache", "What the cache holds.", True), ("cpic check", "Check files.", True)]
-    assert len(list(words.help_findings(texts, REPLACED))) == 1
-
-
-def test_every_command_and_its_options_are_read():
-    places = [where for where, _, _ in words.help_texts()]
-    assert {"cpic", "cpic etc", "cpic catalog refresh"} <= set(places)
-    assert any(where.startswith("cpic etc --snr") for where in places)
 
 
 def test_phrases_that_the_style_page_refuses_are_gone():

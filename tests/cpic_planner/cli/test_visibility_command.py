@@ -35,7 +35,7 @@ def test_never_seen_is_an_answer(done, tmp_path):
     limits = tmp_path / "never.yaml"
     limits.write_text("sun_deg: 180\n")
     out, _ = done("eps Eri", "--days", "30", "--visibility", str(limits))
-    assert "never seen in this time" in out
+    assert "Never seen in this time" in out
     out, _ = done("eps Eri", "tau Cet", "--days", "30", "--visibility", str(limits))
     assert "–" in out
 

@@ -1,7 +1,6 @@
 """Every public name, option, key, column, keyword, status and unit has its entry; each is counted by another route."""
 
 import ast
-import inspect
 import json
 import re
 from pathlib import Path
@@ -9,13 +8,11 @@ from pathlib import Path
 import pytest
 
 from cpic_core import Reason, Status
-from cpic_core.errors import InputError
 from cpic_planner.queries import LIBRARIES, options_of
 from cpic_planner.registry import REDUCTIONS, SCORES
-from cpic_planner.results.base import LimitText, VerdictText
 from cpic_planner.schemas import FOLDER, QUESTIONS, RESULTS
 from simulator.products.keywords import KEYWORD_FILE
-from tools.site import columns, commands, keys, products, python_api, schemas, words
+from tools.site import columns, commands, keys, products, python_api, words
 from tools.site.markdown import anchored
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -111,12 +108,6 @@ def test_every_column():
     assert "| |\n" not in page, "a column without a meaning"
 
 
-def test_every_schema():
-    page = schemas.page()
-    for name in (*RESULTS, *(f"{command}-question" for command in QUESTIONS)):
-        assert f"`{name}`" in page
-
-
 def test_every_keyword():
     written = re.findall(r"^  ([A-Z][A-Z0-9_-]*): \{hdu", KEYWORD_FILE.read_text(encoding="utf-8"), re.MULTILINE)
     assert [entry.name for entry in products.entries()] == written
@@ -142,19 +133,3 @@ def test_every_flag_of_an_answer():
     carried = {flag.partition(":")[0] for row in rows for flag in row.flags}
     assert len(carried) > 5
     assert carried <= page
-
-
-def test_every_verdict_and_limit():
-    page = (ROOT / "docs" / "reference" / "words.md").read_text(encoding="utf-8")
-    for name in (*VerdictText.__args__, *LimitText.__args__):
-        assert f"| `{name}` |" in page, name
-
-
-def test_docstrings_become_markdown():
-    assert InputError.__name__ in inspect.getsource(InputError)
-    said = {"value": "The answer; `None` unless `status` is `ok`."}
-    from cpic_core import Outcome
-    from tools.site.markdown import attributes, summary
-
-    assert attributes(Outcome) | said == attributes(Outcome)
-    assert summary(Outcome) == "A typed answer."
