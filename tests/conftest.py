@@ -37,8 +37,13 @@ def pytest_collection():
 
 
 def pytest_ignore_collect(collection_path, config):
-    """With one mark alone (``-m long``), pass over the files of tests that do not write it: they are not imported."""
+    """With one mark alone (``-m long``), pass over the files of tests that do not write it: they are not imported.
+
+    Nor are those of the browser where its mark is refused.
+    """
     mark = config.getoption("markexpr")
+    if "not browser" in mark and "browser" in collection_path.parts:
+        return True
     if not mark.isidentifier() or not collection_path.match("test_*.py"):
         return None
     return f"mark.{mark}" not in collection_path.read_text(encoding="utf-8") or None
@@ -70,11 +75,11 @@ def _load(name):
 
 
 def pytest_generate_tests(metafunc):
-    """A test with the fixture ``refusal`` or ``reading`` runs for each case of the table of that name beside it."""
+    """A test with the fixture ``refusal`` or ``reading`` runs for each reader of the table of that name beside it."""
     for name in {"refusal", "reading"} & set(metafunc.fixturenames):
-        table = getattr(_load("refusals"), f"{name}s")
-        cases = list(table(metafunc.definition.path.with_name(f"{name}s.yaml")))
-        metafunc.parametrize(name, cases, ids=[f"{case.reader}-{case.given}"[:60] for case in cases])
+        helper = _load("refusals")
+        cases = list(helper.by_reader(getattr(helper, f"{name}s")(metafunc.definition.path.with_name(f"{name}s.yaml"))))
+        metafunc.parametrize(name, cases, ids=[case.reader for case in cases])
 
 
 @pytest.fixture(scope="session", autouse=True)

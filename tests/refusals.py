@@ -1,11 +1,11 @@
 """Tables of what readers make of what they are given: ``refusals.yaml`` and ``readings.yaml`` beside the tests.
 
-A test with the fixture ``refusal`` or ``reading`` runs once for each case of the table beside it. Whatever is refused
+A test with the fixture ``refusal`` or ``reading`` runs once for each reader of the table beside it. Whatever is refused
 is refused by `InputError`, in one line, and the message holds every word of the case.
 """
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,3 +81,29 @@ def readings(path: Path) -> Iterator[Reading]:
             yield from (Reading(reader, text, meaning) for text, meaning in cases.items())
         else:
             yield from (Reading(reader, text, meaning) for meaning, texts in cases for text in texts)
+
+
+@dataclass(frozen=True)
+class Cases:
+    """All cases of one reader; what is wrong names the case."""
+
+    reader: str
+    cases: tuple[Refusal | Reading, ...]
+
+    def by(self, readers: dict[str, Callable[[Any], Any]]) -> None:
+        """Give each case to the reader."""
+        wrong = []
+        for case in self.cases:
+            try:
+                case.by(readers)
+            except (AssertionError, pytest.fail.Exception) as error:
+                wrong.append(f"{case}: {error}")
+        assert not wrong, "\n".join(wrong)
+
+
+def by_reader(cases: Iterable[Refusal | Reading]) -> Iterator[Cases]:
+    """Yield the cases of each reader together: to run a test takes longer than a case."""
+    found: dict[str, list[Refusal | Reading]] = {}
+    for case in cases:
+        found.setdefault(case.reader, []).append(case)
+    yield from (Cases(reader, tuple(own)) for reader, own in found.items())

@@ -26,7 +26,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner.etc.detection import threshold_array
-from cpic_planner.etc.detection_law import Chances, SearchLaw, band_law, visit_chances
+from cpic_planner.etc.detection_law import Chances, SearchLaw, band_law, half_of, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -455,18 +455,16 @@ class Cases:
 
         The arguments are that share, the length of the visits in s, and the share of the errors' light in the former.
         """
+        if self.value is not None:
+            value = float(self.value)
+            return lambda speckled, *_: np.full(np.broadcast_shapes(self.shape, np.shape(speckled)), value)
         known, motion = self.model.strategy.search == "known_place", self.motion
+        place, visits = np.broadcast_arrays(self.separation_arcsec, programme.effective(self._averaging[0]))
+        parts = zip(self._laws, np.moveaxis(place, -3, 0), np.moveaxis(visits, -3, 0), strict=True)
+        polynomials = np.stack([law.polynomials(*where, at_place=known) for law, *where in parts], axis=-3)
 
         def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
-            if self.value is not None:
-                shape = np.broadcast_shapes(self.shape, np.shape(speckled))
-                return np.full(shape, float(self.value))
-            visits = programme.effective(self._averaging[0])
-            parts = np.broadcast_arrays(self.separation_arcsec, speckled, light, visits)
-            half = np.empty(parts[0].shape)
-            for i, law in enumerate(self._laws):
-                band = ... if len(self._laws) == 1 else (..., i, slice(None), slice(None))
-                half[band] = law.half(*(part[band] for part in parts), at_place=known)
+            half = half_of(polynomials, speckled, light)
             return half if motion is None else half * motion_factor(self.model, motion, programme, visit_s)
 
         return level

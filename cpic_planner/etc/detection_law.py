@@ -141,6 +141,11 @@ class SearchLaw:
         """
         return np.asarray(np.exp(self._read(at_place, 0, self._where(separation_arcsec, speckled, light, visits))))
 
+    def polynomials(self, separation_arcsec: FloatArray, visits: FloatArray, *, at_place: bool) -> FloatArray:
+        """Return the polynomials of places and numbers of visits, for `half_of`: (s, l, ...); as of `half`."""
+        row, many, *_ = self._where(separation_arcsec, 0.0, 0.0, visits)
+        return _polynomials_at(self._tables(at_place, row), 0, *np.broadcast_arrays(row, many))
+
     def reach(
         self,
         significance: ArrayLike,
@@ -207,15 +212,37 @@ def _looked_up(
     tables: FloatArray, which: IntArray, row: FloatArray, many: FloatArray, speckled: FloatArray, light: FloatArray
 ) -> FloatArray:
     """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
+    return _polynomial(_polynomial(_polynomials_at(tables, which, row, many), speckled), light)
+
+
+def _polynomials_at(tables: FloatArray, which: ArrayLike, row: FloatArray, many: FloatArray) -> FloatArray:
+    """Return the polynomials of tables between their rows and numbers of visits, arrays of one shape: (s, l, ...)."""
     size = tables.shape[-2]
     (low, share), (few, of_visits) = _cell(row, size), _cell(many, _VISITS)
-    cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (which * size + low) * _VISITS + few
+    cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (np.asarray(which) * size + low) * _VISITS + few
     # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
     one, two = (cells.take(at, 1) for at in (corner, corner + 1))
     if share.any():
         one, two = (_between(end, cells.take(at + _VISITS, 1), share) for end, at in ((one, corner), (two, corner + 1)))
-    found = _between(one, two, of_visits).reshape(_SHARES, _LIGHTS, *corner.shape)
-    return _polynomial(_polynomial(found, speckled), light)
+    return _between(one, two, of_visits).reshape(_SHARES, _LIGHTS, *corner.shape)
+
+
+def half_of(polynomials: FloatArray, speckled: ArrayLike, light: ArrayLike) -> FloatArray:
+    """Return what `SearchLaw.half` does from the polynomials of places and numbers of visits.
+
+    Parameters
+    ----------
+    polynomials : ndarray, shape (s, l, ...)
+        Of `SearchLaw.polynomials`.
+    speckled, light : array_like
+        As of `SearchLaw.half`; they may have further axes in front.
+    """
+    shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
+    ahead = (1,) * (max(np.ndim(speckled), np.ndim(light)) - polynomials.ndim + 2)
+    found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:])
+    for share in shares:
+        found = _polynomial(found, share)
+    return np.asarray(np.exp(found))
 
 
 def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:

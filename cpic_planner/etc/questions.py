@@ -314,8 +314,9 @@ def _required(
     visits = spread(cases.programme.visits, level.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         brighter = level / noise.significance
+        brighter = np.where(brighter * cases.contrast <= 1.0, brighter, np.inf)
     required = {
-        "contrast_factor": np.where(brighter * cases.contrast <= 1.0, brighter, np.inf),
+        "contrast_factor": brighter,
         "drift_factor": _calmer(cases, choice, noise),
         "visits": _more_visits(cases, choice),
         "time_s": visits * cases.model.time_s(cases.solved(visits)[0]),

@@ -793,14 +793,14 @@ def _joined_text(value: Any, joined: str) -> Any:
     return joined.join(str(item) for item in value) if isinstance(value, (list, tuple)) else value
 
 
-def _filled(column: Column, entries: Sequence[Any], joined: str) -> tuple[list[Any], list[bool]]:
+def _filled(column: Column, entries: Sequence[Any]) -> tuple[list[Any], list[bool]]:
     """Return the cells of a column without nulls, and which of them were null; texts that are null are empty."""
     assert column.value is not None
     cells = [column.value(entry) for entry in entries]
     missing = [cell is None for cell in cells]
     dtype = column.dtype
     if dtype == "string":
-        return ["" if cell is None else str(_joined_text(cell, joined)) for cell in cells], [False] * len(cells)
+        return ["" if cell is None else str(_joined_text(cell, FLAG_SEPARATOR)) for cell in cells], [False] * len(cells)
     return [_FILLED[dtype] if cell is None else cell for cell in cells], missing
 
 
@@ -809,7 +809,6 @@ def astropy_table(
     entries: Sequence[Any],
     meta: Mapping[str, Any],
     *,
-    joined: str = FLAG_SEPARATOR,
     text: Callable[[str], str] = str,
 ) -> Table:
     """Return a table of astropy with unit and meaning of every column; missing numbers are masked.
@@ -821,8 +820,6 @@ def astropy_table(
         Rows, or what the columns take values from.
     meta : mapping
         Of the table; plain values.
-    joined : str
-        What stands between the items of a list.
     text : callable
         Returns a text as the table has it.
     """
@@ -832,7 +829,7 @@ def astropy_table(
     table = Table(meta=dict(meta))
     for column in columns:
         about = {"name": text(column.name), "unit": column.unit or None, "description": column.description or None}
-        cells, missing = _filled(column, entries, joined)
+        cells, missing = _filled(column, entries)
         texts = column.dtype == "string"
         values = np.array(list(map(text, cells)) if texts else cells, dtype=str if texts else column.dtype)
         masked = any(missing)
@@ -840,14 +837,12 @@ def astropy_table(
     return table
 
 
-def ecsv_text(
-    columns: Sequence[Column], entries: Sequence[Any], meta: Mapping[str, Any], *, joined: str = FLAG_SEPARATOR
-) -> str:
+def ecsv_text(columns: Sequence[Column], entries: Sequence[Any], meta: Mapping[str, Any]) -> str:
     """Return rows as ECSV 1.0: unit and meaning of every column, and what the table is, in the header.
 
     Parameters
     ----------
-    columns, entries, meta, joined
+    columns, entries, meta
         As of `astropy_table`.
 
     Notes
@@ -856,24 +851,24 @@ def ecsv_text(
     begin like a formula keep the apostrophe of `cpic_core.guarded`.
     """
     buffer = io.StringIO()
-    table = astropy_table(columns, entries, meta, joined=joined, text=guarded)
+    table = astropy_table(columns, entries, meta, text=guarded)
     table.write(buffer, format="ascii.ecsv", delimiter=",")
     return buffer.getvalue()
 
 
-def data_frame(columns: Sequence[Column], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> pd.DataFrame:
+def data_frame(columns: Sequence[Column], entries: Sequence[Any]) -> pd.DataFrame:
     """Return rows as a pandas frame, units in the names; missing numbers are NaN or, of whole ones, ``pandas.NA``.
 
     Parameters
     ----------
-    columns, entries, joined
+    columns, entries
         As of `astropy_table`.
     """
     import pandas as pd
 
     series = {}
     for column in columns:
-        cells, missing = _filled(column, entries, joined)
+        cells, missing = _filled(column, entries)
         dtype = "object" if column.dtype == "string" else column.dtype
         if any(missing) and dtype != "float64":
             dtype = {"int64": "Int64", "bool": "boolean"}[dtype]
@@ -882,18 +877,18 @@ def data_frame(columns: Sequence[Column], entries: Sequence[Any], *, joined: str
     return pd.DataFrame(series)
 
 
-def parquet_bytes(columns: Sequence[Column], entries: Sequence[Any], *, joined: str = FLAG_SEPARATOR) -> bytes:
+def parquet_bytes(columns: Sequence[Column], entries: Sequence[Any]) -> bytes:
     """Return rows as a Parquet file, without nulls: unit and meaning of every column stand in its metadata.
 
     Parameters
     ----------
-    columns, entries, joined
+    columns, entries
         As of `astropy_table`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    cells = [_filled(column, entries, joined)[0] for column in columns]
+    cells = [_filled(column, entries)[0] for column in columns]
     sink = io.BytesIO()
     pq.write_table(pa.table(cells, schema=arrow_schema(columns)), sink)
     return sink.getvalue()

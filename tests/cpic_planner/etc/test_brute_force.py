@@ -53,7 +53,7 @@ def checked(oracles, problem, level):
 
 
 @pytest.mark.parametrize(
-    "level", [0.3, 5.0, *(pytest.param(level, marks=pytest.mark.long) for level in (1.0, 8.0, 20.0))]
+    "level", [0.3, *(pytest.param(level, marks=pytest.mark.long) for level in (1.0, 5.0, 8.0, 20.0))]
 )
 def test_no_setting_takes_less_time(oracles, level):
     problem = oracles.random_problems.random_problem(40, CAMERA, seed=int(10 * level))
@@ -62,12 +62,17 @@ def test_no_setting_takes_less_time(oracles, level):
         assert ((frames > 0) & (frames < 6)).sum() > 20  # where whole numbers matter most
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+QUICK_CAMERAS = ("default", "hybrid", "no register")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK_CAMERAS else pytest.param(name, marks=pytest.mark.long) for name in CAMERAS]
+)
 def test_other_cameras(oracles, name):
     checked(oracles, oracles.random_problems.random_problem(12, CAMERAS[name], seed=3), 3.0)
 
 
-@pytest.mark.parametrize("gain", [1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("gain", [1.0, pytest.param(10.0, marks=pytest.mark.long), 1000.0])
 def test_a_fixed_gain(oracles, gain):
     checked(oracles, replace(oracles.random_problems.random_problem(12, CAMERA, seed=4), em_gain=gain), 2.0)
 

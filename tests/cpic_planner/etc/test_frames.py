@@ -87,7 +87,7 @@ def reference_time(case, level, frames):
     return best
 
 
-@pytest.mark.parametrize("level", [0.4, 2.0, 6.0])
+@pytest.mark.parametrize("level", [0.4, pytest.param(2.0, marks=pytest.mark.long), 6.0])
 def test_least_time_against_plain_minimisation(level):
     cases, compared = drawn(10, 3), 0
     got = least_time(cases, level)

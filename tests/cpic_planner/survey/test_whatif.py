@@ -199,6 +199,10 @@ def test_the_hash_tells_what_decides_results(ground, small, change):
     strategy, universe = CHANGES[change]
     digest = digest_of(small(), ground)
     assert digest_of(small(strategy, universe=universe), ground) != digest
+
+
+def test_the_hash_of_the_same_is_the_same_and_counts_images(ground, small):
+    digest = digest_of(small(), ground)
     assert digest_of(small(), read_ground(small())) == digest
     assert digest_of(small(), ground, 3) != digest
 
@@ -318,6 +322,7 @@ def test_found_over_expected():
     assert (none.images, none.correction, none.low) == (0, None, None)
 
 
+@pytest.mark.long
 def test_a_planet_in_a_corner_is_measured_too(plain, detections, monkeypatch):
     """In the inner corner of the hole the ETC sees it, and the three other corners tell the noise of the images."""
     survey = plain.surveys[0]

@@ -222,7 +222,10 @@ def test_probabilities_are_checked(refused, model: AlbedoModel) -> None:
 
 
 @pytest.mark.parametrize("relative", [0.02, 0.2, 1.0])
-@pytest.mark.parametrize("truth", [(0.0, -2.0), (2.0, TOP), (1.0, 0.0), (2.0, -1.0)])
+@pytest.mark.parametrize(
+    "truth",
+    [(0.0, -2.0), (1.0, 0.0), *(pytest.param(truth, marks=pytest.mark.long) for truth in ((2.0, TOP), (2.0, -1.0)))],
+)
 def test_what_is_stated_beside_an_interval_lies_in_it(
     model: AlbedoModel, truth: tuple[float, float], relative: float
 ) -> None:

@@ -32,7 +32,7 @@ def errors_of(band):
     return {"psd_slope": SLOPE, "wavelength_nm": INSTRUMENT.band(band).center_nm}
 
 
-@pytest.fixture(scope="module", params=BANDS)
+@pytest.fixture(scope="module", params=[BANDS[0], *(pytest.param(band, marks=pytest.mark.long) for band in BANDS[1:])])
 def seen(request):
     """A band, its metrics and PSF, and the offsets of pixels."""
     psf = single_band_psf(request.param, instrument=INSTRUMENT)

@@ -91,7 +91,7 @@ def albedo_oracle():
     return RegularGridInterpolator((np.log10(CLOUD[1:]), METAL, np.log(DISTANCE)), full)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.floats(0.0, 2.0), st.floats(-2.0, np.log10(6.0)), st.floats(0.5, 5.0))
 def test_albedo_is_that_of_a_linear_interpolator(files, log10_mh, log10_fsed, distance):
     expected = albedo_oracle()((log10_fsed, log10_mh, np.log(distance)))
@@ -143,7 +143,7 @@ def mean(truth):
     return np.trapezoid(truth[..., inside], WAVE_UM[inside], axis=-1) / 0.6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     st.floats(0.0, 2.0),
     st.floats(-2.0, np.log10(6.0)),
