@@ -262,7 +262,8 @@ def pointing_sentence(pointing: results.PointingRecord) -> str:
 
 def visibility_blocks(result: VisibilityResult, *, full: bool = True) -> Iterator[doc.Block]:
     """Yield seasons, what blocks the rest, and what an orbit gives; with ``full`` how that is worked out."""
-    stars = words.counted(len(result.targets), "star")
+    first, *others = result.targets
+    stars = f"{len(result.targets)} stars" if others else words.full_name(first.name, first.hip)
     title = f"Visibility of {stars}, {result.n_days} days from {result.start_utc[:10]}"
     columns = _visibility_columns(years=result.mjd[-1] - result.mjd[0] > _YEAR_DAYS)
     yield doc.Table(title, columns, result.targets, last_width=36, legend=not full)

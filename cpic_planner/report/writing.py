@@ -123,9 +123,9 @@ def print_table(table: doc.Table, console: Console, *, chosen: bool = False) -> 
     else:
         widths[-1] = min(widths[-1], table.last_width + _GAP)
     shown = fitting(columns, widths, console.width)
-    title = Text(displayable(console, table.title), style="bold") if table.title else None
+    _print_text(table.title, console, "bold")
     look: dict[str, Any] = {"box": box.SIMPLE_HEAD, "padding": (0, _GAP - 1, 0, 0)}
-    made = Table(title=title, title_justify="left", pad_edge=False, show_edge=False, **look)
+    made = Table(pad_edge=False, show_edge=False, **look)
     cut = "ellipsis" if console.encoding.startswith("utf") else "crop"
     for i in shown:
         last = i == len(columns) - 1
