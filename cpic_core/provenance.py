@@ -23,7 +23,7 @@ from pathlib import Path
 PACKAGES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
 """The packages of the distribution."""
 LIBRARIES = (
-    *("numpy", "scipy", "numba", "llvmlite", "astropy", "pyerfa", "synphot", "photutils", "sep"),
+    *("numpy", "scipy", "numba", "llvmlite", "astropy", "pyerfa", "synphot", "sep"),
     *("pandas", "pyarrow", "matplotlib", "pillow"),
 )
 """Distributions on which numbers, or the bytes of products, rest."""

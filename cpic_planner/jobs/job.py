@@ -164,7 +164,7 @@ def host() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Return versions of this package and of those that its results rest on."""
-    names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
+    names = ("cpic-planner", "numpy", "scipy", "astropy", "sep", "numba", "pydantic", "dask")
     installed = dict.fromkeys(names, "not installed")
     for name in names:
         with contextlib.suppress(metadata.PackageNotFoundError):

@@ -45,6 +45,17 @@ def test_locked_versions_are_those_that_the_suite_runs_with():
     assert hashes >= len(locked)
 
 
+@pytest.mark.parametrize("package", "numpy scipy astropy astroquery pyvo synphot hcipy pandas sep matplotlib".split())
+def test_the_packages_that_serve_users_come_with_the_ordinary_install_and_are_used(package):
+    ordinary, extras = text("pyproject.toml").split("\ndependencies = [")[1].split("\n[project.optional-dependencies]")
+    assert f'"{package}>=' in ordinary
+    assert f'"{package}>=' not in extras.partition("\n[project.scripts]")[0]
+    assert package in _pins("constraints-lowest.txt")
+    used = re.compile(rf"^\s*(?:import|from) {package}\b|load_quietly\(\"{package}[\".]", re.MULTILINE)
+    folders = ("cpic_core", "catalogs", "simulator", "cpic_planner")
+    assert any(used.search(path.read_text("utf-8")) for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"])
 def test_commands_and_files_of_a_page_exist(page):
     page_text = text(page)
@@ -80,3 +91,38 @@ def test_makefile_names_the_remedy_when_python_is_missing_or_has_no_venv(tmp_pat
     assert done.returncode != 0
     assert "python3-venv" in done.stderr
     assert not (tmp_path / ".venv").exists()
+
+
+def test_public_signatures_are_those_that_other_people_call():
+    import inspect
+
+    import cpic_planner
+    from cpic_planner import validation
+    from simulator import camera
+
+    called = {
+        cpic_planner.planet_contrast: "radius_rjup separation_ra_au separation_dec_au phase_deg geometric_albedo",
+        cpic_planner.star_photlam: "magnitude_v spectral_type teff_k log_g metallicity",
+        cpic_planner.lambert_phase: "phase_deg",
+        cpic_planner.single_band_psf: "band fidelity",
+        cpic_planner.load_psf: "path",
+        cpic_planner.load_dm_surface: "path",
+        cpic_planner.time_for_rates: "planet_rate background_rate snr floor_rate convention",
+        camera.multiply: "electrons gain rng stages",
+        validation.rdi_subtract: "science references n_modes region centering",
+        validation.detection_threshold: "n_resolution_elements sigma",
+    }
+    for function, names in called.items():
+        assert list(inspect.signature(function).parameters)[: len(names.split())] == names.split()
+    observed = set(inspect.signature(cpic_planner.observe).parameters)
+    assert observed >= set("scene band exposure_s n_frames em_gain seed fidelity tolerance roll_deg instrument".split())
+    for name in (
+        "exposure_time",
+        "signal_to_noise",
+        "contrast_limit",
+        "optimise",
+        "rank_targets",
+        "make_plan",
+        "load_targets",
+    ):
+        assert callable(getattr(cpic_planner, name))
