@@ -274,7 +274,9 @@ def whatif_blocks(result: WhatIfResult, *, full: bool = True) -> Iterator[doc.Bl
         Also every strategy's images, and what the comparison is to be made again with.
     """
     report = WhatIfReport(result, {}, shown_rows(result.strategies, _MOST_STRATEGIES))
-    yield from doc.parts(whatif_document(report), "strategies", "differences", "facts", *["images"] * full)
+    document = whatif_document(report)
+    yield doc.Paragraph(document.about)
+    yield from doc.parts(document, "strategies", "differences", "facts", *["images"] * full)
     if full:
         yield doc.Paragraph(f"Seed {result.universe['seed']}, configuration {result.config_hash}.", "note")
     elif samples := [item.images for item in result.strategies if item.images is not None and item.images.images]:

@@ -136,7 +136,7 @@ def print_table(table: doc.Table, console: Console, *, chosen: bool = False) -> 
     console.print(made)
     if chosen:
         return
-    begun = {text[:1] for row in rows for text in row}
+    begun = {row[-1][:1] for row in rows if heads[-1] in ("status", "outcome")}
     told = [f"{sign} {status_text(name)}" for name, sign in STATUS_SYMBOLS.items() if name != "ok" and sign in begun]
     _print_text("   ".join(told), console, "dim")
     if table.legend:
