@@ -703,8 +703,9 @@ def forced_photometry(
     kernel = kernels[0] if how.weighs_by_image else None
     shared: dict[str, Any] = {"background_region": around, "factor2": stack.factor2}
     if roll is not None:
-        given, places = kernels if how.weighs_by_image else None, (first, second[0])
-        return roll_photometry(roll, *planet.templates, *places, radius, kernels=given, **shared)
+        given = kernels if how.weighs_by_image else None
+        template, other = planet.templates
+        return roll_photometry(roll, template, other, first, second[0], radius, kernels=given, **shared)
     image, template = stack.image_e, planet.templates[0]
     if how.takes_covariance:
         assert model is not None  # as `measure_planets` makes it

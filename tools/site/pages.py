@@ -61,8 +61,8 @@ def make(docs: Path) -> None:
         (docs / "_made" / f"{name}.md").write_text(page(), encoding="utf-8")
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(path, docs / "notebooks")
-    for folder in folders().values():
-        copy_report(folder / REPORT, docs / "reports")
+    for report in folders().values():
+        copy_report(report / REPORT, docs / "reports")
     (docs / "_made" / "gallery.md").write_text(gallery(), encoding="utf-8")
 
 
