@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -153,11 +154,12 @@ class Output(JsonOutput):
 
 
 def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
-    """Yield blocks up to the first table."""
+    """Yield blocks up to the first table, which explains none of its headings."""
     for block in blocks:
-        yield block
         if isinstance(block, report.Table):
+            yield replace(block, legend=False)
             return
+        yield block
 
 
 class Drawn(Output):

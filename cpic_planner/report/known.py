@@ -288,8 +288,12 @@ def _star_blocks(result: VisibilityResult) -> Iterator[doc.Block]:
     yield doc.Paragraph(f"{target.observable_days:g} days seen; blocked: {', '.join(blocked) or 'never'}")
     if target.visible_s is None:
         yield doc.Paragraph("Never seen in this time.")
-    elif (target.longest_window_s or 0.0) >= result.period_s * (1 - 1e-9):
-        yield doc.Paragraph("On some days it never sets: the longest window is without end.")
+        return
+    longest_s = target.longest_window_s or 0.0
+    endless = longest_s >= result.period_s * (1 - 1e-9)
+    window = "without end: on some days it never sets" if endless else f"{longest_s / 60.0:.1f} min"
+    roll = f"roll free by {target.roll_half_range_deg or 0.0:.1f} deg either way (median)"
+    yield doc.Paragraph(f"Longest window {window}; {roll}.")
 
 
 def _visibility_columns(*, years: bool) -> list[results.Column]:

@@ -118,7 +118,7 @@ def plan_blocks(plan: PlanResult, *, full: bool = True) -> Iterator[doc.Block]:
 
 
 def _verdict_lines(plan: PlanResult) -> list[str]:
-    return [f"{pretty_name(target.name)}: {words.plus_minus(target.verdict)}" for target in plan.targets]
+    return [f"{pretty_name(target.name)}: {words.found_text(target.verdict)}" for target in plan.targets]
 
 
 def _left_out_lines(plan: PlanResult) -> list[str]:
@@ -419,7 +419,7 @@ def star_blocks(
     yield doc.Facts([*doc.facts_of(star, _STAR_FACTS), margin, *_visits_facts(target), *more], wide=False)
     yield from _caveats(star)
     if target.verdict:
-        yield doc.Paragraph(doc.strong(words.sentence(target.verdict)))
+        yield doc.Paragraph(doc.strong(words.sentence(words.found_text(target.verdict))))
     picked = f"The chosen band is {target.chosen_band}." if target.chosen_band else "No band was chosen."
     yield confirm.measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
     yield from confirm.audit_blocks(name, target.bands)

@@ -227,6 +227,7 @@ def sensitivity_blocks(result: results.SensitivityResult) -> Iterator[doc.Block]
     def kept(name: str, first: int) -> results.Column:
         """Return the column of how many of the first stars stay among them."""
         about: dict[str, Any] = {"label": f"kept of first {first}", "fields": name, "of": (SensitivityRow, doc.itself)}
+        about["legend"] = f"how many of the nominal first {first} stay among them"
         return doc.own_column(f"of {first}", f"{{{name}:d}}", **about)
 
     columns = doc.row_columns(
@@ -253,8 +254,10 @@ def move_blocks(result: results.RankComparison, limit: int = 20) -> Iterator[doc
     old = sorted(result.targets, key=lambda move: move.before.rank)[:limit]
     rows = [move for i, move in enumerate(result.targets) if i < limit or move in old]
     of = (results.RankMove, doc.itself)
+    legend = "rank among all stars of the sample"
     columns = [
-        *(doc.own_column(end, f"{{{end}.rank:d}}", fields=f"{end}.rank", of=of) for end in ("before", "after")),
+        doc.own_column("before", "{before.rank:d}", legend=legend, fields="before.rank", of=of),
+        doc.own_column("after", "{after.rank:d}", legend=legend, fields="after.rank", of=of),
         *doc.row_columns(results.RankMove, "name:row score_ratio/1 why"),
     ]
     count = len(result.targets)

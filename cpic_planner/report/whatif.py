@@ -521,7 +521,7 @@ def whatif_document(report: WhatIfReport) -> doc.Document:
     )
 
 
-_ONE_SURVEY = "{survey_low:.3g} to {survey_high:.3g}"
+_ONE_SURVEY = "{survey_low:g} to {survey_high:g}"
 
 
 @doc.section_of(WHATIF_SECTIONS, "strategies", "Strategies")

@@ -342,6 +342,11 @@ def reason_text(reason: str) -> str:
     return _spelled(_REASONS, reason)
 
 
+def found_text(verdict: str) -> str:
+    """Return what images showed of a target as people read it: its reason codes as words, ± for +-."""
+    return plus_minus(re.sub(r"\b[a-z]+(?:_[a-z]+)+\b", lambda code: reason_text(code[0]), verdict))
+
+
 def term_text(term: str) -> str:
     """Return a term of the noise as words."""
     return _spelled(TERMS, term)

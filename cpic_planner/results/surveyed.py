@@ -336,7 +336,7 @@ class StrategyOutcome(Row):
     background_alarms: EstimateRecord
     hours: EstimateRecord = column("telescope time used")
     any_planet: float = column("share of the universes in which it finds any planet", short="any %", format="%")
-    any_new_planet: float
+    any_new_planet: float = column("the same for a new planet", short="any new %", format="%")
     time_use: TimeUse
     curve: list[CurvePoint] = column("planets found against telescope time used")
     convergence: list[CurvePoint] = column("mean of planets found against number of universes")

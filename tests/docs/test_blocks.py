@@ -104,7 +104,7 @@ def assert_understood(line, given, monkeypatch):
         command, words = command_line.app.built, given
         while hasattr(command, "commands"):
             command, words = command.commands[words[0]], words[1:]
-        if type(command).__name__ != "Late":
+        if given[0] not in command_line.QUESTIONS:
             command.make_context(line, list(words))  # reads the options, runs nothing
             return
         with pytest.raises(_Asked):

@@ -41,7 +41,7 @@ def test_who_is_asked_needs_only_itself():
     asked = {name: module for name, module in comparison.comparisons() if hasattr(module, "peer")}
     assert asked
     for name, module in asked.items():
-        assert imported(module) <= {"__future__", "math", "copy", "typing", "numpy", "reports"}, name
+        assert imported(module) <= {"__future__", "math", "copy", "json", "pathlib", "typing", "numpy", "reports"}, name
         version = module.REFERENCE.version
         pinned = [re.split("==|@", package)[-1] for package in module.REFERENCE.packages]  # a release or a commit
         assert any(pin == version or f"commit {pin[:7]}" in version for pin in pinned), name

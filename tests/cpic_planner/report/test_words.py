@@ -23,6 +23,7 @@ from cpic_planner.report.words import (
     decimals,
     flag_text,
     formatted,
+    found_text,
     full_name,
     limit_text,
     percent_text,
@@ -237,3 +238,8 @@ def test_braces_of_the_prose_are_written_as_tables_write_them():
     about = {"title": "<b>", "key": "{not a brace}"}
     assert text("texts.whatif_facts", title=about["title"]).startswith("<b>, mean of a survey.")
     assert text("texts.whatif_settled", key=about["key"]).startswith("Which value of {not a brace} to plan")
+
+
+def test_codes_in_what_images_showed_of_a_target_are_words():
+    assert found_text("not observed: time_below_overheads") == "not observed: time shorter than the overheads"
+    assert found_text("confirmed in F520; ratio 1.0 +- 0.1") == "confirmed in F520; ratio 1.0 ± 0.1"
