@@ -144,7 +144,7 @@ class FluxFilter:
 
     @property
     def of_two_rolls(self) -> bool:
-        """Whether it can measure two rolls, which show the planet's negative at a second place."""
+        """Tell whether it can measure two rolls, which show the planet's negative at a second place."""
         return not (self.takes_opposite or self.takes_covariance)
 
 

@@ -158,7 +158,7 @@ def console() -> Console:
 
 
 STRICT = "Leave with status 3 where there is no answer, or no planet is detected."
-"""What ``--strict`` does where an answer may not be there."""
+"""Help of ``--strict`` where an answer may not be there."""
 
 
 def tell_overrides(overrides: SimulatorOverrides) -> None:
@@ -231,7 +231,7 @@ REJECTS = (
     "Write the rows and cells of a table of your own that are left out, each with its reason, to FILE.csv, .ecsv or "
     ".parquet."
 )
-"""What ``--rejects`` does."""
+"""Help of ``--rejects``."""
 REJECTS_ENDINGS = (".csv", ".ecsv", ".parquet")
 """Endings of the names that ``--rejects`` takes."""
 

@@ -96,7 +96,7 @@ class Output(JsonOutput):
 
     @property
     def plain(self) -> bool:
-        """Whether more than a table is printed, for people."""
+        """Tell whether more than a table is printed, for people."""
         return self.written == "table" and not self.brief and not self.names
 
     def show(self, result: BaseModel, blocks: Iterable[report.Block], found: bool = True) -> None:

@@ -329,8 +329,8 @@ def tradeoff(question: queries.TradeoffQuestion, output: TradeoffOutput) -> None
     Fixed scenes of a single visit are observed in every way there is: closed forms, sums of frames, frames, and the
     reference with one knob changed or one effect left out; programmes of several visits, with and without modes, in
     the ways that differ for them. Errors of the planet's flux and SNR are against the reference of the scene. Writes
-    results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take 40 minutes on one core;
-    stopped half way, it continues when started again on the same folder.
+    results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take long; stopped half
+    way, it continues when started again on the same folder.
 
     Examples:
 

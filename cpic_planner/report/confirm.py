@@ -104,7 +104,7 @@ MEASURED = (
     "separation_arcsec/3 visits frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} "
     "outcome"
 )
-"""What is shown of each measurement; the rest is in the tables of planets and stars, and in the files."""
+"""Columns that are shown of each measurement; the rest is in the tables of planets and stars, and in the files."""
 
 
 def measured_columns(layout: str, of: Callable[[Any], BandConfirmation], library: str) -> list[results.Column]:

@@ -335,7 +335,7 @@ def computed(
 
 
 Special: TypeAlias = str | Callable[[Any], Any] | Column
-"""What is written in a column instead of the row's own value."""
+"""Text, function or column that stands in a table instead of the row's own value."""
 _SOON = 9
 """How soon columns give way that nobody named."""
 
