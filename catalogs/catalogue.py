@@ -22,7 +22,7 @@ from catalogs.known_planets import (
     own_rows,
     planets_updated,
 )
-from catalogs.shipped import shipped_rows, shipped_words
+from catalogs.shipped import parsed, shipped_rows, shipped_words
 from catalogs.stars import (
     QUANTITIES,
     PublishedParameters,
@@ -70,6 +70,11 @@ def snapshot_vintage(*, updates: bool = True) -> str:
         Whether companions follow the orbits of `catalogs.binaries`, and temperatures are those of
         `catalogs.stars`.
     """
+    return parsed("stars")[1]["updated" if updates else "plain"]
+
+
+def vintage_of_files(*, updates: bool) -> str:
+    """Return what `snapshot_vintage` does, from the files themselves."""
     entry = _entry("stars.csv")
     laid_over = f"; {orbits_vintage()}; {parameters_vintage()}" if updates else ""
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"

@@ -37,7 +37,7 @@ import numpy as np
 
 from catalogs import stellar_physics as physics
 from catalogs.nomenclature import designation_key
-from catalogs.shipped import shipped_digest, shipped_lines, shipped_objects, shipped_words
+from catalogs.shipped import parsed, shipped_digest, shipped_lines, shipped_objects, shipped_words
 from catalogs.stellar_physics import is_composite, is_giant, luminosity_class
 from catalogs.table_cells import Column, Columns, columns_of
 from cpic_core import ArrayLike, InputError, NDArray
@@ -445,12 +445,13 @@ def load_stars(*, updates: bool = True) -> StarTable:
 
 @functools.cache
 def _stars(updates: bool) -> StarTable:
+    descriptions = {column.name: column.description for column in COLUMNS}
     if updates:
-        return with_updates(_stars(updates=False))
+        return StarTable(parsed("stars")[0], {column.name: column.unit for column in COLUMNS}, descriptions)
     header, *rows = shipped_lines("stars.csv")
     texts = dict(zip(header, zip(*rows, strict=True), strict=True))
     cells = {column.name: list(map(_READERS.get(column.kind, str), texts[column.name])) for column in COLUMNS}
-    return replace(star_table(cells, ""), descriptions={column.name: column.description for column in COLUMNS})
+    return replace(star_table(cells, ""), descriptions=descriptions)
 
 
 def with_updates(table: StarTable) -> StarTable:

@@ -96,16 +96,23 @@ def velocity_limit(star: str) -> VelocityLimit | None:
     >>> velocity_limit("Vega") is None
     True
     """
-    return _limits().get(star_key(star))
+    return _limit_of(star_key(star))
 
 
 @functools.cache
-def _limits() -> dict[str, VelocityLimit]:
+def _rows() -> tuple[dict[str, dict[str, str]], dict[str, dict[str, str]], dict[str, float]]:
+    """Return the rows of the table by star, the rules by name, and the masses of stars."""
     stars = load_stars()
     masses = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
     rules = {row["rule"]: row for row in shipped_rows(RULES_FILE.name)}
-    rows = shipped_rows(LIMITS_FILE.name)
-    return {star_key(row["star"]): _limit(row, rules.get(row["rule"], {}), masses[row["star"]]) for row in rows}
+    return {star_key(row["star"]): row for row in shipped_rows(LIMITS_FILE.name)}, rules, masses
+
+
+@functools.cache
+def _limit_of(key: str) -> VelocityLimit | None:
+    rows, rules, masses = _rows()
+    row = rows.get(key)
+    return None if row is None else _limit(row, rules.get(row["rule"], {}), masses[row["star"]])
 
 
 def _numbers(row: Mapping[str, str], names: tuple[str, ...]) -> FloatArray:

@@ -22,13 +22,14 @@ term varies from place to place: P is the mean over fifths of the places at a se
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, read_npz, special
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS,
     MIN_SIGMA,
@@ -417,8 +418,23 @@ def visit_chances(
     return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)
 
 
+TAILS_FILE = Path(__file__).parent / "data" / "tails.npz"
+"""What `equivalents` returns of the steps that usual levels need, which takes longer to work out than all else."""
+
+
 @functools.lru_cache(maxsize=256)
 def _equivalents(step: int) -> FloatArray:
+    found = _shipped().get(step)
+    return equivalents(step) if found is None else found
+
+
+@functools.cache
+def _shipped() -> Mapping[int, FloatArray]:
+    stored = read_npz(TAILS_FILE)
+    return dict(zip(stored["step"].tolist(), stored["sigma"], strict=True))
+
+
+def equivalents(step: int) -> FloatArray:
     """Return `equivalent_sigma` of the signal over noise of `_log_snr` by number of visits, (v, t, q)."""
     inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * _nodes(_RELATIVES) ** 2, 1e-9)
     visits, laplace, dof = np.meshgrid(1.0 / inverse, _nodes(_TAILS), 2.0 / relative, indexing="ij")
