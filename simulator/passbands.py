@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ import numpy as np
 
 import catalogs
 from catalogs import Albedo, Band, Spectrum, StellarGrid, load_johnson_v, load_reference_spectrum
-from cpic_core import ArrayLike, InputError, check_finite, check_number, numeric_context
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_number, numeric_context
 from simulator.knobs import AlbedoFamily
 
 if TYPE_CHECKING:
@@ -260,8 +260,7 @@ _WIDTH_TOLERANCE = 1.25
 """Largest ratio of the width of a band and that of its curve, area over peak."""
 
 
-@dataclass(frozen=True, eq=False)
-class Passbands:
+class Passbands(Record, eq=False):
     """The bands with their band integrals; made by `from_bands` or `from_instrument`.
 
     Attributes

@@ -37,6 +37,7 @@ from pydantic import BaseModel
 from cpic_core import (
     Advance,
     InputError,
+    Record,
     compute_once,
     digest_of,
     dump_json,
@@ -219,8 +220,7 @@ def pace() -> float:
 R = TypeVar("R", bound=BaseModel)
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
+class Task(Record, eq=False):
     """One independent piece of work.
 
     Attributes
@@ -241,8 +241,7 @@ class Task:
     steps: int = 1
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(Record):
     """Expected cost of a job.
 
     Attributes
@@ -281,8 +280,7 @@ class Cost:
         return {**self.counts, "cpu_s": cpu_s, "wall_s": wall_s, "memory_mb": memory_mb, "disk_mb": self.disk_mb}
 
 
-@dataclass(frozen=True, eq=False)
-class Job(Generic[R]):
+class Job(Record, Generic[R], eq=False):
     """Long work of one kind; `run` runs it, `estimate` says what it costs.
 
     Attributes

@@ -13,7 +13,6 @@ give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 
 import functools
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +26,7 @@ from cpic_core import (
     IntArray,
     NDArray,
     Outcome,
+    Record,
     checked_array,
     element_name,
     load_kernels,
@@ -383,8 +383,7 @@ FITTED_TEMPERATURE_K = (223.0, 293.0)
 FITTED_GAIN = (5.0, 300.0)
 
 
-@dataclass(frozen=True, eq=False)
-class GainSetting:
+class GainSetting(Record, eq=False):
     """Gain, voltage and temperature that belong together; arrays of one shape.
 
     Attributes

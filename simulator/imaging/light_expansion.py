@@ -21,13 +21,13 @@ import functools
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from cpic_core import ArrayLike, FloatArray, NDArray, announce, compute_once, stream
+from cpic_core import ArrayLike, FloatArray, NDArray, Record, announce, compute_once, stream
 from simulator.config import Drift, content_hash
 from simulator.imaging.drift import LAST_INDEX, ScreenModel, low_order_map, screen_model
 from simulator.imaging.imager import Imager
@@ -133,8 +133,7 @@ def _reader(low: float, high: float, count: int, at: FloatArray) -> FloatArray:
     return read
 
 
-@dataclass(frozen=True, eq=False)
-class VisitLight:
+class VisitLight(Record, eq=False):
     """Light of the unit star on a grid of pixels for wavefronts told by few numbers; made by `visit_light`.
 
     Attributes
@@ -277,8 +276,7 @@ def _kept(builder: "_Builder") -> VisitLight:
     return compute_once(f"light-{builder.key}", made, read)
 
 
-@dataclass(frozen=True)
-class _Builder:
+class _Builder(Record):
     """The transforms from screens to nodes of the field, and back; equal to any other of its key."""
 
     key: str

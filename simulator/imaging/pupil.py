@@ -11,14 +11,13 @@ import functools
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, check_word, is_file, stream
+from cpic_core import FloatArray, InputError, NDArray, Record, check_word, is_file, stream
 from simulator.config import Instrument
 from simulator.config.map_files import MapFile, read_maps, real_map
 
@@ -191,8 +190,7 @@ def upsample(transmission: FloatArray, samples: int) -> FloatArray:
 FLAT_BELOW_CYCLES = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Aberrations:
+class Aberrations(Record, eq=False):
     """Static wavefront of the instrument on an ``n x n`` pupil grid, ``[y, x]``.
 
     Attributes

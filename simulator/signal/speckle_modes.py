@@ -11,7 +11,7 @@ instrument: most of the covariance is the static field in the dark hole, crossed
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -23,6 +23,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     IntArray,
+    Record,
     announce,
     check_finite,
     check_whole,
@@ -38,8 +39,7 @@ N_VISITS, SEED = 1500, 101
 _NEAR_LAMBDA_D, _N_APERTURES, _N_PLANETS = 1.5, 300, 48
 
 
-@dataclass(frozen=True)
-class OpticalBand:
+class OpticalBand(Record):
     """A band that counts as equal to any other of its key."""
 
     instrument: Instrument = field(compare=False)
@@ -410,8 +410,7 @@ def _nodes_around(place: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         yield low + step, 1.0 - np.abs(place - low - step)
 
 
-@dataclass(frozen=True, eq=False)
-class BandModes:
+class BandModes(Record, eq=False):
     """The factors of modes anywhere in the hole of a band, for visits whose wavefronts are off by so much.
 
     Attributes
