@@ -46,8 +46,8 @@ from cpic_core import (
     promise_of,
     untold,
 )
+from cpic_planner import results
 from cpic_planner.jobs.folder import LIST_NAME, RunFolder, check_run_folder, open_run_folder
-from cpic_planner.results import FingerprintRecord, RunRecord
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -509,7 +509,7 @@ def run(
         folder.write(job.result_name, dump_json(runner.result.model_dump(mode="json")))
         job.write(folder, runner.result, runner.bodies)
         others = [other for other in folder.fingerprints if other != folder.fingerprint]
-        record = RunRecord.of(
+        record = results.RunRecord.of(
             runner,
             command=command or [],
             config_hash=job.digest,
@@ -519,7 +519,7 @@ def run(
             host=host(),
             versions=versions(),
             fingerprint=folder.fingerprint,
-            software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
+            software=results.FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
             other_fingerprints=others,
             promise=promise_of(folder.fingerprint, *others),
             list_sha256=digest_of(folder.path / LIST_NAME),

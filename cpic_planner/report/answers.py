@@ -17,7 +17,6 @@ from cpic_core import FloatArray, InputError, Record, Status, write_named
 from cpic_planner import etc, results
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
-from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.words import MISSING, significant
 from cpic_planner.results import EtcAnswer, EtcResult
 from cpic_planner.targets import Targets
@@ -90,8 +89,11 @@ def etc_blocks(
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
         yield from _budget_blocks(row, explain)
-    more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
-    yield from doc.notes(*flag_lines(result.answers, result.note), *(f"! {text}" for text in more))
+    yield from doc.notes(*flag_lines(result.answers, result.note))
+    if look is not None:
+        from cpic_planner.report.known import lacking_lines
+
+        yield from doc.notes(*(f"! {text}" for text in lacking_lines({look.planet: look.flags}, look.columns_not_used)))
     yield from _checked_blocks(result)
 
 

@@ -12,6 +12,8 @@ ramp are reduced by sums and differences, so the sum of ``n`` frames has the law
 Limits, curves and memories of earlier frames do not add up: where they matter, frames are drawn one by one.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import math

@@ -11,6 +11,8 @@ mean gain is ``g = (1 + p)^N``. Mean and variance of the output follow in closed
 give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 """
 
+from __future__ import annotations
+
 import functools
 import math
 from typing import Any, NamedTuple

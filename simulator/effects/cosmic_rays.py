@@ -9,6 +9,8 @@ random (`TemplateModel`). Such a file is a FITS image or npz file, never pickle:
 Values are the share of the charge in every sample, on any scale: finite, not negative, not all 0 in any template.
 """
 
+from __future__ import annotations
+
 import functools
 import itertools
 import math
@@ -92,7 +94,7 @@ class Tracks(Record, eq=False):
     half_pixels: FloatArray
     kind: IntArray
 
-    def __getitem__(self, chosen: BoolArray | slice) -> "Tracks":
+    def __getitem__(self, chosen: BoolArray | slice) -> Tracks:
         return replace(self, **{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
@@ -592,7 +594,7 @@ class CosmicRays(Record, eq=False):
         return dense.reshape(self.shape)
 
 
-def track_model(config: CosmicRayConfig, pixel_um: float) -> "TrackModel":
+def track_model(config: CosmicRayConfig, pixel_um: float) -> TrackModel:
     """Return the model of tracks that a configuration names, on pixels of a given size.
 
     Parameters

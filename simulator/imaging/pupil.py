@@ -7,6 +7,8 @@ wide, so that opposite edges of the pupil are independent, and scaled to the exa
 (`simulator.imaging.pupil.upsample`) and sees the same optics.
 """
 
+from __future__ import annotations
+
 import functools
 import math
 import re
@@ -222,11 +224,11 @@ class Aberrations(Record, eq=False):
         field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)
         return field
 
-    def plus_opd(self, opd_nm: FloatArray) -> "Aberrations":
+    def plus_opd(self, opd_nm: FloatArray) -> Aberrations:
         """Return these aberrations with a mirror (twice its surface) or a screen added for good."""
         return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
 
-    def pointed(self, transmission: FloatArray) -> "Aberrations":
+    def pointed(self, transmission: FloatArray) -> Aberrations:
         """Return the same with the star brought to the centre: no tip and tilt where light is transmitted.
 
         To first order in the phase the image of a point peaks where the slope of the wavefront, weighted with the
@@ -240,7 +242,7 @@ class Aberrations(Record, eq=False):
         tilt = np.tensordot(content[1:], planes[1:], axes=1)
         return _frozen(self.opd_nm - tilt, self.amplitude.copy())
 
-    def upsampled(self, samples: int) -> "Aberrations":
+    def upsampled(self, samples: int) -> Aberrations:
         """Return the same optics on a finer pupil grid: every sample repeated.
 
         Add the mirror first (`plus_opd`): sampled anew on the finer grid it would be another surface, and a hole solved

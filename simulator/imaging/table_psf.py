@@ -10,6 +10,8 @@ variance of the table.
 `write_coronagraph_table` writes the coronagraph of an instrument as a table that `coronagraph.table` reads.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import math

@@ -9,6 +9,8 @@ least noise that is possible if the covariance is right. It takes for granted th
 instrument: most of the covariance is the static field in the dark hole, crossed with the errors of the wavefront.
 """
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Iterator
 from dataclasses import field
@@ -217,7 +219,8 @@ MOST_REFERENCES = int(_MOST_SHARE * N_VISITS)
 """Most reference visits whose modes are known; more change nothing."""
 # Numbers of references that are drawn: between them factors are power laws.
 _EVERY = 24
-_REFERENCES = np.unique([*range(1, _EVERY + 1), *np.round(np.geomspace(_EVERY, MOST_REFERENCES, 16)).astype(int)])
+_FURTHER = np.geomspace(_EVERY, MOST_REFERENCES, 16).round().astype(int).tolist()
+_REFERENCES = np.array(sorted({*range(1, _EVERY + 1), *_FURTHER}))
 
 
 class ModeFactors(NamedTuple):
@@ -239,7 +242,7 @@ class ModeFactors(NamedTuple):
     white: FloatArray
     throughput: FloatArray
 
-    def at(self, n_modes: ArrayLike) -> "ModeFactors":
+    def at(self, n_modes: ArrayLike) -> ModeFactors:
         """Return those of so many modes, or of as many as there are, for each of the first axes."""
         wanted = np.minimum(np.asarray(n_modes, int), self.n_modes.max(axis=-1))
         index = np.broadcast_to(wanted, self.n_modes.shape[:-1])[..., None]
