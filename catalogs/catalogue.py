@@ -8,7 +8,7 @@ import contextlib
 import functools
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -36,7 +36,7 @@ from catalogs.stellar_physics import stellar_parameters
 from catalogs.table_cells import Columns, Groups, Use, reasons
 from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
 from catalogs.user_tables import ASSUMED_PC, REQUIRED as STARS_REQUIRED, named_star, tables_read, tell, user_table
-from cpic_core import InputError, in_unit
+from cpic_core import InputError, Record, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
 
@@ -143,8 +143,7 @@ _USER = "user's "
 _USER_TABLE = f"{_USER}table"
 
 
-@dataclass(frozen=True)
-class Catalogue:
+class Catalogue(Record):
     """A star table and what results say about it.
 
     Parameters
@@ -309,8 +308,7 @@ def _is_refreshed(data: bytes) -> bool:
     return any(line.lstrip(b"# -{").startswith(FORMATS["simbad"].encode()) for line in header)
 
 
-@dataclass(frozen=True)
-class TableReading:
+class TableReading(Record):
     """The meaning of a file as a table of one kind.
 
     Parameters

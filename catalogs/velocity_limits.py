@@ -9,7 +9,6 @@ import functools
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from catalogs.known_planets import star_key
 from catalogs.shipped import shipped_rows
 from catalogs.stars import load_stars
-from cpic_core import ArrayLike, FloatArray, real_array
+from cpic_core import ArrayLike, FloatArray, Record, real_array
 
 _DATA = Path(__file__).resolve().parent / "data"
 LIMITS_FILE = _DATA / "velocity_limits.csv"
@@ -49,8 +48,7 @@ def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mas
     return np.asarray(_AMPLITUDE_M_S * msini / np.sqrt(mass * axis))
 
 
-@dataclass(frozen=True)
-class VelocityLimit:
+class VelocityLimit(Record):
     """The probabilities with which one star's velocities would have shown a planet; over `VELOCITY_AXES_AU`.
 
     ``P(found) = ceiling / (1 + (m50 / m)^s)`` with ``s = ln 9 / ln(m90 / m50)`` and ``m = m sin i``.

@@ -23,13 +23,12 @@ term varies from place to place: P is the mean over fifths of the places at a se
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, read_npz, special
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, Record, read_npz, special
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS,
     MIN_SIGMA,
@@ -64,8 +63,7 @@ _TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 
-@dataclass(frozen=True, eq=False)
-class SearchLaw:
+class SearchLaw(Record, eq=False):
     """Law of detections of one band; made by `band_law`.
 
     Attributes

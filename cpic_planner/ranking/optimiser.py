@@ -11,12 +11,12 @@ little; they are made whole at the chosen place.
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner import etc
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
@@ -37,8 +37,7 @@ _RUNAWAY = 0.02
 _TOGETHER = 20_000  # programmes that are worked out at once: they stay in the cache
 
 
-@dataclass(frozen=True)
-class Outlook(etc.CaseArrays):
+class Outlook(etc.CaseArrays, Record):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Made by `Places.outlook`.
@@ -243,8 +242,7 @@ class Outlook(etc.CaseArrays):
             factor = np.fmax(found, factor)
 
 
-@dataclass(frozen=True)
-class _Planned(etc.CaseArrays):
+class _Planned(etc.CaseArrays, Record):
     """Programmes at the places of an outlook: their residual in units of the star's light, and what a search asks for.
 
     ``averaged`` is the part of ``light`` that visits average; the last axes of ``polynomials`` are the first ones of
@@ -400,8 +398,7 @@ _REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_fact
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class Places(etc.CaseArrays):
+class Places(etc.CaseArrays, Record):
     """Stars x separations; ``separation_arcsec`` and ``threshold`` are ``(1 or n, k)``, the others ``(n, k)``."""
 
     model: etc.EtcModel
@@ -466,8 +463,7 @@ class Places(etc.CaseArrays):
         return at_rest * etc.motion_factor(model, self.motion, programme, choice.visit_s)
 
 
-@dataclass(frozen=True)
-class OptimalSetting:
+class OptimalSetting(Record):
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
@@ -845,8 +841,7 @@ def _least_frames(
     return programme, choice
 
 
-@dataclass(frozen=True)
-class Search:
+class Search(Record):
     """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
 
     model: etc.EtcModel
