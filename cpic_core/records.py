@@ -96,7 +96,7 @@ class Record:
     _how: ClassVar[dict[str, bool]]
 
     def __init_subclass__(cls, **how: bool) -> None:
-        """Remember how the dataclass is made; one of another is made at once, as it has the methods of that else."""
+        """Note how the dataclass is made; one of another is made at once, as it has the methods of that else."""
         super().__init_subclass__()
         above = [base for base in cls.__mro__[1:] if issubclass(base, Record) and base is not Record]
         for base in above[:1]:
