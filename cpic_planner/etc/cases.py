@@ -26,7 +26,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner.etc.detection import threshold_array
-from cpic_planner.etc.detection_law import Chances, SearchLaw, band_law, half_of, visit_chances
+from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_of, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -78,7 +78,7 @@ _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
-_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_laws", "_averaging", "camera")
+_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_law", "_averaging", "camera")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
 _FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
 
@@ -365,8 +365,8 @@ class Cases:
         return crossed, light
 
     @functools.cached_property
-    def _laws(self) -> tuple[SearchLaw, ...]:
-        return tuple(band_law(self.model, band) for band in self.bands)
+    def _law(self) -> SearchLaw:
+        return bands_law(self.model, self.bands)
 
     @functools.cached_property
     def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
@@ -459,9 +459,8 @@ class Cases:
             value = float(self.value)
             return lambda speckled, *_: np.full(np.broadcast_shapes(self.shape, np.shape(speckled)), value)
         known, motion = self.model.strategy.search == "known_place", self.motion
-        place, visits = np.broadcast_arrays(self.separation_arcsec, programme.effective(self._averaging[0]))
-        parts = zip(self._laws, np.moveaxis(place, -3, 0), np.moveaxis(visits, -3, 0), strict=True)
-        polynomials = np.stack([law.polynomials(*where, at_place=known) for law, *where in parts], axis=-3)
+        visits = programme.effective(self._averaging[0])
+        polynomials = self._law.polynomials(self.separation_arcsec, visits, at_place=known)
 
         def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
             half = half_of(polynomials, speckled, light)
@@ -479,12 +478,8 @@ class Cases:
         """Return the probabilities of a detection in the programme."""
         visits, shape = self.programme.effective(self._averaging[0]), noise.significance.shape
         paid = motion_factor(self.model, self.motion, self.programme, visit_s)
-        parts = self.separation_arcsec, self.light_share(visit_s), visits, paid
-        place, light, visits, paid = (np.broadcast_to(part, shape) for part in parts)
-        every = [
-            Chances.of(law, noise.at(i), place[i], light[i], visits[i], paid[i]) for i, law in enumerate(self._laws)
-        ]
-        return Chances(*map(np.stack, zip(*every, strict=True))).where(np.isfinite(spread(self.threshold, shape)))
+        found = Chances.of(self._law, noise, self.separation_arcsec, self.light_share(visit_s), visits, paid)
+        return found.where(np.isfinite(spread(self.threshold, shape)))
 
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
