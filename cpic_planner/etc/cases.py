@@ -24,7 +24,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
 from cpic_planner.etc.detection import threshold_array
 from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_of, visit_chances
 from cpic_planner.etc.frames import (
@@ -61,7 +61,7 @@ from cpic_planner.etc.rates import (
     reference_notes,
 )
 from cpic_planner.etc.searches import AllCases, around_lowest, first_root, lowest_whole, spread, taken
-from cpic_planner.planets import OrbitSearch, excluded_by_rv, span_days, star_masses_msun
+from cpic_planner.planets import OrbitSearch, StarLimits, least_mass, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
 from simulator.detectors import FrameTerm
@@ -642,11 +642,22 @@ class Cases:
         place = float(planets.separation_arcsec[planet])
         if planets.contrast is not None or place <= 0:
             return ()
-        body, target = planets.models[planet], self.targets.select([star])
-        distance = float(reference_distance_au(target, np.array([place]), body)[0, 0])
-        notes = reference_notes(self.model, target, self.bands[band], place, body)
-        excluded = _excluded(str(target.name[0]), distance, body.radius_rjup)
-        return (*notes, "excluded_by_rv") if excluded else notes
+        notes = reference_notes(self.model, self.targets, self.bands[band], place, planets.models[planet], star)
+        return (*notes, "excluded_by_rv") if self._excluded[band][star, planet] else notes
+
+    @functools.cached_property
+    def _excluded(self) -> list[BoolArray]:
+        """Planets that velocities exclude, whatever their orientation, by band."""
+        limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
+        found: dict[int, BoolArray] = {}
+        for planets in self.planets:
+            if id(planets) not in found:
+                places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
+                each = zip(places, planets.models, strict=True)
+                distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
+                mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
+                found[id(planets)] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
+        return [found[id(planets)] for planets in self.planets]
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
@@ -985,8 +996,9 @@ class Cases:
         lost = np.isfinite(visit_s) & ~(found.choice.inverse_snr2 * found.level**2 <= 1.0 + 10.0 * _SAME)
         if not lost.any():
             return found
-        # Whole frames make steps of the level, and only some lengths may reach it.
-        return self._by_length(visits, np.where(lost, visit_s, np.inf)).where(lost, found)
+        # Whole frames make steps of the level, and only a narrow range of lengths may reach it.
+        bottom_s = self._bottom(visits, np.full(visits.shape, _LONGEST_S))[0]
+        return self._by_length(visits, np.where(lost, bottom_s, np.inf)).where(lost, found)
 
     def _by_length(self, visits: FloatArray, visit_s: FloatArray) -> "Solution":
         """Return the frames of the shortest visits that reach the level: the question for a time, turned round.
@@ -1127,12 +1139,6 @@ class Solution:
 def _beside(visits: FloatArray) -> list[FloatArray]:
     """Return one visit, and numbers of visits as they are, one less and one more."""
     return [np.ones_like(visits), *(np.clip(visits + step, 1.0, MAX_VISITS) for step in (-1, 0, 1))]
-
-
-@functools.lru_cache(maxsize=256)
-def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
-    """Return whether velocities exclude a planet: every band of a question asks about the same one."""
-    return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 
 def cases_by_camera(

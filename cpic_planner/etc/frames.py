@@ -426,13 +426,13 @@ def least_time(
         return _over_level(wide, exposure_s.reshape(shape), frames, wanted)
 
     start = top = low
-    reached = over(low) <= 1.0
+    reached = over(low) <= 1.0 + _ROUNDING
     for factor in _LONGER:
         left = possible & ~reached
         if not left.any():
             break
         start, top = np.where(left, top, start), np.where(left, np.minimum(low * factor, longest), top)
-        reached |= left & (over(top) <= 1.0)
+        reached |= left & (over(top) <= 1.0 + _ROUNDING)
     left = possible & ~reached
     if left.any() and not callable(level):
         part, n, own = wide.at(left), frames[left], wanted[left]
