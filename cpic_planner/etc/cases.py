@@ -850,7 +850,8 @@ class Cases:
                 moving = solvable & (np.abs(f) > close) & (slope < -_FLAT) & (x < np.log(_LONGEST_S))
                 if not moving.any():
                     break
-                last = tuple(np.where(moving & (f > 0.0), new, old) for new, old in zip((x, f), last, strict=True))
+                left = moving & (f > 0.0)
+                last = np.where(left, x, last[0]), np.where(left, f, last[1])
                 new = np.where(moving, x - f / slope, x)
                 g, level = excess(new)
                 slope = np.where(moving, np.clip((g - f) / (new - x), -1.0, -1e-4), slope)

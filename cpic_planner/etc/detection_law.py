@@ -220,6 +220,9 @@ def _least_logs(law: SearchLaw, probability: float, at_place: bool) -> FloatArra
 class _BandLaws(SearchLaw):
     """Laws of bands that are looked up together: arguments have three axes or more, the first of these the bands."""
 
+    laws: Sequence[SearchLaw]
+    first: IntArray
+
     def __init__(self, laws: Sequence[SearchLaw]) -> None:
         sizes = [law.separation_arcsec.size for law in laws]
         super().__init__(np.concatenate([law.separation_arcsec for law in laws]), self._copied)

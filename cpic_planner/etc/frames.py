@@ -408,15 +408,16 @@ def least_time(
     """
     camera = problem.camera
     t_best, cost = best_exposure_s(problem)
-    if about_s is None:
-        assert not callable(level)
-        level = spread(np.asarray(level, float), problem.signal_e_s.shape)
-        about_s = smooth_least_visit_s(problem, level, cost)
+    given = None if callable(level) else spread(np.asarray(level, float), problem.signal_e_s.shape)
+    if given is not None:
+        about_s = smooth_least_visit_s(problem, given, cost)
+    assert about_s is not None
     possible = np.isfinite(about_s)
     lower = np.where(possible, about_s, 0.0)
     frames = _candidates(lower, t_best + camera.readout_s)
     wide, shape, lower = problem.spread(frames.shape), frames.shape, lower * (1.0 - 1e-9)
-    wanted = level if callable(level) else spread(np.where(possible, level, 1.0), shape)
+    own = None if given is None else spread(np.where(possible, given, 1.0), shape)
+    wanted = level if own is None else own
     longest = spread(np.maximum(problem.longest_s, camera.exposure_min_s), shape)
     low = np.clip(lower / frames - camera.readout_s, camera.exposure_min_s, longest)
     low = np.where(frames > 1.0, low, camera.exposure_min_s)
@@ -434,13 +435,13 @@ def least_time(
         start, top = np.where(left, top, start), np.where(left, np.minimum(low * factor, longest), top)
         reached |= left & (over(top) <= 1.0 + _ROUNDING)
     left = possible & ~reached
-    if left.any() and not callable(level):
-        part, n, own = wide.at(left), frames[left], wanted[left]
-        start[left], high, least = bracketed(part, _over_level, low[left], longest[left], n, own)
+    if own is not None and left.any():
+        part, n, aim = wide.at(left), frames[left], own[left]
+        start[left], high, least = bracketed(part, _over_level, low[left], longest[left], n, aim)
         near = (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
         if near.any():
             ends = low[left][near], longest[left][near]
-            high[near], least[near] = lowest(part.at(near), _over_level, *ends, n[near], own[near], coarse=False)
+            high[near], least[near] = lowest(part.at(near), _over_level, *ends, n[near], aim[near], coarse=False)
         top[left], reached[left] = high, least <= 1.0 + _ROUNDING
     reached &= possible
 
