@@ -19,7 +19,7 @@ A star whose companion has no row stands where its own proper motion carries it.
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Self
 
@@ -29,7 +29,7 @@ from catalogs.coordinates import offset_place, propagate, tangent_offset
 from catalogs.orbits import orbit_places
 from catalogs.shipped import shipped_digest, shipped_objects
 from catalogs.stars import StarTable, load_stars
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record
 
 _FILE = "binary_orbits.csv"
 POSITION_ERROR_ARCSEC: Mapping[int, float] = MappingProxyType({1: 0.02, 2: 0.04, 3: 0.08, 4: 0.11, 5: 0.20, 8: 0.02})
@@ -50,8 +50,7 @@ _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
 
 
-@dataclass(frozen=True)
-class BinaryOrbit:
+class BinaryOrbit(Record):
     """The orbit of a companion around a star.
 
     Parameters
@@ -171,8 +170,7 @@ def companion_share(orbit: BinaryOrbit) -> float:
     return 0.5 if limit is None else limit.mass_ratio
 
 
-@dataclass(frozen=True)
-class StabilityLimit:
+class StabilityLimit(Record):
     """Limits of the orbits that stay stable beside a companion star.
 
     Parameters

@@ -13,12 +13,11 @@ import difflib
 import functools
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.shipped import shipped_lines
 from catalogs.stars import StarTable, load_stars
-from cpic_core import InputError
+from cpic_core import InputError, Record
 
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
 _SUGGESTIONS = 4
@@ -28,8 +27,7 @@ _NUMBERED = re.compile(r"(?:hip|hd|hr|gj|sao|lhs|ltt|nltt) (?=\d)")
 _PLAIN_BAYER = re.compile(rf"({'|'.join(GREEK)}) ([a-z]{{3}})")
 
 
-@dataclass(frozen=True)
-class StarMatch:
+class StarMatch(Record):
     """A resolved name.
 
     Parameters

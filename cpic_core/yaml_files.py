@@ -10,7 +10,6 @@ import functools
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -20,6 +19,7 @@ import yaml
 from cpic_core.errors import InputError
 from cpic_core.files import is_file, read_text
 from cpic_core.quantities import checked_array, converted, unit_of
+from cpic_core.records import Record
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -36,8 +36,7 @@ _WORDS = ("source", "confidence", "unit", "note")
 _SOURCED_KEYS = {"value", "range", *_WORDS}
 
 
-@dataclass(frozen=True)
-class Provenance:
+class Provenance(Record):
     """The standing of a number: where it comes from.
 
     ``confidence`` is ``"P"`` (published and read), ``"I"`` (inferred from published numbers) or ``"A"`` (assumed).

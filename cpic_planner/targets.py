@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_flag, check_number, check_word
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Record, check_flag, check_number, check_word
 from simulator.config import Scene, checked_utc, julian_year, load_instrument
 
 if TYPE_CHECKING:
@@ -28,8 +28,7 @@ OLD_YR = 10.0
 _DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "companion_pa_deg": 4}
 
 
-@dataclass(frozen=True, eq=False)
-class Targets:
+class Targets(Record, eq=False):
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
     ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each. A target from a

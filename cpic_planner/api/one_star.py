@@ -9,13 +9,13 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from catalogs import Catalogue, open_catalogue, resolve_star
-from cpic_core import Advance, FloatArray, InputError, untold
+from cpic_core import Advance, FloatArray, InputError, Record, untold
 from cpic_planner import etc, report
 from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named, takes
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
@@ -39,8 +39,7 @@ N_LOOKS = 100
 _PLACE = ("separation_arcsec", "separation_au", "semi_major_axis_au", "contrast", "distance_pc")
 
 
-@dataclass(frozen=True, eq=False)
-class NamedPlanet:
+class NamedPlanet(Record, eq=False):
     """A known planet of a question about one star.
 
     Attributes
@@ -571,8 +570,7 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     return pd.DataFrame({"name": stars.name} | columns | said)
 
 
-@dataclass(frozen=True, eq=False)
-class Answered:
+class Answered(Record, eq=False):
     """A question about one star with its answer.
 
     Attributes

@@ -8,12 +8,11 @@ Visibility, survey what-ifs, contrast curves and operating characteristics, by s
 import contextlib
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from catalogs import Catalogue
-from cpic_core import InputError
+from cpic_core import InputError, Record
 from cpic_planner import queries, results
 from cpic_planner.api.functions import model_of, stars_named, takes
 from cpic_planner.confirm import AskedStar, curve_job, roc_job
@@ -32,8 +31,7 @@ _QUIET = {"out": None, "images": 0, "workers": 1}
 N = TypeVar("N", bound=results.OfTables)
 
 
-@dataclass(frozen=True)
-class Prepared:
+class Prepared(Record):
     """The model, the stars and the order that a ranking is made of."""
 
     model: EtcModel

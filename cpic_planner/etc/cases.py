@@ -19,12 +19,12 @@ import copy
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner.etc.detection import threshold_array
 from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_of, visit_chances
 from cpic_planner.etc.frames import (
@@ -213,8 +213,7 @@ def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> 
     return found | {"span_days": float(programme_days(model, found["visits"], found["time_s"]))}
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(Record):
     """Time of a programme: number of visits, wall time of each, and of all; None for what is not given.
 
     ``given_s`` is the wall time that may be used, of which whole visits of a given length can leave some.
@@ -266,8 +265,7 @@ class Span:
         return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
 
-@dataclass(frozen=True, eq=False)
-class Cases:
+class Cases(Record, eq=False):
     """All stars and planets in bands of one camera, made by `cases_of`.
 
     Arrays broadcast to ``(n_band, n_star, n_planet)``, the shape of ``contrast``.
@@ -1102,8 +1100,7 @@ def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wa
     return np.where(wanted, found.reshape(start_s.shape), _LONGEST_S)
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Record, eq=False):
     """Programmes of cases, and frames that answer for them; arrays ``(n_band, n_star, n_planet)``.
 
     Attributes
@@ -1316,8 +1313,7 @@ def _together(parts: Sequence[Any], shape: tuple[int, ...]) -> Any:
     return whole
 
 
-@dataclass(frozen=True, eq=False)
-class Prospect:
+class Prospect(Record, eq=False):
     """The expected signals of planets; arrays of stars x planets, made by `prospect_of`.
 
     Attributes

@@ -22,13 +22,13 @@ term varies from place to place: P is the mean over fifths of the places at a se
 
 import functools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, Record, read_npz, special
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS,
     MIN_SIGMA,
@@ -63,8 +63,7 @@ _TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 
-@dataclass(frozen=True, eq=False)
-class SearchLaw:
+class SearchLaw(Record, eq=False):
     """Law of detections of one band; made by `band_law`.
 
     Attributes
@@ -217,25 +216,11 @@ def _least_logs(law: SearchLaw, probability: float, at_place: bool) -> FloatArra
     return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
 
 
-class _BandLaws(SearchLaw):
+class _BandLaws(SearchLaw, eq=False):
     """Laws of bands that are looked up together: arguments have three axes or more, the first of these the bands."""
 
-    laws: Sequence[SearchLaw]
+    laws: tuple[SearchLaw, ...]
     first: IntArray
-
-    def __init__(self, laws: Sequence[SearchLaw]) -> None:
-        sizes = [law.separation_arcsec.size for law in laws]
-        super().__init__(np.concatenate([law.separation_arcsec for law in laws]), self._copied)
-        vars(self).update(laws=laws, first=np.cumsum([0, *sizes[:-1]]))
-
-    def _copied(self, at_place: bool, rows: IntArray) -> FloatArray:
-        """Return rows of the tables of the laws."""
-        found = []
-        for law, first in zip(self.laws, self.first, strict=True):
-            size = law.separation_arcsec.size
-            own = rows[(rows >= first) & (rows < first + size)] - first
-            found.append(law._tables(at_place, np.minimum(own, size - 2))[..., own, :])
-        return np.concatenate(found, axis=-2)
 
     def _rows(self, separation_arcsec: FloatArray) -> tuple[IntArray, FloatArray]:
         each = zip(self.laws, np.moveaxis(separation_arcsec, -3, 0), self.first, strict=True)
@@ -245,7 +230,20 @@ class _BandLaws(SearchLaw):
 
 @functools.lru_cache(maxsize=64)
 def _together(laws: tuple[SearchLaw, ...]) -> SearchLaw:
-    return laws[0] if len(laws) == 1 else _BandLaws(laws)
+    """Return one law of the bands of several, with their tables one behind the other."""
+    if len(laws) == 1:
+        return laws[0]
+    sizes = [law.separation_arcsec.size for law in laws]
+    first = np.cumsum([0, *sizes[:-1]])
+
+    def copied(at_place: bool, rows: IntArray) -> FloatArray:
+        found = []
+        for law, start, size in zip(laws, first, sizes, strict=True):
+            own = rows[(rows >= start) & (rows < start + size)] - start
+            found.append(law._tables(at_place, np.minimum(own, size - 2))[..., own, :])
+        return np.concatenate(found, axis=-2)
+
+    return _BandLaws(np.concatenate([law.separation_arcsec for law in laws]), copied, laws, first)
 
 
 def bands_law(model: EtcModel, bands: Sequence[str]) -> SearchLaw:
@@ -471,8 +469,23 @@ def visit_chances(
     return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)
 
 
+TAILS_FILE = Path(__file__).parent / "data" / "tails.npz"
+"""What `equivalents` returns of the steps that usual levels need, which takes longer to work out than all else."""
+
+
 @functools.lru_cache(maxsize=256)
 def _equivalents(step: int) -> FloatArray:
+    found = _shipped().get(step)
+    return equivalents(step) if found is None else found
+
+
+@functools.cache
+def _shipped() -> Mapping[int, FloatArray]:
+    stored = read_npz(TAILS_FILE)
+    return dict(zip(stored["step"].tolist(), stored["sigma"], strict=True))
+
+
+def equivalents(step: int) -> FloatArray:
     """Return `equivalent_sigma` of the signal over noise of `_log_snr` by number of visits, (v, t, q)."""
     inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * _nodes(_RELATIVES) ** 2, 1e-9)
     visits, laplace, dof = np.meshgrid(1.0 / inverse, _nodes(_TAILS), 2.0 / relative, indexing="ij")

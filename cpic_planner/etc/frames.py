@@ -12,12 +12,11 @@ for a time are inverses of each other.
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, Record
 from cpic_planner.etc.model import FrameCamera, Programme, best_gain
 from cpic_planner.etc.noise import PLAIN, Objective, own_noise, residuals, white_term
 from cpic_planner.etc.photon_counting import CountingLight, counting_probabilities, reference_pixel
@@ -38,8 +37,7 @@ _NEARLY = 2.0
 _LONGER = 1.1, 2.0, 5.0, 20.0, 200.0, np.inf
 
 
-@dataclass(frozen=True)
-class FrameProblem(CaseArrays):
+class FrameProblem(CaseArrays, Record):
     """The numbers that decide the frames of any number of cases; arrays of one shape.
 
     Attributes
@@ -218,8 +216,7 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class FrameChoice(CaseArrays):
+class FrameChoice(CaseArrays, Record):
     """Chosen frames; arrays of the problem's shape. ``n_frames`` is 0 where there are none.
 
     ``n_frames`` and ``visit_s`` are those of one visit, ``inverse_snr2`` is ``1 / SNR^2`` of all visits together

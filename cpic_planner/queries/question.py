@@ -12,7 +12,7 @@ import re
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeGuard, Union, get_args, get_origin
@@ -21,15 +21,14 @@ from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from cpic_core import InputError, files_read, load_mapping
+from cpic_core import InputError, Record, files_read, load_mapping
 from simulator import config
 
 Meaning = tuple[str, str]
 """A field, and the value of it with which another field has a meaning."""
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(Record):
     """The metadata of a field of a question beside its type, range and default.
 
     Attributes
@@ -132,8 +131,7 @@ def asked_of(info: FieldInfo) -> Asked | None:
     return info.json_schema_extra if isinstance(info.json_schema_extra, Asked) else None
 
 
-@dataclass(frozen=True)
-class Option:
+class Option(Record):
     """One option of a command.
 
     Attributes

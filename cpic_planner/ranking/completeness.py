@@ -17,7 +17,17 @@ from typing import Any
 import numpy as np
 
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, check_whole, real_array
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    IntArray,
+    Record,
+    check_finite,
+    check_whole,
+    real_array,
+)
 from cpic_planner import etc
 from cpic_planner.etc import EtcModel
 from cpic_planner.planets import (
@@ -50,8 +60,7 @@ _SURE = 0.95
 """Part of the faintest contrast that counts: steps of tables and splines are finer by far."""
 
 
-@dataclass(frozen=True, eq=False)
-class Placed:
+class Placed(Record, eq=False):
     """Planets around some of the stars whose whole aperture lies in the zone: ``k`` pairs, star by star.
 
     Attributes
@@ -293,8 +302,7 @@ def inside_zone(zone: Zone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_a
     return zone.contains(x_arcsec, y_arcsec, margin_arcsec)
 
 
-@dataclass(frozen=True, eq=False)
-class BandCompleteness:
+class BandCompleteness(Record, eq=False):
     """Fractions of a population in one band, arrays over the stars.
 
     Attributes
@@ -342,8 +350,7 @@ class BandCompleteness:
         return self.completeness if self.search == "blind" else self.completeness_known_place
 
 
-@dataclass(frozen=True, eq=False)
-class _Setting(etc.CaseArrays):
+class _Setting(etc.CaseArrays, Record, eq=False):
     """Frames of one visit and visits of each star: arrays ``(n,)``, or ``(n, 1)`` of those that are looked at."""
 
     exposure_s: FloatArray
@@ -610,16 +617,14 @@ def hosts_among(targets: Targets, table: KnownPlanetTable) -> BoolArray:
     return np.array([bool(rows) for rows in known_rows(table, targets)], bool)
 
 
-@dataclass(frozen=True, eq=False)
-class KnownSample:
+class KnownSample(Record, eq=False):
     """Draws of the known planets of ``n`` stars at one date: for each star, its planets with their draws."""
 
     planets: tuple[tuple[Planets, ...], ...]
     n_draws: int
 
 
-@dataclass(frozen=True, eq=False)
-class KnownChoice:
+class KnownChoice(Record, eq=False):
     """A table of known planets, a date, and how often each planet is drawn.
 
     Attributes
@@ -796,8 +801,7 @@ def _class_first(sp_type: str) -> str:
     return re.sub(r"^[^OBAFGKM]*", "", "".join(sp_type.split()))
 
 
-@dataclass(frozen=True, eq=False)
-class AskedStars:
+class AskedStars(Record, eq=False):
     """The stars that a question ranks.
 
     Attributes
@@ -909,8 +913,7 @@ def known_completeness(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class CountedPlanets:
+class CountedPlanets(Record, eq=False):
     """Planets that completeness counts around ``n`` stars, the same under every instrument; made by `of`.
 
     Attributes

@@ -11,12 +11,12 @@ little; they are made whole at the chosen place.
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner import etc
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
@@ -36,8 +36,7 @@ _LEAST_FACTOR = 1e-4
 _RUNAWAY = 0.02
 
 
-@dataclass(frozen=True)
-class Outlook(etc.CaseArrays):
+class Outlook(etc.CaseArrays, Record):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Made by `Places.outlook`.
@@ -330,8 +329,7 @@ _REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_fact
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class Places(etc.CaseArrays):
+class Places(etc.CaseArrays, Record):
     """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
 
     model: etc.EtcModel
@@ -401,8 +399,7 @@ class Places(etc.CaseArrays):
         return at_rest * etc.motion_factor(model, self.motion, programme, choice.visit_s)
 
 
-@dataclass(frozen=True)
-class OptimalSetting:
+class OptimalSetting(Record):
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
@@ -806,8 +803,7 @@ def _least_frames(
     return programme, choice
 
 
-@dataclass(frozen=True)
-class _Search:
+class _Search(Record):
     """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
 
     model: etc.EtcModel

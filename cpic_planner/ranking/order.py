@@ -4,13 +4,13 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 
 from catalogs import StarTable, amplitude_m_s, snapshot_vintage
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, announce, fingerprint, visible
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, Record, announce, fingerprint, visible
 from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice, StarLimits, excluded_by_rv, least_mass
 from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
@@ -128,8 +128,7 @@ def timed_model(model: etc.EtcModel, question: RankedQuestion | OptimiseQuestion
     return replace(model, strategy=strategy.model_copy(update={"visits": span.visits})), span.time_s
 
 
-@dataclass(frozen=True)
-class RankSetting:
+class RankSetting(Record):
     """The settings that a ranking is made with; made by `of`.
 
     ``time_s`` is the wall time per target and band, ``planet`` the reference planet, ``bands`` names of bands of the
@@ -219,8 +218,7 @@ def reference_velocities(
     return distance, amplitude, excluded_by_rv(names, distance, planet.radius_rjup)
 
 
-@dataclass(frozen=True)
-class Ranked:
+class Ranked(Record):
     """Numbers of a ranking before they become rows; arrays of ``n`` stars.
 
     ``best`` is the reference planet's best band, ``by_band`` the same in each band, ``quickest_s`` its least time to a

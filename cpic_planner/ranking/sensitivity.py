@@ -7,7 +7,7 @@ import functools
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
 
@@ -21,6 +21,7 @@ from cpic_core import (
     InputError,
     IntArray,
     NDArray,
+    Record,
     announce,
     fingerprint,
     listed,
@@ -66,8 +67,7 @@ _NAMED = 5
 _MOST_BYTES = 100_000_000
 
 
-@dataclass(frozen=True)
-class Ranking:
+class Ranking(Record):
     """A ranking that can be compared with another one.
 
     Attributes
@@ -408,8 +408,7 @@ def _comparison_statement(
 N_TOP, N_FIRST, POOL = 50, 10, 6
 
 
-@dataclass(frozen=True)
-class Order:
+class Order(Record):
     """Stars under one assumption, arrays ``(n,)``, or under some instruments, ``(instruments, n)``; and their names.
 
     ``planets`` are the expected planets of one observation of each star (completeness where the population has no rate
@@ -448,8 +447,7 @@ class Order:
         return Order(*(np.concatenate(pair, axis=-1) for pair in parts))
 
 
-@dataclass(frozen=True)
-class Assumption:
+class Assumption(Record):
     """Another assumption: its key, what it says, how it changes a setting, and the settings that it can change."""
 
     key: str

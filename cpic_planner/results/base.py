@@ -14,7 +14,7 @@ import math
 import re
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticUndefined
 
-from cpic_core import InputError, guarded, shortened, unguarded
+from cpic_core import InputError, Record, guarded, shortened, unguarded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -228,8 +228,7 @@ UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
 """Unit of a number by the last words of its name, as astropy reads it; longer suffixes stand first."""
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(Record):
     """One column of a table, and the way in which it is shown to people.
 
     Attributes

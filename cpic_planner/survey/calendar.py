@@ -2,11 +2,11 @@
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from cpic_core import FloatArray, IntArray
+from cpic_core import FloatArray, IntArray, Record
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits, UniverseConfig
@@ -20,8 +20,7 @@ _MEAN_SLEW_DEG = 60.0
 _HOUR_S = 3600.0
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
+class Sight(Record, eq=False):
     """A star as the telescope sees it in some times, arrays of any shape: what telescope time is counted by.
 
     Attributes
@@ -95,8 +94,7 @@ def settle_h(pointing: VisibilityConfig, period_s: float) -> float:
     return (float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * period_s) / _HOUR_S
 
 
-@dataclass(frozen=True, eq=False)
-class Calendar:
+class Calendar(Record, eq=False):
     """Slots of a survey, and what ``n`` stars are like in each.
 
     Attributes

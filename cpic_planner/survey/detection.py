@@ -5,13 +5,13 @@ False alarms are noise that passes the threshold, and background stars that pass
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record
 from cpic_planner import etc
 from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
@@ -24,8 +24,7 @@ _ERRORS = 6.0  # standard errors by which a law may be off
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(Record):
     """Frames of one observation of a star in a band: of each of the visits that are reduced together.
 
     ``time_s`` is wall time of them all with readouts and reference frames; no frames: it is not possible.
@@ -48,8 +47,7 @@ class Setting:
         return self.exposure_s, self.n_frames, self.em_gain
 
 
-@dataclass(frozen=True, eq=False)
-class ExpectedSignals:
+class ExpectedSignals(Record, eq=False):
     """The signals that visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
@@ -117,8 +115,7 @@ def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting]
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Record, eq=False):
     """Planets at some of the dates of visits: arrays ``(k,)``.
 
     Attributes

@@ -28,7 +28,6 @@ above at places not more than `STEP_DEG` apart.
 import functools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +39,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     NDArray,
+    Record,
     by_line,
     check_number,
     check_whole,
@@ -185,8 +185,7 @@ _WIDTHS = 4
 _BLOCK_CELLS = 50_000
 
 
-@dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(Record, eq=False):
     """Targets, orbits and Suns, arrays of one length.
 
     Attributes
@@ -331,8 +330,7 @@ MAX_DAYS = 36525
 MAX_CELLS = 20_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Visibility:
+class Visibility(Record, eq=False):
     """Targets x dates; one orbit in the middle of each step stands for the step.
 
     Attributes

@@ -4,12 +4,12 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, Status, announce, stream
+from cpic_core import ArrayLike, FloatArray, InputError, Record, Status, announce, stream
 from cpic_planner.etc import diagonal
 from cpic_planner.ranking import inside_zone
 from cpic_planner.validation.measure import (
@@ -161,8 +161,7 @@ def draw_place(
     return separation_arcsec * math.cos(angle), separation_arcsec * math.sin(angle)
 
 
-@dataclass(frozen=True)
-class SearchTask:
+class SearchTask(Record):
     """Some programmes of one star in one band, and what is done with each; plain data for any process.
 
     Attributes

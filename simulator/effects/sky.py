@@ -13,7 +13,6 @@ import math
 import re
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, bracket, load_reference_spectrum, load_zodi_table
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_number
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Record, check_number
 from simulator.config import (
     FIRST_YEAR,
     LAST_YEAR,
@@ -399,8 +398,7 @@ SKY_PLACE_UNKNOWN = "sky_place_unknown"
 _MIDDLE_LATITUDE_DEG = 30.0  # half of the sky lies nearer to the ecliptic, and is brighter
 
 
-@dataclass(frozen=True)
-class SkyLevel:
+class SkyLevel(Record):
     """Detected rate of the sky in a clear aperture, before apodizer, mask and pixel size.
 
     Attributes

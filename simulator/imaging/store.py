@@ -195,7 +195,10 @@ def unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     arrays = dict(stored)
     for name in DIGITS:
         if arrays[name].dtype == np.uint8:
-            arrays[name] = np.ascontiguousarray(np.moveaxis(arrays[name], 0, -1)).view("<f4")[..., 0].astype(float)
+            together = np.empty((*arrays[name].shape[1:], len(arrays[name])), np.uint8)
+            for byte, plane in enumerate(arrays[name]):
+                together[..., byte] = plane
+            arrays[name] = together.view("<f4")[..., 0].astype(float)
     if "halo_map" not in arrays:
         weights = overlap_weights(float(arrays["aperture_radius_arcsec"] / arrays["pixel_scale_arcsec"]))
         arrays["halo_map"] = aperture_sums(arrays["raw_contrast"] * arrays["peak_off_axis"], weights)

@@ -7,12 +7,12 @@ Whoever asks where a planet may stand asks the zone, and needs not know which it
 
 import functools
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray, Record
 from simulator.config import Instrument
 from simulator.imaging.sampling import centred_axis, separations
 
@@ -21,8 +21,7 @@ HoleSide = Literal["right", "left", "top", "bottom"]
 HoleStatus = Literal["reached", "not_reached", "none", "table"]
 
 
-@dataclass(frozen=True)
-class HoleZone:
+class HoleZone(Record):
     """The zone in which light is to be removed. In both modes it is a product of two sets of intervals.
 
     Attributes
@@ -209,8 +208,7 @@ class HoleZone:
         return self.axes(np.asarray(points, dtype=np.float64))
 
 
-@dataclass(frozen=True)
-class RingZone:
+class RingZone(Record):
     """A ring around the star: where a coronagraph that is known by tables of separation shows planets.
 
     It has what `HoleZone` tells whoever looks for planets. Separations of its edges are the same in all directions.
@@ -317,8 +315,7 @@ def zone_of(instrument: Instrument, band: str) -> Zone:
     return zone_from(*edges, "ring" if instrument.coronagraph.is_ring else hole.mode, hole.side)
 
 
-@dataclass(frozen=True)
-class BandGeometry:
+class BandGeometry(Record):
     """Geometry of one band on a stamp, star at pixel ``stamp_pixels // 2``; the same at all numerical settings.
 
     Attributes
