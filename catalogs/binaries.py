@@ -278,7 +278,7 @@ POSITION_ERROR = "companion_position_error_arcsec"
 _PAIR_TO_STAR_MASS = 2.0
 
 
-def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarTable:
+def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True, apart: bool = False) -> StarTable:
     """Return a star table with the places of an epoch.
 
     Parameters
@@ -290,6 +290,9 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     orbits : bool
         Whether companions follow the orbits of ``binary_orbits.csv``. Pairs that are never resolved keep the companion
         of the table: their light is that of one star.
+    apart : bool
+        Whether each row is asked about alone, so that no star stands around the centre of its pair, of which a table of
+        both knows the other's place too.
 
     Returns
     -------
@@ -299,7 +302,8 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     columns = _moved(table, epoch_yr) | {POSITION_ERROR: _drift_arcsec(table, epoch_yr)}
     if orbits:
         columns |= _on_orbits(table, epoch_yr, columns[POSITION_ERROR])
-        columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
+        if not apart:
+            columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
     units = {**table.units, POSITION_ERROR: "arcsec"}
     descriptions = {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
     return replace(table, columns={**table.columns, **columns}, units=units, descriptions=descriptions)

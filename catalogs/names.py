@@ -14,6 +14,8 @@ import functools
 import re
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.shipped import shipped_lines
 from catalogs.stars import StarTable, load_stars
@@ -95,8 +97,8 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     if found is None:
         raise _refusal(name, key)
     star, note, others = found
-    names = stars.column("name").tolist()
-    rows = [i for i, text in enumerate(names) if text == star]
+    names = stars.column("name")
+    rows = np.flatnonzero(names == star).tolist()
     if not rows:
         hint = f"{star} is in the catalogue, but not selected"
         raise InputError("star", name, allowed="a star of this selection", hint=hint)

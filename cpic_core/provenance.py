@@ -142,7 +142,7 @@ def _kind(name: str) -> str:
     """Return which word a shipped file belongs to."""
     if name.split("/")[1] == "presets":
         return "presets"
-    return "catalogue" if name.startswith("catalogs/data/") else "code"
+    return "catalogue" if name.startswith(("catalogs/data/", "catalogs/parsed/")) else "code"
 
 
 def _libraries() -> dict[str, str]:

@@ -10,9 +10,11 @@ import numpy as np
 from catalogs.catalogue import vintage_of_files
 from catalogs.shipped import PARSED
 from catalogs.stars import load_stars, with_updates
-from cpic_core import NDArray, write_npz
+from cpic_core import NDArray, parse_yaml, write_npz, write_text
+from cpic_core.yaml_files import PARSED as FOLDER, digest
 from cpic_planner.etc.detection_law import TAILS_FILE, equivalents
 
+ROOT = Path(__file__).resolve().parents[1]
 STEPS = range(31)
 """Steps of signal over noise that levels of 1.6 to 8 sigma need."""
 
@@ -48,7 +50,21 @@ def tails() -> dict[str, NDArray[Any]]:
 FILES: Mapping[Path, Callable[[], dict[str, NDArray[Any]]]] = {PARSED / "stars.npz": stars, TAILS_FILE: tails}
 """What makes the arrays of each file."""
 
+YAML = [*(ROOT / "simulator").glob("presets/instrument/*.yaml"), *(ROOT / "catalogs").glob("data/*.yaml")]
+"""Documents that ship as JSON too."""
+
+
+def documents() -> dict[Path, str]:
+    """Return each of `YAML` as JSON, by the file that it ships in."""
+    texts = [path.read_text(encoding="utf-8") for path in YAML]
+    return {FOLDER / f"{digest(text)}.json": json.dumps(parse_yaml(text)) + "\n" for text in texts}
+
+
 if __name__ == "__main__":
+    for stale in FOLDER.glob("*.json"):
+        stale.unlink()
+    for path, text in documents().items():
+        print(write_text(path, text))
     for path, made in FILES.items():
         write_npz(path, made())
         print(path)

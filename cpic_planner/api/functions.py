@@ -15,7 +15,7 @@ from catalogs import Catalogue, catalogue_of_star, tables_read
 from cpic_core import InputError, numeric_context
 from cpic_planner import queries
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.targets import Targets, as_catalogue, find_target
+from cpic_planner.targets import Targets, as_catalogue, find_target, find_targets
 from simulator.config import FrozenModel, limits_of, load_instrument, nearest, unit_of
 
 
@@ -43,10 +43,10 @@ def catalogue_of(question: Any) -> Catalogue:
 def stars_named(question: Any) -> list[Targets]:
     """Return each star that a question names as a target of its own."""
     date_utc, companions = queries.observed_utc(question), question.companions
-    if question.catalog == "snapshot" and getattr(question, "v_mag", None) is None:
-        return [shipped_star(name, companions, date_utc)[0] for name in question.target]
-    catalog = catalogue_of(question)
-    return [find_target(name, catalog=catalog, companions=companions, date_utc=date_utc)[0] for name in question.target]
+    if len(question.target) == 1 and question.catalog == "snapshot" and getattr(question, "v_mag", None) is None:
+        return [shipped_star(question.target[0], companions, date_utc)[0]]
+    about: dict[str, Any] = {"catalog": catalogue_of(question), "companions": companions, "date_utc": date_utc}
+    return [star for star, _ in find_targets(question.target, **about)]
 
 
 @functools.lru_cache(maxsize=256)

@@ -289,12 +289,12 @@ def half_of(polynomials: FloatArray, speckled: ArrayLike, light: ArrayLike) -> F
     speckled, light : array_like
         As of `SearchLaw.half`; they may have further axes in front.
     """
-    shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
+    along = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (light, speckled))
     ahead = (1,) * (max(np.ndim(speckled), np.ndim(light)) - polynomials.ndim + 2)
-    found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:])
-    for share in shares:
+    found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:]).swapaxes(0, 1)
+    for share in along:  # the light's share can be the same for many places
         found = _polynomial(found, share)
-    return np.asarray(np.exp(found))
+    return np.exp(found, out=found)
 
 
 def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:

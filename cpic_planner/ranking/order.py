@@ -17,7 +17,7 @@ from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestio
 from cpic_planner.ranking.completeness import BandCompleteness, CountedPlanets, KnownChoice
 from cpic_planner.ranking.optimiser import (
     OptimalSetting,
-    best_in_band,
+    Search,
     best_of,
     detection_statuses,
     finite,
@@ -255,13 +255,14 @@ def ranked(
     chosen = SCORES[setting.score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
-    by_band = tuple(best_in_band(model, targets, band, setting.time_s, planet, brief=brief) for band in bands)
+    searches = [Search(model, targets, band, planet) for band in bands]
+    by_band = tuple(search.in_time(setting.time_s, brief=brief) for search in searches)
     best = best_of(by_band)
     least = np.full((2, len(targets)), np.nan)
     if not brief or chosen.timed:
         floors = np.stack([item.floor_margin / item.needed_margin for item in by_band])
         near = np.nan_to_num(floors).max(axis=0) * _SLACK > 1.0
-        least[:, near] = quickest(model, targets.select(near), planet, bands) if near.any() else np.nan
+        least[:, near] = quickest(searches, np.flatnonzero(near)) if near.any() else np.nan
         # Whether any programme detects the planet is known now: the bound was from a coarse grid of places.
         found = np.isfinite(least[0])
         moves = ~found & (floors.max(axis=0) > 1.0) & np.isfinite(best.orbits_searched)

@@ -16,7 +16,7 @@ from cpic_planner.etc import (
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
 from cpic_planner.ranking import optimise
-from cpic_planner.ranking.optimiser import Outlook, best_of
+from cpic_planner.ranking.optimiser import _Planned, best_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 
@@ -264,13 +264,13 @@ def test_rolled_planets_stay_in_the_zone_and_no_place_is_refused(refused):
 
 def test_a_star_has_the_least_time_that_it_has_alone(monkeypatch):
     """Rounds of the search go on for the stars that still change, which changes nothing for any of them."""
-    rounds, closer_s = [], Outlook._closer_s
+    rounds, closer_s = [], _Planned.closer_s
 
-    def counted(outlook, visits, length_s):
+    def counted(planned, visits, length_s):
         rounds.append(len(length_s))
-        return closer_s(outlook, visits, length_s)
+        return closer_s(planned, visits, length_s)
 
-    monkeypatch.setattr(Outlook, "_closer_s", counted)
+    monkeypatch.setattr(_Planned, "closer_s", counted)
     together = optimise(MODEL, STARS, detect=True)
     assert np.mean(np.array(rounds) < len(STARS)) > 0.3
     for star in range(0, len(STARS), 3):
