@@ -139,6 +139,8 @@ def neighbours(model: EtcModel, targets: Targets, band: str) -> Neighbours:
     else:
         known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
         row = np.flatnonzero(known & (targets.companions != "off"))
+        if not row.size:
+            return Neighbours(row, *np.zeros((3, 0)))
         near = targets.select(row)
         light = star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
         found = Neighbours(row, near.companion_separation_arcsec, near.companion_pa_deg, light)
