@@ -308,7 +308,7 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
 
 
 def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
-    """Work on one task: plan one strategy in several states of what is known.
+    """Work on one task: plan one strategy in several states of what is known, the first with a bound on its schedule.
 
     What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show.
 
@@ -334,7 +334,7 @@ def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
         mine = calendar.select(own)
         if ground.log is not None:
             mine = mine.closed_before(ground.log.until_mjd)
-        found.append(_plan(ground, item, mine, sky))
+        found.append(_plan(ground, item, mine, sky, bounded=ground is first))
     return found
 
 
@@ -368,13 +368,13 @@ def _size(strategy: SurveyStrategy) -> tuple[int, int]:
     return len(strategy.visit.bands) * len(strategy.visit.time_s), strategy.revisits.max_visits
 
 
-def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Survey:
-    """Return one strategy planned, ``calendar`` that of the stars with a close look."""
+def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky, *, bounded: bool) -> Survey:
+    """Return one strategy planned, ``calendar`` that of the stars with a close look; ``bounded`` if that is told."""
     strategy, model, names = item.strategy, item.model, item.targets.name
     limits = StarLimits.of(names.tolist(), ground.universe.exclusions, ground.known)
     found = candidates(item, calendar, ground.known, sky, limits, ground.log)
     problem = Problem(strategy, tuple(found), calendar.slot_h)
-    schedule = make_schedule(problem)
+    schedule = make_schedule(problem, bounded=bounded)
     rows = np.array([star.index for star in found], np.int64)
     targets, options = item.targets.select(rows), tuple(star.options for star in found)
     noise, background = alarms(ground.universe, strategy, model, targets, options)

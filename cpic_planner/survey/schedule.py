@@ -168,7 +168,7 @@ class Schedule:
     """A calendar of visits and what it promises.
 
     ``value`` is what the visits within the budget are worth on the planets of planning, ``bound`` what no schedule can
-    pass, ``method`` who made it.
+    pass (infinite where none was asked for), ``method`` who made it.
     """
 
     visits: tuple[PlannedVisit, ...]
@@ -764,7 +764,7 @@ def lagrangian_bound(
         bound, ended = best.bound, ended and best.ended
         for visits in best.plans:
             pool.add(problem, visits)
-        if not best.ended and star.most > _DEEP * problem.needed:
+        if rounds and not best.ended and star.most > _DEEP * problem.needed:
             bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
         found.append(float(bound))
     return Bound(time + sum(found), tuple(found), prices, ended)
@@ -1066,7 +1066,7 @@ EFFORTS = {
 }
 
 
-def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
+def make_schedule(problem: Problem, effort: Effort | None = None, *, bounded: bool = True) -> Schedule:
     """Return the schedule of a strategy, with its distance from a bound.
 
     A greedy choice comes first. Then several plans are made for each star, sets of visits that are worth what their
@@ -1080,12 +1080,14 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
     problem : Problem
     effort : Effort, optional
         That of the strategy's method by default.
+    bounded : bool
+        Whether the bound is wanted; the visits are the same without.
     """
     rule = problem.strategy.scheduler
     effort = effort or EFFORTS[rule.method]
     full, booked = greedy(problem)
     made = full.visits
-    chosen, bound = _planned(problem, made, effort)
+    chosen, bound = _planned(problem, made, effort if bounded else replace(effort, cuts=0), bounded)
     method = "greedy"
     if rule.method != "greedy" and _rank(problem, chosen) > _rank(problem, made):
         method = "plans of stars"
@@ -1096,10 +1098,10 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
     if rule.reserve > 0.0:
         room.budget_h += rule.reserve * problem.strategy.time_budget_h
         spare = greedy(problem, room=room)[1]
-    return Schedule(in_order(problem.stars, booked, spare), value, max(bound, value), method)
+    return Schedule(in_order(problem.stars, booked, spare), value, max(bound, value) if bounded else math.inf, method)
 
 
-def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, float]:
+def _planned(problem: Problem, made: Chosen, effort: Effort, bounded: bool) -> tuple[Chosen, float]:
     """Return the plans of all stars, group after group, and what no schedule can pass."""
     groups, room = problem.groups(), Room.of(problem)
     found: Chosen = {}
@@ -1109,7 +1111,7 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
         chosen, bound = _of_group(problem, room, group, made, part)
         room = room.after(problem, dict(sorted(chosen.items())))
         found |= chosen
-    if len(groups) > 1:
+    if bounded and len(groups) > 1:
         bound = _of_group(problem, Room.of(problem), range(len(problem.stars)), made | found, effort)[1]
     return found, bound
 
@@ -1125,12 +1127,12 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
         if found and found[-1].prices.near(prices):
             break
         found.append(lagrangian_bound(problem, room, pools, prices, effort.cuts, each))
-    bound = min(found, key=lambda item: item.value)
     own = {star: made[star] for star in group if star in made}
     chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
     value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
-    least = bound.value
-    if value < least and bound.ended and add_all_near(problem, room, pools, bound, value, each):
+    least = min(item.value for item in found)
+    ended = min((item for item in found if item.ended), key=lambda item: item.value, default=None)
+    if ended is not None and value < ended.value and add_all_near(problem, room, pools, ended, value, each):
         least = min(least, max(value, share(problem, room, pools, nodes=effort.choice, gap=effort.gap).bound))
     return _best(problem, room, group, pools, chosen, effort), least
 
