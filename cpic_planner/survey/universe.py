@@ -24,7 +24,7 @@ from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo
 
 BLOCK = 250
-"""Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
+"""Universes of one random stream; results do not depend on the number of workers, but streams are named by block."""
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
@@ -120,7 +120,11 @@ def occurrence(population: PopulationConfig) -> float:
     return population.planets_per_star
 
 
-def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
+Block = int | range
+"""The number of a block of universes, or those of several blocks of `BLOCK` universes that are worked out together."""
+
+
+def chance(seed: int, *path: str | Block, shape: tuple[int, ...]) -> FloatArray:
     """Return the uniform numbers of a named stage, the last axis over universes.
 
     The first rows of a larger shape are those of a smaller one, and so are the first universes of a larger block.
@@ -129,11 +133,17 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
     ----------
     seed : int
         Seed of all random streams.
+    *path : str, int or range
+        Names of the stream; each block of several has one of its own.
     shape : tuple of int
         Shape of the result; the last axis is over universes.
     """
     *rows, n = shape
-    return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+    several = next((part for part in path if isinstance(part, range)), None)
+    if several is None:
+        return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+    each = [[block if part is several else part for part in path] for block in several[: -(-n // BLOCK)]]
+    return np.concatenate([chance(seed, *own, shape=(*rows, BLOCK)) for own in each], axis=-1)[..., :n]
 
 
 def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> BoolArray:
@@ -179,7 +189,7 @@ def draw_planet_sample(
     epoch_mjd: float,
     n: int,
     seed: int,
-    block: int = 0,
+    block: Block = 0,
     stage: str = "universe",
     one_each: bool = False,
 ) -> PlanetSample:
@@ -203,7 +213,8 @@ def draw_planet_sample(
         When ``mean_anomaly_deg`` holds.
     n : int
         Universes.
-    seed, block : int
+    seed : int
+    block : int or range
     stage : str
         What the draw is for; another stage has other planets.
     one_each : bool
@@ -250,7 +261,7 @@ def _sample(
     )
 
 
-def uniform_draws(planets: PlanetSample, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+def uniform_draws(planets: PlanetSample, seed: int, name: str, block: Block, visit: int | str, n: int) -> FloatArray:
     """Return a uniform number of each planet in one visit.
 
     Parameters
@@ -260,7 +271,7 @@ def uniform_draws(planets: PlanetSample, seed: int, name: str, block: int, visit
     seed : int
     name : str
         Of the star; with ``block`` and ``visit`` it names the random stream.
-    block : int
+    block : int or range
     visit : int or str
         Number or name of the visit.
     n : int
@@ -310,7 +321,7 @@ def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
 
 
 def dust_of(
-    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: int | str
+    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: Block | str
 ) -> FloatArray | None:
     """Return the dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
 
@@ -322,7 +333,7 @@ def dust_of(
     seed : int
     star : str
         Name, which with ``block`` names the random stream: all strategies see the same luck.
-    block : int or str
+    block : int, range or str
         Number of the block of universes, or ``planning``.
     """
     law = strategy.assumptions.dust
