@@ -30,7 +30,15 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, looks_at_place, pair_signals
+from cpic_planner.survey.detection import (
+    Pairs,
+    Setting,
+    detection_chance,
+    faintest_of,
+    least_factor,
+    looks_at_place,
+    pair_signals,
+)
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.orbits import orbit_chance
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
@@ -232,8 +240,9 @@ class PlanningSky:
     def _of_visits(
         self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float
     ) -> Shown:
+        rule = strategy.detection
         faintest = [
-            functools.cache(functools.partial(faintest_of, model, host.star, [option], strategy.detection))
+            functools.cache(functools.partial(faintest_of, model, host.star, [option], rule, errors=False))
             for option in looks.options
         ]
         columns, seen, before = [], [], 0
@@ -269,16 +278,29 @@ class PlanningSky:
                 return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
             pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
             zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
-            albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
             rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
-            light = zodis, faintest()[0], looks_at_place(rule, placed)
-            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, *light)
-            odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
+            some, signals = pair_signals(
+                model,
+                part.star,
+                option,
+                planets,
+                albedos_of(part.population),
+                pairs,
+                looks.roll_deg[open_],
+                zodis,
+                faintest()[0],
+                looks_at_place(rule, placed),
+                least=least_factor(rule, errors=False),
+                margins=rule.rule == "expected",
+            )
+            odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
             likely = odds >= LEAST_PROBABILITY
-            some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
-            chance = np.zeros((open_.size, some.size), np.float32)
-            chance[slots[pairs.visit[likely]], column] = odds[likely]
-            return some, chance
+            visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
+            seen = np.zeros(len(planets), bool)
+            seen[planet] = True
+            chance = np.zeros((open_.size, int(seen.sum())), np.float32)
+            chance[slots[visit], (np.cumsum(seen) - 1)[planet]] = odds[likely]
+            return np.flatnonzero(seen), chance
 
         when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
         return self._chances.get((self._rules[option.band], option, part.content, epoch_mjd, *when), made)

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray
 from cpic_planner import etc
 from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-from simulator.target import sky_to_detector
 
+_UNSEEN = {"reached_blind": -math.inf, "width_blind": 1.0, "reached_known": -math.inf, "width_known": 1.0}
 _ERRORS = 6.0  # standard errors by which a law may be off
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
@@ -87,7 +87,24 @@ def _visit_s(model: etc.EtcModel, setting: Setting) -> float:
     return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
-def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+def least_factor(rule: DetectionRule, *, errors: bool = True) -> float:
+    """Return the least factor on the significance at which the law detects, by what a rule says of the search.
+
+    Parameters
+    ----------
+    rule : DetectionRule
+    errors : bool
+        With whatever calibration and middle of the law its errors allow in a universe.
+    """
+    if rule.rule == "expected":
+        return 1.0
+    off = _ERRORS * (rule.half_error + rule.calibration_error) if errors else 0.0
+    return rule.half_factor / rule.calibration * math.exp(-off) if rule.calibration > 0.0 else math.inf
+
+
+def faintest_of(
+    model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule, *, errors: bool = True
+) -> FloatArray:
     """Return the contrast below which a visit detects no planet, by star and ring; see `faintest_contrast`.
 
     Parameters
@@ -98,16 +115,15 @@ def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting]
     settings : sequence of Setting
         A visit of each of them, all in one band.
     rule : DetectionRule
+    errors : bool
+        As of `least_factor`.
 
     Returns
     -------
     ndarray, shape (n, ring)
     """
     frames = np.array([(item.exposure_s, item.n_frames, item.em_gain) for item in settings]).T
-    # With whatever calibration and middle of the law the errors of a universe allow.
-    easier = rule.half_factor / rule.calibration * math.exp(-_ERRORS * (rule.half_error + rule.calibration_error))
-    factor = 1.0 if rule.rule == "expected" else min(easier, 1.0)
-    return factor * faintest_contrast(
+    return min(least_factor(rule, errors=errors), 1.0) * faintest_contrast(
         model,
         stars,
         settings[0].band,
@@ -125,14 +141,15 @@ class Pairs:
     ----------
     visit, planet : ndarray of int
         Position of the visit and of the planet.
-    east_au, north_au, distance_au, phase_deg : ndarray
+    offset_au : ndarray of complex
+        To the north, and ``1j`` times that to the east, projected.
+    distance_au, phase_deg : ndarray
         As of `catalogs.OrbitPlaces`.
     """
 
     visit: NDArray[np.int32]
     planet: NDArray[np.int32]
-    east_au: FloatArray
-    north_au: FloatArray
+    offset_au: NDArray[np.complex128]
     distance_au: FloatArray
     phase_deg: FloatArray
 
@@ -142,7 +159,8 @@ class Pairs:
         apart = np.hypot(places.east_au, places.north_au)
         near = (apart >= inner_au) & (apart <= outer_au)
         visit, planet = (part.astype(np.int32) for part in np.nonzero(near))
-        return cls(visit, planet, **{name: part[near] for name, part in vars(places).items()})
+        offset = places.north_au[near] + 1j * places.east_au[near]
+        return cls(visit, planet, offset, places.distance_au[near], places.phase_deg[near])
 
 
 def pair_signals(
@@ -156,8 +174,11 @@ def pair_signals(
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
     at_place: bool = True,
-) -> ExpectedSignals:
-    """Return what visits expect of planets; arrays of the length of ``pairs``.
+    *,
+    least: float = 0.0,
+    margins: bool = True,
+) -> tuple[IntArray, ExpectedSignals]:
+    """Return which planets can be seen where they stand at visits, and what these expect of them.
 
     Parameters
     ----------
@@ -169,59 +190,73 @@ def pair_signals(
         Contrast below which planets are not looked at: nothing is seen of them (`faintest_of`).
     at_place : bool
         Whether any of them is looked for at a known place; if not, none is reached there.
+    least : float
+        Factor on the significance that has any chance in any noise, below which the law need not be asked
+        (`least_factor`): nothing is reached there.
+    margins : bool
+        Whether the significance over the threshold is wanted; 0 if not.
+
+    Returns
+    -------
+    some : ndarray of int
+        Numbers of the pairs whose aperture lies in the dark hole whole.
+    signals : ExpectedSignals
+        Of these.
     """
-    band, shape = setting.band, pairs.visit.shape
-    metrics = model.metrics[band]
-    separation = np.hypot(pairs.east_au, pairs.north_au) / float(star.distance_pc[0])
-    pa_deg = np.rad2deg(np.arctan2(pairs.east_au, pairs.north_au))
-    roll = np.asarray(roll_deg, float)[pairs.visit]
-    x, y, usable = on_detector(model, band, separation, pa_deg - roll)
-    margin, snr, contrast = np.zeros((3, *shape))
-    reached, widths = np.full((2, *shape), -np.inf), np.ones((2, *shape))
+    band, metrics = setting.band, model.metrics[setting.band]
+    offset = pairs.offset_au / float(star.distance_pc[0])
+    turned = np.exp(-1j * np.deg2rad(np.asarray(roll_deg, float)))[pairs.visit]
+    x, y, usable = on_detector(model, band, offset, turned)
     some = np.flatnonzero(usable & setting.possible)
+    x, y, offset, visit, planet = x[some], y[some], offset[some], pairs.visit[some], pairs.planet[some]
+    separation = np.abs(offset)
+    margin, snr, contrast = np.zeros((3, some.size))
+    reached, widths = np.full((2, some.size), -np.inf), np.ones((2, some.size))
+    bright = np.arange(some.size)
     if some.size:
-        planet = pairs.planet[some]
         kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
         distance, phase = pairs.distance_au[some][None], pairs.phase_deg[some][None]
-        contrast[some] = etc.mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
+        contrast = etc.mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
         if faintest is not None:
-            some = some[contrast[some] >= faintest[ring_of(metrics.zone, separation[some])]]
-    if some.size:
+            bright = np.flatnonzero(contrast >= faintest[ring_of(metrics.zone, separation)])
+    if bright.size:
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
-        first = model.strategy.rolls_deg[-1]
-        angles, which = np.unique((roll + first)[some] if wings else np.zeros(some.size), return_inverse=True)
-        made = programme_of(model, setting)
+        roll = np.asarray(roll_deg, float)[visit[bright]] + model.strategy.rolls_deg[-1]
+        angles, which = np.unique(roll if wings else np.zeros(bright.size), return_inverse=True)
+        made, law = programme_of(model, setting), etc.band_law(model, band)
         for begin in range(0, angles.size, _ROLLS):
             here = np.flatnonzero((which >= begin) & (which < begin + _ROLLS))
-            turned = angles[begin : begin + _ROLLS]
-            rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
+            rolls_deg = angles[begin : begin + _ROLLS]
+            rolls = replace(star.select(np.zeros(rolls_deg.size, np.int64)), roll_deg=rolls_deg % 360.0)
             # One row a roll, as long as the longest; what is behind its last planet is that planet again.
             order = here[np.argsort(which[here], kind="stable")]
-            count = np.bincount(which[here] - begin, minlength=turned.size)
+            count = np.bincount(which[here] - begin, minlength=rolls_deg.size)
             column = np.minimum(np.arange(count.max()), count[:, None] - 1)
-            at = some[order[(np.cumsum(count) - count)[:, None] + column]]
+            at = bright[order[(np.cumsum(count) - count)[:, None] + column]]
             real = np.arange(count.max()) < count[:, None]
-            put = at[real]
-            dust = None if zodis is None else zodis[pairs.planet[at]]
+            dust = None if zodis is None else zodis[planet[at]]
             rates = etc.aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
             noise = etc.stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
-            elements = metrics.resolution_elements(separation[at])
-            search = etc.search_motion(model, rolls, band, separation[at])
-            motion = etc.motion_factor(model, search, made, _visit_s(model, setting))
-            margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
-            snr[put] = noise.snr[real]
-            light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
-            visits = made.effective(rates.speckle)
-            shares = etc.speckled_share(noise), etc.lit_share(noise, light)
-            where = etc.own_share(noise), separation[at], *shares, visits
+            place = separation[at]
+            elements, paid = metrics.resolution_elements(place), noise.significance
+            snr[at[real]] = noise.snr[real]
+            if margins:
+                margin[at[real]] = (paid / etc.threshold_array(elements, model.strategy.sigma))[real]
+            asked = real & (elements >= etc.MIN_ELEMENTS) & (paid > 0.0)
+            if least > 0.0:
+                asked &= paid >= least * law.least(place, etc.LEAST_PROBABILITY, at_place=at_place)
+            put, row = at[asked], np.nonzero(asked)[0]
+            search, visit_s = etc.search_motion(model, rolls, band, separation[put], row), _visit_s(model, setting)
+            motion = etc.motion_factor(model, search, made, visit_s)
+            light = etc.light_share(model, band, separation[put], visit_s)
+            seen, visits = noise.at(asked), np.broadcast_to(made.effective(rates.speckle), at.shape)[asked]
+            where = etc.own_share(seen), separation[put], etc.speckled_share(seen), etc.lit_share(seen, light), visits
             # At a known place the orbit is followed.
-            for known, paid in enumerate((noise.significance / motion, noise.significance)[: 1 + at_place]):
-                found = etc.band_law(model, band).reach(paid, *where, at_place=bool(known))
-                reached[known][put], widths[known][put] = (part[real] for part in found)
-            reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
-    law = reached[0], widths[0], reached[1], widths[1]
-    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg)
+            for known, paid in enumerate((seen.significance / motion, seen.significance)[: 1 + at_place]):
+                reached[known][put], widths[known][put] = law.reach(paid, *where, at_place=bool(known))
+    own = separation, np.rad2deg(np.angle(offset))
+    return some, ExpectedSignals(margin, reached[0], widths[0], reached[1], widths[1], snr, contrast, *own)
 
 
 def expected_signals(
@@ -271,12 +306,17 @@ def expected_signals(
     shape = places.phase_deg.shape
     every = Pairs.between(places, 0.0, math.inf)
     roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
-    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
-    return ExpectedSignals(*(part.reshape(shape) for part in vars(found).values()))
+    some, found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
+    whole = {name: np.full(every.visit.size, _UNSEEN.get(name, 0.0)) for name in vars(found)}
+    whole["separation_arcsec"] = np.abs(every.offset_au) / float(star.distance_pc[0])
+    whole["pa_deg"] = np.rad2deg(np.angle(every.offset_au))
+    for name, part in vars(found).items():
+        whole[name][some] = part
+    return ExpectedSignals(**{name: part.reshape(shape) for name, part in whole.items()})
 
 
 def on_detector(
-    model: etc.EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
+    model: etc.EtcModel, band: str, offset_arcsec: NDArray[np.complex128], turned: NDArray[np.complex128]
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the places of planets on the detector, and whether a visit can see them there.
 
@@ -285,8 +325,10 @@ def on_detector(
     model : EtcModel
     band : str
         Name of a band of the instrument, such as ``F520``.
-    separation_arcsec, pa_deg : ndarray
-        Position angle from the detector's +y axis, the roll taken off.
+    offset_arcsec : ndarray of complex
+        From the star to the north, and ``1j`` times that to the east.
+    turned : ndarray of complex
+        ``exp(-1j roll)``, the roll being the position angle of the detector's +y axis.
 
     Returns
     -------
@@ -295,13 +337,13 @@ def on_detector(
     usable : ndarray of bool
         Whether the aperture lies in the dark hole whole, with two rolls at both, and moves by its diameter between.
     """
-    metrics, parity, half = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg[-1]
-    radius, turns = metrics.aperture_radius_arcsec, (0.0,) if len(model.strategy.rolls_deg) < 2 else (-half, half)
-    places = [sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in turns]
-    usable = np.logical_and.reduce([inside_zone(metrics.zone, *place, radius) for place in places])
-    if len(turns) > 1:
-        usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
-    return *places[0], usable
+    metrics, parity, rolls = model.metrics[band], model.instrument.detector.parity, np.deg2rad(model.strategy.rolls_deg)
+    radius = metrics.aperture_radius_arcsec
+    places = [offset_arcsec * (turned * np.exp(1j * roll)) for roll in rolls]
+    usable = np.logical_and.reduce([inside_zone(metrics.zone, parity * at.imag, at.real, radius) for at in places])
+    if len(rolls) > 1:
+        usable &= 2.0 * np.abs(offset_arcsec) * math.sin(rolls[-1]) >= 2.0 * radius
+    return parity * places[0].imag, places[0].real, usable
 
 
 def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:

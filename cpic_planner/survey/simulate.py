@@ -170,11 +170,11 @@ class StarHistory:
         slot : int
         """
         now = self.planets.select(some).places(survey.calendar.day[i, [slot]])
-        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
-        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
-        separation, pa_deg = np.where(self.listed[some], by_orbit, self.place[:, some])
+        by_orbit = (now.north_au + 1j * now.east_au)[0] / float(survey.targets.distance_pc[i])
+        separation, pa_deg = self.place[:, some]
+        offset = np.where(self.listed[some], by_orbit, separation * np.exp(1j * np.deg2rad(pa_deg)))
         roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+        return on_detector(survey.model, band, offset, np.exp(-1j * np.deg2rad(roll)))[2]
 
     def show(self, day: float, band: str, some: IntArray, snr: FloatArray, shows: BoolArray) -> None:
         """Note positions of some planets, where a visit shows them.

@@ -117,7 +117,7 @@ def test_what_is_lost_is_done_again(run, small, tmp_path):
     parts = sorted((folder / "parts").glob("*.blob"))
     assert len(parts) == 3
     parts[0].unlink()
-    parts[2].write_bytes(parts[4].read_bytes()[:-20])  # cut short
+    parts[2].write_bytes(parts[2].read_bytes()[:-20])  # cut short
     for name in PRODUCTS:
         (folder / name).unlink()
     told = Told()
