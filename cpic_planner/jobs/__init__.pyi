@@ -12,6 +12,7 @@ from cpic_planner.jobs.job import (
     Task as Task,
     check_address as check_address,
     estimate as estimate,
+    in_this_process as in_this_process,
     pace as pace,
     run as run,
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -41,7 +41,7 @@ from cpic_planner.survey.detection import (
 )
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.orbits import orbit_chance
-from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
+from cpic_planner.survey.strategy import DetectionRule, DustLaw, SurveyStrategy, VisitRule
 from cpic_planner.survey.universe import (
     NEW,
     PlanetSample,
@@ -58,8 +58,7 @@ from simulator.config import content_hash
 
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_PLANETS_BYTES, _PAIRS_BYTES = 40_000_000, 250_000_000  # the default what-if has 190 MB of pairs
-_CHANCES_BYTES, _SHOWN_BYTES = 150_000_000, 100_000_000
+_PLANETS_BYTES, _PAIRS_BYTES, _CHANCES_BYTES = 40_000_000, 15_000_000, 150_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +188,22 @@ class PlanningSky:
         self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
         self._pairs = _Latest[Pairs](_PAIRS_BYTES)
         self._chances = _Latest[_Seen](_CHANCES_BYTES)
-        self._shown = _Latest[Shown](_SHOWN_BYTES)
-        self._visits_of: tuple[SurveyStrategy, EtcModel] | None = None
-        self._rules: dict[str, str] = {}
+        self._once: dict[Hashable, Any] = {}
+
+    def once(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """Return what was made under a key, made when first asked for; for what is small."""
+        if key not in self._once:
+            self._once[key] = make()
+        found: _T = self._once[key]
+        return found
+
+    def settings(
+        self, model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float
+    ) -> tuple[Setting, ...]:
+        """Return what `settings_of` does, worked out once for equal stars, light and visits."""
+        rule = visit.goal, visit.snr, visit.exposure_s, visit.em_gain
+        key = self._rules_of(model)[band], content_hash(targets.content()), *rule, time_s
+        return self.once(key, lambda: tuple(settings_of(model, targets, band, visit, time_s)))
 
     def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
         """Return a star's planets that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
@@ -225,21 +237,6 @@ class PlanningSky:
         epoch_mjd : float
             Start of the survey.
         """
-        if self._visits_of is None or model is not self._visits_of[1] or strategy != self._visits_of[0]:
-            dust, content = strategy.assumptions.dust, model.content()
-            rule: dict[str, Any] = {"detection": strategy.detection.model_dump(mode="json")}
-            rule |= {"dust": None if dust is None else dust.model_dump(mode="json")}
-            self._rules = {
-                band: content_hash(content | rule | {"optics": key}) for band, key in content["optics"].items()
-            }
-            self._visits_of, self._shown = (strategy, model), _Latest[Shown](_SHOWN_BYTES)
-        when = (item.tobytes() for item in (looks.open, looks.day, looks.roll_deg))
-        key = (host.content, host.known_rows, looks.options, epoch_mjd, *when)
-        return self._shown.get(key, lambda: self._of_visits(strategy, model, host, looks, epoch_mjd))
-
-    def _of_visits(
-        self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float
-    ) -> Shown:
         rule = strategy.detection
         faintest = [
             functools.cache(functools.partial(faintest_of, model, host.star, [option], rule, errors=False))
@@ -271,6 +268,7 @@ class PlanningSky:
     ) -> _Seen:
         """Return what visits in one way show of the planets of a part of a star."""
         option, open_ = looks.options[o], looks.open[o]
+        rules = self._rules_of(model, strategy.detection, strategy.assumptions.dust)
 
         def made() -> _Seen:
             planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
@@ -303,7 +301,16 @@ class PlanningSky:
             return np.flatnonzero(seen), chance
 
         when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
-        return self._chances.get((self._rules[option.band], option, part.content, epoch_mjd, *when), made)
+        return self._chances.get((rules[option.band], option, part.content, epoch_mjd, *when), made)
+
+    def _rules_of(self, model: EtcModel, *rules: DetectionRule | DustLaw | None) -> dict[str, str]:
+        """Return digests of all that decides what a visit in each band shows of planets."""
+
+        def made() -> dict[str, str]:
+            content = model.content() | {"rules": [repr(item) for item in rules]}
+            return {band: content_hash(content | {"optics": key}) for band, key in content["optics"].items()}
+
+        return self.once((model, rules), made)
 
     def _pairs_of(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
         """Return the planets of a star at the dates, days after the start, on which any band may show them."""
@@ -333,12 +340,6 @@ class PlanningSky:
             return planets.select(planets.within(*(edge * distance for edge in self._reach)))
 
         return self._planets.get((part.content, epoch_mjd), drawn)
-
-
-@functools.lru_cache(maxsize=1)
-def planning_sky(seed: int, reach_arcsec: tuple[float, float]) -> PlanningSky:
-    """Return the sky that this process plans with; parameters as of `PlanningSky`."""
-    return PlanningSky(seed, reach_arcsec)
 
 
 N_SCREEN = 2000
@@ -515,8 +516,36 @@ class Screened(Case):
         return Screened(self.strategy, self.model, *chosen)
 
 
+def _shows(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    settings: tuple[Setting, ...],
+    population: PopulationConfig,
+    seed: int,
+) -> BoolArray:
+    """Return which stars can show a planet of a population by one visit each."""
+    counted = completeness(
+        model,
+        targets,
+        band,
+        draw_population(population, N_SCREEN, seed),
+        exposure_s=np.array([item.exposure_s for item in settings]),
+        n_frames=np.array([item.n_frames for item in settings]),
+        em_gain=np.array([item.em_gain for item in settings]),
+        visits=float(model.strategy.visits or 1),
+    )
+    # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
+    return np.asarray(counted.completeness_known_place > 0.5 / N_SCREEN)
+
+
 def screen(
-    strategy: SurveyStrategy, model: EtcModel, targets: Targets, known_rows: tuple[tuple[int, ...], ...], seed: int
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    targets: Targets,
+    known_rows: tuple[tuple[int, ...], ...],
+    seed: int,
+    sky: PlanningSky,
 ) -> Screened:
     """Return the frames of every star, and which stars can show a planet at all.
 
@@ -530,56 +559,50 @@ def screen(
     known_rows : tuple of tuple of int
         Known planets of each.
     seed : int
+    sky : PlanningSky
+        Keeps what strategies of equal visits share.
     """
     settings, promising = [], np.zeros(len(targets), bool)
-    drawn = None if strategy.population is None else draw_population(strategy.population, N_SCREEN, seed)
+    population = strategy.population
     for band in strategy.visit.bands:
         for time_s in strategy.visit.time_s:
-            own = settings_of(model, targets, band, strategy.visit, time_s)
-            settings.append(tuple(own))
-            if drawn is not None:
-                counted = completeness(
-                    model,
-                    targets,
-                    band,
-                    drawn,
-                    exposure_s=np.array([item.exposure_s for item in own]),
-                    n_frames=np.array([item.n_frames for item in own]),
-                    em_gain=np.array([item.em_gain for item in own]),
-                    visits=float(model.strategy.visits or 1),
-                )
-                # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
-                promising |= counted.completeness_known_place > 0.5 / N_SCREEN
+            own = sky.settings(model, targets, band, strategy.visit, time_s)
+            settings.append(own)
+            if population is not None:
+                look = functools.partial(_shows, model, targets, band, own, population, seed)
+                promising |= sky.once((id(own), _digest(population)), look)
     return Screened(strategy, model, targets, known_rows, tuple(settings), promising)
 
 
-def candidates(
-    screened: Screened,
-    calendar: Calendar,
-    known: KnownPlanetTable | None,
-    sky: PlanningSky,
-    limits: StarLimits,
-    log: ObservationLog | None = None,
-) -> list[Candidate]:
-    """Return the stars worth a visit, best first, at most as many as the strategy wants.
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """A star that a strategy may visit, before it is known what visits show.
 
-    The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
-
-    Parameters
+    Attributes
     ----------
-    screened : Screened
-        The strategy, its model and its stars.
-    calendar : Calendar
-        Of the stars ``screened.rows``, in that order.
-    known : KnownPlanetTable or None
-    sky : PlanningSky
-        Planets that schedules are made with.
-    limits : StarLimits
-        Of all stars of ``screened``: planets that they exclude count for less.
-    log : ObservationLog, optional
-        What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
-        would have been seen count for less.
+    index, place : int
+        Row in the targets of the strategy, and in its calendar.
+    host : Host
+    looks : Looks
+    cost_h : ndarray, shape (o, b)
+        Telescope time in every slot; infinite where it is not possible.
+    done : tuple of ObservedVisit
+    visits_left : int
     """
+
+    index: int
+    place: int
+    host: Host
+    looks: Looks
+    cost_h: FloatArray
+    done: tuple[ObservedVisit, ...]
+    visits_left: int
+
+
+def outlooks(
+    screened: Screened, calendar: Calendar, known: KnownPlanetTable | None, log: ObservationLog | None = None
+) -> list[Outlook]:
+    """Return the stars that a strategy may visit; parameters as of `candidates`."""
     strategy, model, targets = screened.strategy, screened.model, screened.targets
     found, every_slot = [], np.arange(calendar.n_slots)
     for place, i in enumerate(screened.rows):
@@ -603,7 +626,45 @@ def candidates(
         )
         first = calendar.roll_deg(strategy.revisits, place, every_slot, np.zeros_like(every_slot))
         looks = Looks(options, np.isfinite(cost), calendar.day[place], first)
-        shown = sky.shown(strategy, model, host, looks, calendar.start_mjd)
+        found.append(Outlook(int(i), place, host, looks, cost, done, visits_left))
+    return found
+
+
+def candidates(
+    screened: Screened,
+    calendar: Calendar,
+    known: KnownPlanetTable | None,
+    sky: PlanningSky,
+    limits: StarLimits,
+    log: ObservationLog | None = None,
+    stars: Sequence[Outlook] | None = None,
+) -> list[Candidate]:
+    """Return the stars worth a visit, best first, at most as many as the strategy wants.
+
+    The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
+
+    Parameters
+    ----------
+    screened : Screened
+        The strategy, its model and its stars.
+    calendar : Calendar
+        Of the stars ``screened.rows``, in that order.
+    known : KnownPlanetTable or None
+    sky : PlanningSky
+        Planets that schedules are made with.
+    limits : StarLimits
+        Of all stars of ``screened``: planets that they exclude count for less.
+    log : ObservationLog, optional
+        What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
+        would have been seen count for less.
+    stars : sequence of Outlook, optional
+        What `outlooks` returns of these.
+    """
+    strategy, model, targets = screened.strategy, screened.model, screened.targets
+    found = []
+    for star in outlooks(screened, calendar, known, log) if stars is None else stars:
+        i, host, done = star.index, star.host, star.done
+        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd)
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
@@ -611,23 +672,23 @@ def candidates(
         if done:
             zodis = dust_of(strategy, planets, sky.seed, str(targets.name[i]), "planning")
             weight = weight * _left(strategy, model, host, planets, done, calendar, zodis)
-        weight = (weight * allowed_probability(planets, limits, int(i)))[shown.seen]
+        weight = (weight * allowed_probability(planets, limits, i))[shown.seen]
         counts = weight > 0.0
         if counts.any():  # the others are never seen
             candidate = Candidate(
-                index=int(i),
-                options=options,
-                cost_h=cost,
+                index=i,
+                options=star.looks.options,
+                cost_h=star.cost_h,
                 chance=shown.chance[:, :, counts].astype(np.float64),  # as sums are, so that none converts it again
                 weight=weight[counts],
                 known_rows=host.known_rows,
-                visits_left=visits_left,
-                day=calendar.day[place],
+                visits_left=star.visits_left,
+                day=star.looks.day,
                 known=planets.known[shown.seen][counts],
             )
             if strategy.orbit.value > 0.0:
                 chosen = planets.select(shown.seen[counts])
-                candidate = _with_orbits(strategy, model, host, candidate, chosen, calendar, place, sky)
+                candidate = _with_orbits(strategy, model, host, candidate, chosen, calendar, star.place, sky)
             found.append(candidate)
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
