@@ -167,6 +167,8 @@ def _size(made: Any) -> int:
 
 _Seen = tuple[IntArray, NDArray[np.float32]]
 """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
+Ways = list[list[_Seen]]
+"""The same by part of a star and way to visit it."""
 
 
 class PlanningSky:
@@ -224,8 +226,8 @@ class PlanningSky:
             found.append(planets)
         return PlanetSample.joined(found)
 
-    def shown(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
-        """Return what the visits that a star can have by a strategy are likely to show.
+    def ways(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Ways:
+        """Return what the visits that a star can have by a strategy are likely to show, each way by itself.
 
         Parameters
         ----------
@@ -242,11 +244,33 @@ class PlanningSky:
             functools.cache(functools.partial(faintest_of, model, host.star, [option], rule, errors=False))
             for option in looks.options
         ]
-        columns, seen, before = [], [], 0
-        for part in host.parts:
-            of_options = [
-                self._of_way(strategy, model, part, looks, o, epoch_mjd, faint) for o, faint in enumerate(faintest)
+        rules = self._rules_of(model, rule, strategy.assumptions.dust)
+        when = looks.day.tobytes(), looks.roll_deg.tobytes()
+        keys = [(rules[option.band], option, epoch_mjd, *when) for option in looks.options]
+        return [
+            [
+                self._chances.get(
+                    (*key, part.content, looks.open[o].tobytes()),
+                    functools.partial(self._of_way, strategy, model, part, looks, o, epoch_mjd, faintest[o]),
+                )
+                for o, key in enumerate(keys)
             ]
+            for part in host.parts
+        ]
+
+    def shown(
+        self,
+        strategy: SurveyStrategy,
+        model: EtcModel,
+        host: Host,
+        looks: Looks,
+        epoch_mjd: float,
+        ways: Ways | None = None,
+    ) -> Shown:
+        """Return the same of all ways together; ``ways`` are those, where they are known."""
+        columns, seen, before = [], [], 0
+        each = self.ways(strategy, model, host, looks, epoch_mjd) if ways is None else ways
+        for part, of_options in zip(host.parts, each, strict=True):
             some = np.unique(np.concatenate([own for own, _ in of_options]))
             chance = np.zeros((*looks.open.shape, some.size), np.float32)
             for o, (own, odds) in enumerate(of_options):
@@ -268,40 +292,34 @@ class PlanningSky:
     ) -> _Seen:
         """Return what visits in one way show of the planets of a part of a star."""
         option, open_ = looks.options[o], looks.open[o]
-        rules = self._rules_of(model, strategy.detection, strategy.assumptions.dust)
-
-        def made() -> _Seen:
-            planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
-            if not (days.size and len(planets)):
-                return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
-            pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
-            zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
-            rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
-            some, signals = pair_signals(
-                model,
-                part.star,
-                option,
-                planets,
-                albedos_of(part.population),
-                pairs,
-                looks.roll_deg[open_],
-                zodis,
-                faintest()[0],
-                looks_at_place(rule, placed),
-                least=least_factor(rule, errors=False),
-                margins=rule.rule == "expected",
-            )
-            odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
-            likely = odds >= LEAST_PROBABILITY
-            visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
-            seen = np.zeros(len(planets), bool)
-            seen[planet] = True
-            chance = np.zeros((open_.size, int(seen.sum())), np.float32)
-            chance[slots[visit], (np.cumsum(seen) - 1)[planet]] = odds[likely]
-            return np.flatnonzero(seen), chance
-
-        when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
-        return self._chances.get((rules[option.band], option, part.content, epoch_mjd, *when), made)
+        planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
+        if not (days.size and len(planets)):
+            return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
+        pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
+        zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
+        rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+        some, signals = pair_signals(
+            model,
+            part.star,
+            option,
+            planets,
+            albedos_of(part.population),
+            pairs,
+            looks.roll_deg[open_],
+            zodis,
+            faintest()[0],
+            looks_at_place(rule, placed),
+            least=least_factor(rule, errors=False),
+            margins=rule.rule == "expected",
+        )
+        odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
+        likely = odds >= LEAST_PROBABILITY
+        visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
+        seen = np.zeros(len(planets), bool)
+        seen[planet] = True
+        chance = np.zeros((open_.size, int(seen.sum())), np.float32)
+        chance[slots[visit], (np.cumsum(seen) - 1)[planet]] = odds[likely]
+        return np.flatnonzero(seen), chance
 
     def _rules_of(self, model: EtcModel, *rules: DetectionRule | DustLaw | None) -> dict[str, str]:
         """Return digests of all that decides what a visit in each band shows of planets."""
@@ -637,7 +655,7 @@ def candidates(
     sky: PlanningSky,
     limits: StarLimits,
     log: ObservationLog | None = None,
-    stars: Sequence[Outlook] | None = None,
+    stars: Sequence[tuple[Outlook, Ways | None]] | None = None,
 ) -> list[Candidate]:
     """Return the stars worth a visit, best first, at most as many as the strategy wants.
 
@@ -657,14 +675,16 @@ def candidates(
     log : ObservationLog, optional
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
-    stars : sequence of Outlook, optional
-        What `outlooks` returns of these.
+    stars : sequence of (Outlook, Ways), optional
+        What `outlooks` returns of these, and what the visits show.
     """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
     found = []
-    for star in outlooks(screened, calendar, known, log) if stars is None else stars:
+    if stars is None:
+        stars = [(star, None) for star in outlooks(screened, calendar, known, log)]
+    for star, ways in stars:
         i, host, done = star.index, star.host, star.done
-        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd)
+        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd, ways)
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new

@@ -141,15 +141,14 @@ class Pairs:
     ----------
     visit, planet : ndarray of int
         Position of the visit and of the planet.
-    offset_au : ndarray of complex
-        To the north, and ``1j`` times that to the east, projected.
-    distance_au, phase_deg : ndarray
+    east_au, north_au, distance_au, phase_deg : ndarray
         As of `catalogs.OrbitPlaces`.
     """
 
     visit: NDArray[np.int32]
     planet: NDArray[np.int32]
-    offset_au: NDArray[np.complex128]
+    east_au: FloatArray
+    north_au: FloatArray
     distance_au: FloatArray
     phase_deg: FloatArray
 
@@ -159,8 +158,7 @@ class Pairs:
         apart = np.hypot(places.east_au, places.north_au)
         near = (apart >= inner_au) & (apart <= outer_au)
         visit, planet = (part.astype(np.int32) for part in np.nonzero(near))
-        offset = places.north_au[near] + 1j * places.east_au[near]
-        return cls(visit, planet, offset, places.distance_au[near], places.phase_deg[near])
+        return cls(visit, planet, **{name: part[near] for name, part in vars(places).items()})
 
 
 def pair_signals(
@@ -204,12 +202,11 @@ def pair_signals(
         Of these.
     """
     band, metrics = setting.band, model.metrics[setting.band]
-    offset = pairs.offset_au / float(star.distance_pc[0])
-    turned = np.exp(-1j * np.deg2rad(np.asarray(roll_deg, float)))[pairs.visit]
-    x, y, usable = on_detector(model, band, offset, turned)
+    east, north = (part / float(star.distance_pc[0]) for part in (pairs.east_au, pairs.north_au))
+    x, y, usable = on_detector(model, band, east, north, roll_deg, pairs.visit)
     some = np.flatnonzero(usable & setting.possible)
-    x, y, offset, visit, planet = x[some], y[some], offset[some], pairs.visit[some], pairs.planet[some]
-    separation = np.abs(offset)
+    x, y, visit, planet = x[some], y[some], pairs.visit[some], pairs.planet[some]
+    separation, pa_deg = np.hypot(east[some], north[some]), np.rad2deg(np.arctan2(east[some], north[some]))
     margin, snr, contrast = np.zeros((3, some.size))
     reached, widths = np.full((2, some.size), -np.inf), np.ones((2, some.size))
     bright = np.arange(some.size)
@@ -255,8 +252,8 @@ def pair_signals(
             # At a known place the orbit is followed.
             for known, paid in enumerate((seen.significance / motion, seen.significance)[: 1 + at_place]):
                 reached[known][put], widths[known][put] = law.reach(paid, *where, at_place=bool(known))
-    own = separation, np.rad2deg(np.angle(offset))
-    return some, ExpectedSignals(margin, reached[0], widths[0], reached[1], widths[1], snr, contrast, *own)
+    found = reached[0], widths[0], reached[1], widths[1]
+    return some, ExpectedSignals(margin, *found, snr, contrast, separation, pa_deg)
 
 
 def expected_signals(
@@ -308,15 +305,20 @@ def expected_signals(
     roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
     some, found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
     whole = {name: np.full(every.visit.size, _UNSEEN.get(name, 0.0)) for name in vars(found)}
-    whole["separation_arcsec"] = np.abs(every.offset_au) / float(star.distance_pc[0])
-    whole["pa_deg"] = np.rad2deg(np.angle(every.offset_au))
+    east, north = (part / float(star.distance_pc[0]) for part in (every.east_au, every.north_au))
+    whole |= {"separation_arcsec": np.hypot(east, north), "pa_deg": np.rad2deg(np.arctan2(east, north))}
     for name, part in vars(found).items():
         whole[name][some] = part
     return ExpectedSignals(**{name: part.reshape(shape) for name, part in whole.items()})
 
 
 def on_detector(
-    model: etc.EtcModel, band: str, offset_arcsec: NDArray[np.complex128], turned: NDArray[np.complex128]
+    model: etc.EtcModel,
+    band: str,
+    east_arcsec: FloatArray,
+    north_arcsec: FloatArray,
+    roll_deg: ArrayLike,
+    visit: Any = ...,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the places of planets on the detector, and whether a visit can see them there.
 
@@ -325,10 +327,12 @@ def on_detector(
     model : EtcModel
     band : str
         Name of a band of the instrument, such as ``F520``.
-    offset_arcsec : ndarray of complex
-        From the star to the north, and ``1j`` times that to the east.
-    turned : ndarray of complex
-        ``exp(-1j roll)``, the roll being the position angle of the detector's +y axis.
+    east_arcsec, north_arcsec : ndarray
+        Offsets from the star.
+    roll_deg : array_like
+        Position angle of the detector's +y axis.
+    visit : ndarray of int, optional
+        Which of these rolls each place is seen at; one each by default.
 
     Returns
     -------
@@ -336,14 +340,23 @@ def on_detector(
         Place in arcsec, with two rolls that at the first.
     usable : ndarray of bool
         Whether the aperture lies in the dark hole whole, with two rolls at both, and moves by its diameter between.
+
+    Notes
+    -----
+    As `simulator.target.sky_to_detector`, with the sine and cosine of each roll alone.
     """
-    metrics, parity, rolls = model.metrics[band], model.instrument.detector.parity, np.deg2rad(model.strategy.rolls_deg)
-    radius = metrics.aperture_radius_arcsec
-    places = [offset_arcsec * (turned * np.exp(1j * roll)) for roll in rolls]
-    usable = np.logical_and.reduce([inside_zone(metrics.zone, parity * at.imag, at.real, radius) for at in places])
-    if len(rolls) > 1:
-        usable &= 2.0 * np.abs(offset_arcsec) * math.sin(rolls[-1]) >= 2.0 * radius
-    return parity * places[0].imag, places[0].real, usable
+    metrics, parity, rolls_deg = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg
+    radius, places = metrics.aperture_radius_arcsec, []
+    for turn in rolls_deg:
+        angle = np.deg2rad(np.asarray(roll_deg, float) - turn)
+        cosine, sine = np.cos(angle)[visit], np.sin(angle)[visit]
+        x, y = east_arcsec * cosine - north_arcsec * sine, north_arcsec * cosine + east_arcsec * sine
+        places.append((parity * x, y))
+    usable = np.logical_and.reduce([inside_zone(metrics.zone, *place, radius) for place in places])
+    if len(rolls_deg) > 1:
+        moved = 2.0 * np.hypot(east_arcsec, north_arcsec) * math.sin(math.radians(rolls_deg[-1]))
+        usable &= moved >= 2.0 * radius
+    return *places[0], usable
 
 
 def reach_au(model: etc.EtcModel, distance_pc: float) -> tuple[float, float]:

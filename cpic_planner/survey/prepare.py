@@ -22,6 +22,7 @@ from cpic_planner.survey.candidates import (
     Outlook,
     PlanningSky,
     Screened,
+    Ways,
     candidates,
     chosen_stars,
     outlooks,
@@ -40,6 +41,7 @@ from simulator.imaging import PsfMetrics, build_imager, centred_axis, metrics_ke
 from simulator.passbands import Passbands
 from simulator.products import mjd_of
 
+_TOGETHER = 8
 _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
@@ -339,7 +341,8 @@ def plan_states(
     for name, each in by_star.items():
         announce(f"where planets of {name} stand, and what visits show of them")
         for plan, star in each:
-            sky.shown(plan.screened.strategy, plan.screened.model, star.host, star.looks, plan.calendar.start_mjd)
+            who = plan.screened.strategy, plan.screened.model, star.host, star.looks
+            plan.ways[star.index] = sky.ways(*who, plan.calendar.start_mjd)
     found = []
     for states in plans:
         found.append([_scheduled(plan, sky, bounded=plan.ground is first) for plan in states])
@@ -354,13 +357,14 @@ class _Looked(NamedTuple):
     screened: Screened
     calendar: Calendar
     stars: list[Outlook]
+    ways: dict[int, Ways]
 
     @classmethod
     def of(cls, ground: Ground, screened: Screened, calendar: Calendar) -> "_Looked":
         """Return the same with the stars of a close look, whose whole calendar is given."""
         if ground.log is not None:
             calendar = calendar.closed_before(ground.log.until_mjd)
-        return cls(ground, screened, calendar, outlooks(screened, calendar, ground.known, ground.log))
+        return cls(ground, screened, calendar, outlooks(screened, calendar, ground.known, ground.log), {})
 
 
 def _screened(cases: Sequence[Case], seed: int, sky: PlanningSky) -> list[Screened]:
@@ -386,9 +390,10 @@ def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], ru
     Plans are kept in no folder: they are made again in less time than it takes to write them down in a form of its own.
     """
     strategies, every = configs[0].strategies, range(len(configs[0].strategies))
-    # The longest first, so that no worker is left with one at the end; all together where there is one process.
-    each = [(which,) for which in sorted(every, key=lambda which: _size(strategies[which]), reverse=True)]
-    parts = [tuple(every)] if in_this_process(len(each), runner.workers, runner.scheduler) else each
+    # The longest first, so that no worker is left with one at the end; some together where there is one process.
+    order = sorted(every, key=lambda which: _size(strategies[which]), reverse=True)
+    step = _TOGETHER if in_this_process(len(order), runner.workers, runner.scheduler) else 1
+    parts = [tuple(order[first : first + step]) for first in every[::step]]
     named = [", ".join(strategies[which].name for which in part) for part in parts]
     tasks = [
         Task(f"plan {name}", (part,), f"{name}: plan", len(grounds) * len(part))
@@ -407,9 +412,10 @@ def _size(strategy: SurveyStrategy) -> tuple[int, int]:
 
 def _scheduled(plan: _Looked, sky: PlanningSky, *, bounded: bool) -> Survey:
     """Return a strategy planned; ``bounded`` if the bound on its schedule is told."""
-    ground, item, calendar, stars = plan
+    ground, item, calendar = plan.ground, plan.screened, plan.calendar
     strategy, model, names = item.strategy, item.model, item.targets.name
     limits = StarLimits.of(names.tolist(), ground.universe.exclusions, ground.known)
+    stars = [(star, plan.ways[star.index]) for star in plan.stars]
     found = candidates(item, calendar, ground.known, sky, limits, ground.log, stars)
     problem = Problem(strategy, tuple(found), calendar.slot_h)
     schedule = make_schedule(problem, bounded=bounded)

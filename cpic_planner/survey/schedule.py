@@ -7,7 +7,6 @@ made that pay at a price of telescope time, one is chosen for each star, and a b
 
 import contextlib
 import ctypes
-import heapq
 import math
 import os
 import sys
@@ -17,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, IntArray
+from cpic_core import BoolArray, FloatArray, IntArray, load_kernels
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import NEW
@@ -801,28 +800,6 @@ def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bou
     return every
 
 
-@dataclass(frozen=True, eq=False)
-class _Branch:
-    """Sets of visits: some that are made, with the first of the others from a place on and any after it.
-
-    ``gains`` are what each of the others adds at most, in falling order; ``left`` is how many may still be made.
-    """
-
-    state: StarValue
-    net: float
-    visits: list[int]
-    others: IntArray
-    gains: FloatArray
-    place: int
-    left: int
-
-    @property
-    def bound(self) -> float:
-        """What none of them passes, less the price of its time."""
-        further = self.gains[self.place + 1 : self.place + self.left]
-        return self.net + float(self.gains[self.place] + further[further > 0.0].sum())
-
-
 @dataclass(frozen=True)
 class _Found:
     """Better plans of a star, what no other passes, less the price of its time, and whether the search ended."""
@@ -900,50 +877,17 @@ class _Star:
         every : bool
             Look for all that are better, not only for the best.
         """
-        item, needed = self.problem.stars[self.star], self.problem.needed
-        needs = np.arange(needed, 0, -1)
-        best, found = known, list[list[Visit]]()
-        heap: list[tuple[float, int, _Branch]] = []
-        made = 0
-
-        def branch(state: StarValue, net: float, visits: list[int], others: IntArray) -> None:
-            nonlocal made
-            left = self.most - len(visits)
-            spent = self.room.budget_h - float(self.cost_h[visits].sum()) + ROUNDING
-            others = others[self.cost_h[others] <= spent]
-            if left < 1 or not len(others):
-                return
-            each = (state.counts * self.ratios[needs - 1, left - 1] / needs[:, None]).sum(axis=0)
-            gains = (self.chance @ (item.weight * each) - self.charge)[others]
-            if not every:  # the best plan has no visit that takes more than it adds
-                others, gains = others[gains > 0.0], gains[gains > 0.0]
-            if len(others):
-                made += 1
-                order = np.argsort(-gains, kind="stable")
-                new = _Branch(state, net, visits, others[order], gains[order], 0, left)
-                heapq.heappush(heap, (-new.bound, made, new))
-
-        branch(StarValue.none(item, needed), 0.0, [], np.arange(len(self.columns)))
-        for _ in range(nodes):
-            if not heap or -heap[0][0] <= best:
-                break
-            _, _, top = heapq.heappop(heap)
-            column = int(top.others[top.place])
-            option, slot = (int(part) for part in self.columns[column])
-            state = top.state.after((option, slot))
-            visits = [*top.visits, column]
-            net = state.value - float(self.charge[visits].sum())
-            if net > best:
-                found.append([(int(o), int(s)) for o, s in self.columns[visits]])
-                best = best if every else net
-            if top.place + 1 < len(top.others):
-                made += 1
-                again = replace(top, place=top.place + 1)
-                heapq.heappush(heap, (-again.bound, made, again))
-            others = top.others[top.place + 1 :]
-            branch(state, net, visits, others[~self.problem.near(item, slot)[self.columns[others, 1]]])
-        rest = -heap[0][0] if heap else best
-        return _Found(max(best, rest), found, rest <= best)
+        if not self.most:
+            return _Found(known, [], True)
+        item, slots = self.problem.stars[self.star], self.columns[:, 1]
+        near = np.array([self.problem.near(item, slot)[slots] for slot in slots.tolist()])
+        column, planet = np.nonzero(self.chance)
+        start = np.searchsorted(column, np.arange(len(slots) + 1))
+        shown = start, planet, self.chance[column, planet], item.weight
+        limits = self.charge, self.cost_h, near, self.ratios, self.room.budget_h + ROUNDING
+        kernel = load_kernels("cpic_planner.survey.plan_search").best_plans
+        plans, bound, ended = kernel(*shown, *limits, known, nodes, every)
+        return _Found(bound, [[(int(o), int(s)) for o, s in self.columns[visits]] for visits in plans], ended)
 
     def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
         """Return the bound with between so many visits, by linear programming."""

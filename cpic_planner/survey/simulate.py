@@ -170,11 +170,12 @@ class StarHistory:
         slot : int
         """
         now = self.planets.select(some).places(survey.calendar.day[i, [slot]])
-        by_orbit = (now.north_au + 1j * now.east_au)[0] / float(survey.targets.distance_pc[i])
-        separation, pa_deg = self.place[:, some]
-        offset = np.where(self.listed[some], by_orbit, separation * np.exp(1j * np.deg2rad(pa_deg)))
+        distance_pc, listed = float(survey.targets.distance_pc[i]), self.listed[some]
+        separation, pa = self.place[0, some], np.deg2rad(self.place[1, some])
+        east = np.where(listed, now.east_au[0] / distance_pc, separation * np.sin(pa))
+        north = np.where(listed, now.north_au[0] / distance_pc, separation * np.cos(pa))
         roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-        return on_detector(survey.model, band, offset, np.exp(-1j * np.deg2rad(roll)))[2]
+        return on_detector(survey.model, band, east, north, roll)[2]
 
     def show(self, day: float, band: str, some: IntArray, snr: FloatArray, shows: BoolArray) -> None:
         """Note positions of some planets, where a visit shows them.
@@ -1035,8 +1036,8 @@ class _Simulation:
         """Return what each universe has spent and found."""
         survey, clock = self.survey, self.clock
         universes = {name: np.zeros(self.n, empty.dtype) for name, empty in UNIVERSES.empty.items()}
-        every = {"block": self.block if isinstance(self.block, range) else [self.block]}
-        every |= {"universes": np.diff(self.begins, append=self.n)}
+        blocks = self.block if isinstance(self.block, range) else [self.block]
+        every = {"block": np.array(blocks), "universes": np.diff(self.begins, append=self.n)}
         rows, orbits = [STARS.empty], [ORBITS.empty]
         for i, star in sorted(self.stars.items()):
             own, name = found_orbits(survey, i, star, star.found), str(survey.targets.name[i])

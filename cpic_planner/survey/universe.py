@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -139,11 +140,12 @@ def chance(seed: int, *path: str | Block, shape: tuple[int, ...]) -> FloatArray:
         Shape of the result; the last axis is over universes.
     """
     *rows, n = shape
-    several = next((part for part in path if isinstance(part, range)), None)
-    if several is None:
-        return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
-    each = [[block if part is several else part for part in path] for block in several[: -(-n // BLOCK)]]
-    return np.concatenate([chance(seed, *own, shape=(*rows, BLOCK)) for own in each], axis=-1)[..., :n]
+    blocks = next((part for part in path if isinstance(part, range)), None)
+    if blocks is None:
+        names = cast("tuple[str | int, ...]", path)
+        return stream(seed, "survey", *names).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+    paths = ((block if part is blocks else part for part in path) for block in blocks[: -(-n // BLOCK)])
+    return np.concatenate([chance(seed, *own, shape=(*rows, BLOCK)) for own in paths], axis=-1)[..., :n]
 
 
 def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> BoolArray:

@@ -58,10 +58,10 @@ def looked(strategy, model, everyone, known):
     """Screened stars with their calendar and candidates."""
     config = strategy
     rules = config.strategies[0]
-    screened = screen(rules, model, *chosen_stars(rules, everyone, known), 1)
+    sky = PlanningSky(1, reach_au(model, 1.0))
+    screened = screen(rules, model, *chosen_stars(rules, everyone, known), 1, sky)
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
-    sky = PlanningSky(1, reach_au(model, 1.0))
     return screened, calendar, sky, candidates(screened, calendar, known, sky, nothing(screened))
 
 
