@@ -31,7 +31,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -44,7 +44,7 @@ from catalogs.shipped import shipped_rows
 from catalogs.stars import COLUMNS, StarTable, star_table
 from catalogs.table_cells import Column, Columns, Row, read_rows, unit_of
 from catalogs.table_files import RawTable, TableBytes, astropy_table, column_of
-from cpic_core import InputError, checked_scalar, guarded, unguarded
+from cpic_core import InputError, Record, checked_scalar, guarded, unguarded
 
 _PAUSE_FACTOR = 2.0
 IDLE_S = 5.0
@@ -64,8 +64,7 @@ class RefreshError(RuntimeError):
         return " ".join("; ".join(filter(None, self.args)).split())
 
 
-@dataclass(frozen=True)
-class TapService:
+class TapService(Record):
     """The address of a TAP service, and how patiently it is asked.
 
     Parameters
@@ -347,8 +346,7 @@ DAMAGED = "damaged, or made by another version: make a new one with cpic catalog
 """Faults of a stored table and their remedy, for messages."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Refresh:
+class Refresh(Record, kw_only=True):
     """The story of a refreshed table: when, where and what was asked, what came of it and what is new.
 
     Parameters
@@ -379,8 +377,7 @@ class Refresh:
     refusal: str
 
 
-@dataclass(frozen=True)
-class StoredTable:
+class StoredTable(Record):
     """A refreshed table in the data folder, by its file name."""
 
     path: Path

@@ -1,7 +1,6 @@
 """The observing bands: centre, width, optical transmission and quantum efficiency, each with its source."""
 
 import functools
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from catalogs.curves import read_curve
 from catalogs.spectra import Curve
-from cpic_core import ArrayLike, InputError, Provenance, load_yaml, read_file, split_sourced
+from cpic_core import ArrayLike, InputError, Provenance, Record, load_yaml, read_file, split_sourced
 
 #: The two cameras.
 CAMERAS = ("VIS", "NIR")
@@ -18,8 +17,7 @@ _FILE = Path(__file__).resolve().parent / "data" / "bands.yaml"
 _MAX_BYTES = 200_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Band:
+class Band(Record, eq=False):
     """One observing band.
 
     Two bands are equal when all their numbers are; a band can be a dictionary key.

@@ -19,7 +19,7 @@ A star whose companion has no row stands where its own proper motion carries it.
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Self
 
@@ -29,7 +29,7 @@ from catalogs.coordinates import offset_place, propagate, tangent_offset
 from catalogs.orbits import orbit_places
 from catalogs.shipped import shipped_digest, shipped_objects
 from catalogs.stars import StarTable, load_stars
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record
 
 _FILE = "binary_orbits.csv"
 POSITION_ERROR_ARCSEC: Mapping[int, float] = MappingProxyType({1: 0.02, 2: 0.04, 3: 0.08, 4: 0.11, 5: 0.20, 8: 0.02})
@@ -50,8 +50,7 @@ _FIT_MASS_RATIO = (0.1, 0.9)
 _FIT_ECCENTRICITY_MAX = 0.8
 
 
-@dataclass(frozen=True)
-class BinaryOrbit:
+class BinaryOrbit(Record):
     """The orbit of a companion around a star.
 
     Parameters
@@ -171,8 +170,7 @@ def companion_share(orbit: BinaryOrbit) -> float:
     return 0.5 if limit is None else limit.mass_ratio
 
 
-@dataclass(frozen=True)
-class StabilityLimit:
+class StabilityLimit(Record):
     """Limits of the orbits that stay stable beside a companion star.
 
     Parameters
@@ -280,7 +278,7 @@ POSITION_ERROR = "companion_position_error_arcsec"
 _PAIR_TO_STAR_MASS = 2.0
 
 
-def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarTable:
+def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True, apart: bool = False) -> StarTable:
     """Return a star table with the places of an epoch.
 
     Parameters
@@ -292,6 +290,9 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     orbits : bool
         Whether companions follow the orbits of ``binary_orbits.csv``. Pairs that are never resolved keep the companion
         of the table: their light is that of one star.
+    apart : bool
+        Whether each row is asked about alone, so that no star stands around the centre of its pair, of which a table of
+        both knows the other's place too.
 
     Returns
     -------
@@ -301,7 +302,8 @@ def stars_at(table: StarTable, epoch_yr: float, *, orbits: bool = True) -> StarT
     columns = _moved(table, epoch_yr) | {POSITION_ERROR: _drift_arcsec(table, epoch_yr)}
     if orbits:
         columns |= _on_orbits(table, epoch_yr, columns[POSITION_ERROR])
-        columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
+        if not apart:
+            columns |= _around_centres(table, epoch_yr, columns["ra_deg"], columns["dec_deg"])
     units = {**table.units, POSITION_ERROR: "arcsec"}
     descriptions = {**table.descriptions, POSITION_ERROR: "standard error of the companion's place"}
     return replace(table, columns={**table.columns, **columns}, units=units, descriptions=descriptions)

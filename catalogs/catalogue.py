@@ -8,7 +8,7 @@ import contextlib
 import functools
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -22,7 +22,7 @@ from catalogs.known_planets import (
     own_rows,
     planets_updated,
 )
-from catalogs.shipped import shipped_rows, shipped_words
+from catalogs.shipped import parsed, shipped_rows, shipped_words
 from catalogs.stars import (
     QUANTITIES,
     PublishedParameters,
@@ -36,7 +36,7 @@ from catalogs.stellar_physics import stellar_parameters
 from catalogs.table_cells import Columns, Groups, Use, reasons
 from catalogs.table_files import LeftOut, RawTable, parse_table, read_bytes
 from catalogs.user_tables import ASSUMED_PC, REQUIRED as STARS_REQUIRED, named_star, tables_read, tell, user_table
-from cpic_core import InputError, in_unit
+from cpic_core import InputError, Record, in_unit
 
 _DATA = Path(__file__).resolve().parent / "data"
 
@@ -70,6 +70,11 @@ def snapshot_vintage(*, updates: bool = True) -> str:
         Whether companions follow the orbits of `catalogs.binaries`, and temperatures are those of
         `catalogs.stars`.
     """
+    return parsed("stars")[1]["updated" if updates else "plain"]
+
+
+def vintage_of_files(*, updates: bool) -> str:
+    """Return what `snapshot_vintage` does, from the files themselves."""
     entry = _entry("stars.csv")
     laid_over = f"; {orbits_vintage()}; {parameters_vintage()}" if updates else ""
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
@@ -138,8 +143,7 @@ _USER = "user's "
 _USER_TABLE = f"{_USER}table"
 
 
-@dataclass(frozen=True)
-class Catalogue:
+class Catalogue(Record):
     """A star table and what results say about it.
 
     Parameters
@@ -304,8 +308,7 @@ def _is_refreshed(data: bytes) -> bool:
     return any(line.lstrip(b"# -{").startswith(FORMATS["simbad"].encode()) for line in header)
 
 
-@dataclass(frozen=True)
-class TableReading:
+class TableReading(Record):
     """The meaning of a file as a table of one kind.
 
     Parameters

@@ -15,7 +15,6 @@ A refresh asks, checks and compares with the shipped table; `catalogs.known_plan
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -37,7 +36,7 @@ from catalogs.nomenclature import designation_key
 from catalogs.stars import StarTable, load_stars
 from catalogs.table_cells import Row
 from catalogs.table_files import RawTable
-from cpic_core import InputError
+from cpic_core import InputError, Record
 
 URL_VARIABLE = "CPIC_ARCHIVE_URL"
 """Environment variable with the address of the archive's TAP service, where none is given."""
@@ -53,8 +52,7 @@ _SAME_DISTANCE = 0.2
 _SAME_PERIOD = 0.1
 
 
-@dataclass(frozen=True)
-class ArchivePlanets:
+class ArchivePlanets(Record):
     """Planets of catalogue stars as the archive has them.
 
     Parameters
@@ -289,8 +287,7 @@ _ELEMENTS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class RefreshedPlanets(Refresh):
+class RefreshedPlanets(Refresh, kw_only=True):
     """A refreshed table of planets with its story, and remarks on the archive's columns and values.
 
     Its changes are those of `compare_planets`.

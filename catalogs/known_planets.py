@@ -23,7 +23,7 @@ import html
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -168,7 +168,6 @@ PLACE_DEG = 3.0
 """Error of the angles of an orbit within which its planet's place is known: a resolution element at 1 arcsec."""
 
 
-@dataclass(frozen=True)
 class KnownPlanetTable(FrozenTable):
     """An immutable table of planets.
 

@@ -13,12 +13,13 @@ import difflib
 import functools
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+import numpy as np
 
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.shipped import shipped_lines
 from catalogs.stars import StarTable, load_stars
-from cpic_core import InputError
+from cpic_core import InputError, Record
 
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
 _SUGGESTIONS = 4
@@ -28,8 +29,7 @@ _NUMBERED = re.compile(r"(?:hip|hd|hr|gj|sao|lhs|ltt|nltt) (?=\d)")
 _PLAIN_BAYER = re.compile(rf"({'|'.join(GREEK)}) ([a-z]{{3}})")
 
 
-@dataclass(frozen=True)
-class StarMatch:
+class StarMatch(Record):
     """A resolved name.
 
     Parameters
@@ -97,8 +97,8 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     if found is None:
         raise _refusal(name, key)
     star, note, others = found
-    names = stars.column("name").tolist()
-    rows = [i for i, text in enumerate(names) if text == star]
+    names = stars.column("name")
+    rows = np.flatnonzero(names == star).tolist()
     if not rows:
         hint = f"{star} is in the catalogue, but not selected"
         raise InputError("star", name, allowed="a star of this selection", hint=hint)

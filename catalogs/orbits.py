@@ -1,10 +1,8 @@
 """Places on orbits of planets and companions: Kepler's equation, offsets on the sky, distance and phase angle."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, check_finite
+from cpic_core import ArrayLike, FloatArray, InputError, Record, check_finite
 
 ECCENTRICITY_MAX = 0.999
 """Largest eccentricity for which Kepler's equation is solved to rounding."""
@@ -14,8 +12,7 @@ ORBIT = ("semi_major_axis_au", "eccentricity", *_ANGLES)
 """Elements of an orbit, in the order in which `orbit_places` takes them."""
 
 
-@dataclass(frozen=True, eq=False)
-class OrbitPlaces:
+class OrbitPlaces(Record, eq=False):
     """Places at one moment, arrays of one shape.
 
     Attributes

@@ -26,7 +26,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from operator import itemgetter
 from statistics import median
@@ -52,7 +52,7 @@ from catalogs.stars import (
 from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.table_cells import Row
 from catalogs.table_files import RawTable
-from cpic_core import InputError, NDArray, checked_scalar
+from cpic_core import InputError, NDArray, Record, checked_scalar
 
 CLOSE_ARCSEC = 30.0
 """Rows of consistent parallax this close are one system whatever their proper motions say."""
@@ -154,8 +154,7 @@ URL_VARIABLE = "CPIC_SIMBAD_URL"
 """Environment variable with the address of the TAP service to ask, where none is given."""
 
 
-@dataclass(frozen=True)
-class Cuts:
+class Cuts(Record):
     """The cuts that say which stars are asked for.
 
     Parameters
@@ -393,8 +392,7 @@ _COMPANION_SOURCES = ("companion_src", "companion_pa_src", "companion_delta_v_sr
 _PLACES = "derived:positions of the entries"
 
 
-@dataclass(frozen=True)
-class Assembled:
+class Assembled(Record):
     """A refreshed table and how it came about.
 
     Parameters
@@ -621,8 +619,7 @@ INSIDE_V_MAG, INSIDE_PARALLAX = 0.2, 0.1
 answer because SIMBAD has newer values: by them it is judged whether the answer is whole."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Refreshed(Refresh):
+class Refreshed(Refresh, kw_only=True):
     """A refreshed table of stars with its story; its changes are those of `compare`."""
 
     table: StarTable

@@ -8,13 +8,12 @@ All arrays are read-only; each file is read once per process. Only numpy is need
 
 import functools
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, check_finite, check_word
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_word, read_npz
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
@@ -56,8 +55,7 @@ class GridFlags(NamedTuple):
         return result
 
 
-@dataclass(frozen=True, eq=False)
-class StellarGrid:
+class StellarGrid(Record, eq=False):
     """Surface fluxes ``F(T, g, m; lambda) = F_line(T, g; lambda) x ratio(T, g, m; lambda)``.
 
     The line structure is that of PHOENIX models at solar metallicity; the ratio gives it the broadband fluxes of the
@@ -253,8 +251,7 @@ PLANETS = ("jupiter", "saturn", "uranus", "neptune")
 _DATA = Path(__file__).resolve().parent / "data"
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+class Spectrum(Record, eq=False):
     """A spectrum, linear between its samples.
 
     Attributes
@@ -269,8 +266,7 @@ class Spectrum:
     photlam: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(Record, eq=False):
     """A transmission curve, linear between its samples and zero outside.
 
     Attributes
@@ -285,8 +281,7 @@ class Curve:
     transmission: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Albedo:
+class Albedo(Record, eq=False):
     """A geometric albedo, linear between its samples.
 
     Attributes
@@ -302,8 +297,7 @@ class Albedo:
     documented_to_nm: float = np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class SpectralLibrary:
+class SpectralLibrary(Record, eq=False):
     """Measured spectra by spectral type.
 
     Attributes
@@ -324,8 +318,7 @@ class SpectralLibrary:
     photlam: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class ZodiacalLight:
+class ZodiacalLight(Record, eq=False):
     """Zodiacal light of Leinert et al. 1998 (A&AS 127, 1), tables 17 and 19.
 
     Attributes
@@ -422,8 +415,7 @@ def load_zodi_table() -> ZodiacalLight:
 
 @functools.cache
 def _arrays(file_name: str) -> dict[str, np.ndarray]:
-    with np.load(_DATA / file_name, allow_pickle=False) as archive:
-        return {name: _read_only(archive[name]) for name in archive.files}
+    return {name: _read_only(array) for name, array in read_npz(_DATA / file_name).items()}
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

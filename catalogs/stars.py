@@ -28,7 +28,7 @@ import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from statistics import median
 from types import MappingProxyType
 from typing import Any, Self
@@ -37,10 +37,10 @@ import numpy as np
 
 from catalogs import stellar_physics as physics
 from catalogs.nomenclature import designation_key
-from catalogs.shipped import shipped_digest, shipped_lines, shipped_objects, shipped_words
+from catalogs.shipped import parsed, shipped_digest, shipped_lines, shipped_objects, shipped_words
 from catalogs.stellar_physics import is_composite, is_giant, luminosity_class
 from catalogs.table_cells import Column, Columns, columns_of
-from cpic_core import ArrayLike, InputError, NDArray
+from cpic_core import ArrayLike, InputError, NDArray, Record
 
 COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
 """Columns of a star table, in the order of the shipped file."""
@@ -113,8 +113,7 @@ _READ += ["mass_msun", "mass_msun_src", "quality_flags"]
 _DIAMETER_SOURCE = "derived:angular diameter and Teff of the same publication"
 
 
-@dataclass(frozen=True)
-class PublishedParameters:
+class PublishedParameters(Record):
     """The parameters that one publication gives of one star; nan for those that it does not give.
 
     Parameters
@@ -216,8 +215,7 @@ def _source(number: int, rows: Iterable[PublishedParameters]) -> str:
 _PLAIN = (dict, MappingProxyType)
 
 
-@dataclass(frozen=True)
-class FrozenTable:
+class FrozenTable(Record):
     """An immutable table: its mappings cannot be changed, nor the arrays of its columns.
 
     Parameters
@@ -293,7 +291,6 @@ class OwnColumns(Mapping[str, NDArray[np.generic]]):
         return OwnColumns(self._cells, self._rows[np.asarray(rows)]) if self._cells else self
 
 
-@dataclass(frozen=True)
 class StarTable(FrozenTable):
     """An immutable table of stars.
 
@@ -445,12 +442,13 @@ def load_stars(*, updates: bool = True) -> StarTable:
 
 @functools.cache
 def _stars(updates: bool) -> StarTable:
+    descriptions = {column.name: column.description for column in COLUMNS}
     if updates:
-        return with_updates(_stars(updates=False))
+        return StarTable(parsed("stars")[0], {column.name: column.unit for column in COLUMNS}, descriptions)
     header, *rows = shipped_lines("stars.csv")
     texts = dict(zip(header, zip(*rows, strict=True), strict=True))
     cells = {column.name: list(map(_READERS.get(column.kind, str), texts[column.name])) for column in COLUMNS}
-    return replace(star_table(cells, ""), descriptions={column.name: column.description for column in COLUMNS})
+    return replace(star_table(cells, ""), descriptions=descriptions)
 
 
 def with_updates(table: StarTable) -> StarTable:

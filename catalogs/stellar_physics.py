@@ -20,7 +20,6 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from statistics import median
@@ -30,7 +29,7 @@ import numpy as np
 
 from catalogs.coordinates import ecliptic
 from catalogs.shipped import shipped_rows
-from cpic_core import InputError, NDArray, in_unit
+from cpic_core import InputError, NDArray, Record, in_unit
 
 PARAMETERS_SOURCE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"
@@ -70,8 +69,7 @@ _OTHER_KINDS = (
 )
 
 
-@dataclass(frozen=True)
-class SpectralType:
+class SpectralType(Record):
     """A parsed MK type.
 
     Attributes
@@ -91,8 +89,7 @@ class SpectralType:
     flags: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class StellarParameters:
+class StellarParameters(Record):
     """Mean parameters of a spectral type: temperature (K), log10 of gravity (cm/s2), and flags."""
 
     teff_k: float

@@ -15,7 +15,7 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +23,7 @@ import numpy as np
 
 from catalogs.shipped import shipped_rows, shipped_words
 from catalogs.table_files import CELL_OUT, ROW_OUT, LeftOut, RawColumn, RawTable
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, listed
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Record, listed
 
 if TYPE_CHECKING:
     from astropy.units import UnitBase
@@ -427,8 +427,7 @@ CONVENTIONS = shipped_words("conventions")
 _SPEED_OF_LIGHT_KM_S = 299792.458
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(Record):
     """One column of a shipped table or of a user's own.
 
     Parameters
@@ -655,8 +654,7 @@ _SAME = 0.01
 _FILL = "it stands for a missing number"
 
 
-@dataclass(frozen=True)
-class Use:
+class Use(Record):
     """The quantity that one column of a file is taken for.
 
     Parameters
@@ -680,8 +678,7 @@ class Use:
     why: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(Record, eq=False):
     """The rows of a table whose columns were understood; made by `read_rows`.
 
     Parameters

@@ -11,7 +11,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from itertools import compress
@@ -21,7 +21,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, bounded_fits, read_file, unguarded
+from cpic_core import InputError, NDArray, Record, bounded_fits, read_file, unguarded
 
 _MAX_BYTES = 1_000_000_000
 _MAX_README_BYTES = 10_000_000
@@ -66,8 +66,7 @@ _Mark = str | tuple[tuple[int, int | None], ...]
 """Separator of cells; or, of tables of fixed width, the first and last place of each."""
 
 
-@dataclass(frozen=True)
-class TableBytes:
+class TableBytes(Record):
     """A file's content, its name without folder, and the sha256 of the content."""
 
     name: str
@@ -75,8 +74,7 @@ class TableBytes:
     sha256: str
 
 
-@dataclass(frozen=True, eq=False)
-class RawColumn:
+class RawColumn(Record, eq=False):
     """One column as the file gives it.
 
     Parameters
@@ -107,8 +105,7 @@ ROW_OUT, CELL_OUT = "row left out", "taken as missing"
 """Words for what is done with rows and with cells that cannot be used."""
 
 
-@dataclass(frozen=True)
-class LeftOut:
+class LeftOut(Record):
     """A row of a file that was not used, or a cell that was taken as missing, and why.
 
     Parameters
@@ -134,8 +131,7 @@ class LeftOut:
     done: str
 
 
-@dataclass(frozen=True)
-class RawTable:
+class RawTable(Record):
     """All columns of a file, of equal length, remarks on the reading, and the broken rows that were left out."""
 
     name: str

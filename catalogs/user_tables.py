@@ -43,7 +43,7 @@ from catalogs.stars import (
 from catalogs.stellar_physics import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.table_cells import Row, Rows, Use, join_sexagesimal, read_positions, read_rows
 from catalogs.table_files import LeftOut, RawTable
-from cpic_core import InputError, listed
+from cpic_core import InputError, Record, listed
 
 _LOG = logging.getLogger(__name__)
 
@@ -148,8 +148,7 @@ _DISTANCE_TOLERANCE = 0.05
 _GRAVITY_TOLERANCE = 1.5
 
 
-@dataclass(frozen=True)
-class UserTable:
+class UserTable(Record):
     """A filled table, remarks for its owner, what each column was taken for, and what was left out."""
 
     table: StarTable

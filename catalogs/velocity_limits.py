@@ -9,7 +9,6 @@ import functools
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from catalogs.known_planets import star_key
 from catalogs.shipped import shipped_rows
 from catalogs.stars import load_stars
-from cpic_core import ArrayLike, FloatArray, real_array
+from cpic_core import ArrayLike, FloatArray, Record, real_array
 
 _DATA = Path(__file__).resolve().parent / "data"
 LIMITS_FILE = _DATA / "velocity_limits.csv"
@@ -49,8 +48,7 @@ def amplitude_m_s(msini_mjup: ArrayLike, semi_major_axis_au: ArrayLike, star_mas
     return np.asarray(_AMPLITUDE_M_S * msini / np.sqrt(mass * axis))
 
 
-@dataclass(frozen=True)
-class VelocityLimit:
+class VelocityLimit(Record):
     """The probabilities with which one star's velocities would have shown a planet; over `VELOCITY_AXES_AU`.
 
     ``P(found) = ceiling / (1 + (m50 / m)^s)`` with ``s = ln 9 / ln(m90 / m50)`` and ``m = m sin i``.
@@ -96,16 +94,23 @@ def velocity_limit(star: str) -> VelocityLimit | None:
     >>> velocity_limit("Vega") is None
     True
     """
-    return _limits().get(star_key(star))
+    return _limit_of(star_key(star))
 
 
 @functools.cache
-def _limits() -> dict[str, VelocityLimit]:
+def _rows() -> tuple[dict[str, dict[str, str]], dict[str, dict[str, str]], dict[str, float]]:
+    """Return the rows of the table by star, the rules by name, and the masses of stars."""
     stars = load_stars()
     masses = dict(zip(stars.column("name").tolist(), stars.column("mass_msun").tolist(), strict=True))
     rules = {row["rule"]: row for row in shipped_rows(RULES_FILE.name)}
-    rows = shipped_rows(LIMITS_FILE.name)
-    return {star_key(row["star"]): _limit(row, rules.get(row["rule"], {}), masses[row["star"]]) for row in rows}
+    return {star_key(row["star"]): row for row in shipped_rows(LIMITS_FILE.name)}, rules, masses
+
+
+@functools.cache
+def _limit_of(key: str) -> VelocityLimit | None:
+    rows, rules, masses = _rows()
+    row = rows.get(key)
+    return None if row is None else _limit(row, rules.get(row["rule"], {}), masses[row["star"]])
 
 
 def _numbers(row: Mapping[str, str], names: tuple[str, ...]) -> FloatArray:

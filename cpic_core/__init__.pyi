@@ -79,6 +79,7 @@ from cpic_core.quantities import (
     unit_of as unit_of,
     units_like as units_like,
 )
+from cpic_core.records import Record as Record
 from cpic_core.registry import Registry as Registry
 from cpic_core.runtime import (
     LOGGER as LOGGER,

@@ -22,7 +22,6 @@ import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,6 +30,7 @@ import numpy as np
 from cpic_core.errors import InputError
 from cpic_core.files import MAX_BYTES, LockHeld, exclusive_lock, npz_in, write_bytes
 from cpic_core.quantities import NDArray
+from cpic_core.records import Record
 from cpic_core.runtime import announce
 
 T = TypeVar("T")
@@ -271,8 +271,7 @@ def _leftovers() -> Iterator[Path]:
     return (path for path in cache_dir().glob("*") if _LEFT.fullmatch(path.name) and not path.is_dir())
 
 
-@dataclass(frozen=True)
-class CacheInfo:
+class CacheInfo(Record):
     """Return what the cache holds, and how much it may hold."""
 
     folder: Path

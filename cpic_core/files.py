@@ -14,6 +14,7 @@ never a formula of a spreadsheet.
 
 import contextlib
 import errno
+import functools
 import hashlib
 import io
 import json
@@ -626,20 +627,22 @@ _WANTED = "a whole npz file of plain arrays"
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
 
-def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays, sorted by name, deflated, under fixed dates.
+def write_npz(path: str | Path, arrays: Mapping[str, Any], *, deflated: bool = True) -> None:
+    """Write arrays, sorted by name, under fixed dates.
 
     Parameters
     ----------
     path : str or Path
     arrays : mapping
         Arrays by name.
+    deflated : bool
+        Whether the file is small rather than quick to read.
     """
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(buffer, "w", compresslevel=9) as archive:
         for name in sorted(arrays):
             entry = zipfile.ZipInfo(f"{name}.npy", FIXED_DATE)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = zipfile.ZIP_DEFLATED if deflated else zipfile.ZIP_STORED
             entry.external_attr = 0o644 << 16
             body = io.BytesIO()
             np.lib.format.write_array(body, np.asanyarray(arrays[name]), allow_pickle=False)
@@ -680,6 +683,23 @@ def npz_in(file: IO[bytes]) -> Iterator[Any]:
         yield arrays
 
 
+@functools.lru_cache(maxsize=256)
+def _shape_of(head: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    return np.lib.format.read_array_header_1_0(io.BytesIO(head))
+
+
+def _array_of(data: bytes) -> NDArray[Any]:
+    """Return the array of an npy file; many have the same few bytes before their numbers."""
+    end = 10 + int.from_bytes(data[8:10], "little")
+    if data[:8] != np.lib.format.magic(1, 0):
+        return np.asarray(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
+    shape, by_column, kind = _shape_of(data[8:end])
+    if kind.hasobject:
+        raise ValueError("it holds Python objects")
+    found = np.frombuffer(data, kind, math.prod(shape), end).reshape(shape, order="F" if by_column else "C")
+    return found.copy("K")
+
+
 def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
     """Read every array of an npz file.
 
@@ -690,7 +710,7 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
     """
     try:
         with open_npz(path) as archive:
-            return {name: archive[name] for name in archive.files}
+            return {name: _array_of(archive.zip.read(f"{name}.npy")) for name in archive.files}
     except InputError:
         raise
     except NPZ_ERRORS as error:

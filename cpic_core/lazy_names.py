@@ -1,14 +1,14 @@
 """Names of a package that load on first use; its stub ``__init__.pyi`` is the only list of them."""
 
-import ast
 import importlib
-import threading
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-_PARSING = threading.Lock()  # Python 3.11 counts the depth of trees for all threads together, and raises SystemError
+_IMPORT = re.compile(r"^from (\S+) import (?:\(([^)]*)\)|(.*))$", re.MULTILINE)
+_NAME = re.compile(r"(\w+) as \w+")
 
 
 def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -27,10 +27,7 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         ``__getattr__``, ``__dir__`` and ``__all__`` of the package (PEP 562).
     """
     text = Path(file).with_suffix(".pyi").read_text(encoding="utf-8")
-    with _PARSING:
-        stub = ast.parse(text)
-    home = {alias.name: node.module for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-
+    home = {name: module for module, *names in _IMPORT.findall(text) for name in _NAME.findall("".join(names))}
     loaded: dict[str, ModuleType] = {}
 
     def load(name: str) -> Any:

@@ -1,12 +1,14 @@
 """Typed answers: a value, or the named reason why there is none."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+from cpic_core.records import Record
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -79,8 +81,7 @@ class NotOk(RuntimeError):
     """Raised by `Outcome.unwrap` when there is no value."""
 
 
-@dataclass(frozen=True)
-class Outcome(Generic[T]):
+class Outcome(Record, Generic[T]):
     """A typed answer.
 
     Attributes
@@ -173,8 +174,7 @@ class Outcome(Generic[T]):
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Outcomes:
+class Outcomes(Record, eq=False):
     """Typed answers of the same kind in an array; ``answers[index]`` is one of them.
 
     Attributes

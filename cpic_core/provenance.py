@@ -17,8 +17,10 @@ import importlib.util
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
+
+from cpic_core.records import Record
 
 PACKAGES = ("cpic_core", "catalogs", "simulator", "cpic_planner")
 """The packages of the distribution."""
@@ -41,8 +43,7 @@ _COMPILED = (".so", ".pyd", ".dylib", ".dll")
 _TUNED = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")  # other code than the processor's own
 
 
-@dataclass(frozen=True)
-class Fingerprint:
+class Fingerprint(Record):
     """Record of what made a number; ``str`` writes it as five words.
 
     Attributes
@@ -141,7 +142,7 @@ def _kind(name: str) -> str:
     """Return which word a shipped file belongs to."""
     if name.split("/")[1] == "presets":
         return "presets"
-    return "catalogue" if name.startswith("catalogs/data/") else "code"
+    return "catalogue" if name.startswith(("catalogs/data/", "catalogs/parsed/")) else "code"
 
 
 def _libraries() -> dict[str, str]:

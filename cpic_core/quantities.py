@@ -3,6 +3,7 @@
 import functools
 import math
 import re
+import sys
 from collections.abc import Collection
 from fractions import Fraction
 from typing import Any
@@ -78,8 +79,9 @@ def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
         array = None
     if array is None:
         raise InputError(name, value, unit=unit, allowed="real numbers")
-    if np.ma.isMaskedArray(plain):
-        array[np.ma.getmaskarray(plain)] = np.nan
+    masked = sys.modules.get("numpy.ma")  # who has masked numbers has loaded it
+    if masked is not None and masked.isMaskedArray(plain):
+        array[masked.getmaskarray(plain)] = np.nan
     return array
 
 

@@ -32,7 +32,7 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib.util import find_spec, module_from_spec
 from pathlib import Path
 from types import ModuleType
@@ -42,6 +42,7 @@ import numpy as np
 
 from cpic_core.errors import InputError
 from cpic_core.quantities import NDArray
+from cpic_core.records import Record
 
 T = TypeVar("T")
 
@@ -110,8 +111,7 @@ def private_folder() -> str:
     return folder
 
 
-@dataclass(frozen=True)
-class Keyed(Generic[T]):
+class Keyed(Record, Generic[T]):
     """A value that stands for all of the same key: what is kept in memory of one serves the others.
 
     Attributes

@@ -7,24 +7,26 @@ loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.
 import contextlib
 import copy
 import functools
+import hashlib
+import json
 import re
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-import yaml
 
 from cpic_core.errors import InputError
 from cpic_core.files import is_file, read_text
 from cpic_core.quantities import checked_array, converted, unit_of
+from cpic_core.records import Record
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 MAX_BYTES = 4_000_000
+PARSED = Path(__file__).parent / "parsed"
+"""Folder of shipped documents as JSON, each by what its text says (`digest`): ``python -m tools.parsed`` makes them."""
 _MAX_KEPT = 100_000
 _SETTINGS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility")
 KINDS = (*_SETTINGS, "simulator_overrides", "question", "ensemble")
@@ -36,8 +38,7 @@ _WORDS = ("source", "confidence", "unit", "note")
 _SOURCED_KEYS = {"value", "range", *_WORDS}
 
 
-@dataclass(frozen=True)
-class Provenance:
+class Provenance(Record):
     """The standing of a number: where it comes from.
 
     ``confidence`` is ``"P"`` (published and read), ``"I"`` (inferred from published numbers) or ``"A"`` (assumed).
@@ -48,67 +49,6 @@ class Provenance:
     unit: str = ""
     range: tuple[float, float] | None = None
     note: str = ""
-
-
-class _Strict(yaml.constructor.SafeConstructor, yaml.resolver.BaseResolver):
-    """The YAML 1.2 core scalars; duplicate keys are errors."""
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, str | int | float | bool):
-                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key_node.start_mark)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key!r}", key_node.start_mark)
-            seen.add(key)
-        return super().construct_mapping(node, deep=deep)
-
-
-_Strict.yaml_implicit_resolvers = {}
-for _tag, _pattern, _first in (
-    ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
-    ("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
-    ("int", r"^[-+]?[0-9]+$", "-+0123456789"),
-    (
-        "float",
-        r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
-        "-+.0123456789",
-    ),
-):
-    _Strict.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), list(_first))
-
-
-def _construct_int(loader: _Strict, node: Any) -> int:
-    try:
-        return int(loader.construct_scalar(node))
-    except ValueError:
-        problem = f"a whole number of more than {sys.get_int_max_str_digits()} digits"
-        raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark) from None
-
-
-def _construct_float(loader: _Strict, node: Any) -> float:
-    text = str(loader.construct_scalar(node)).lower().replace(".inf", "inf").replace(".nan", "nan")
-    return float(text)
-
-
-_Strict.add_constructor("tag:yaml.org,2002:int", _construct_int)  # type: ignore[type-var]
-_Strict.add_constructor("tag:yaml.org,2002:float", _construct_float)  # type: ignore[type-var]
-
-
-class _StrictLoader(_Strict, yaml.SafeLoader):
-    """The loader of users' files: aliases are errors too."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-            problem = "aliases (*name) are not accepted: write the value out"
-            raise yaml.constructor.ConstructorError(None, None, problem, event.start_mark)
-        return super().compose_node(parent, index)
-
-
-class _ShippedLoader(_Strict, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The loader of our own files: compiled where PyYAML was built with it, ten times as fast."""
 
 
 def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> Any:
@@ -133,6 +73,8 @@ def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> 
     InputError
         On duplicate keys, aliases, tags outside the safe set or malformed text, with line and column.
     """
+    import yaml
+
     try:
         return copy.deepcopy(_tree_of(text)) if len(text) <= _MAX_KEPT else _parsed(text)
     except RecursionError:
@@ -148,7 +90,24 @@ def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> 
 
 
 def _parsed(text: str) -> Any:
-    return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - _StrictLoader derives from SafeLoader
+    import yaml
+
+    from cpic_core.yaml_loaders import StrictLoader
+
+    return yaml.load(text, Loader=StrictLoader)  # noqa: S506 - StrictLoader derives from SafeLoader
+
+
+def _shipped(text: str) -> Any:
+    import yaml
+
+    from cpic_core.yaml_loaders import ShippedLoader
+
+    return yaml.load(text, Loader=ShippedLoader)  # noqa: S506 - ShippedLoader derives from SafeLoader
+
+
+def digest(text: str) -> str:
+    """Return the name of a document among `PARSED`."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 _tree_of = functools.lru_cache(maxsize=32)(_parsed)  # presets are asked for again and again, and slow to parse
@@ -175,7 +134,8 @@ def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
     """
     text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
     if shipped:
-        return yaml.load(text, Loader=_ShippedLoader)  # noqa: S506 - _ShippedLoader derives from SafeLoader
+        parsed = PARSED / f"{digest(text)}.json"
+        return json.loads(parsed.read_bytes()) if parsed.exists() else _shipped(text)
     return _in_units(parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None))
 
 
@@ -265,8 +225,12 @@ def by_line(load: Callable[P, R]) -> Callable[P, R]:
 def _line_of(path: str | Path, key: str) -> int:
     """Return the line of the key, or of the last part of it that a YAML file has; 0 for none."""
     text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
+    import yaml
+
+    from cpic_core.yaml_loaders import StrictLoader
+
     try:
-        node: Any = yaml.compose(text, Loader=_StrictLoader)
+        node: Any = yaml.compose(text, Loader=StrictLoader)
     except (yaml.YAMLError, RecursionError, ValueError):
         return 0
     parts = [part for part in re.split(r"[.\[\]]+", key) if part]
@@ -290,9 +254,9 @@ def _deepest(node: Any, parts: Sequence[str]) -> tuple[bool, int, int]:
 
 def _below(node: Any) -> dict[str, tuple[int, Any]]:
     """Return line and node of what is below one, by key or number."""
-    if isinstance(node, yaml.MappingNode):
+    if node.id == "mapping":
         return {key.value: (key.start_mark.line + 1, item) for key, item in node.value if isinstance(key.value, str)}
-    items = node.value if isinstance(node, yaml.SequenceNode) else ()
+    items = node.value if node.id == "sequence" else ()
     return {str(number): (item.start_mark.line + 1, item) for number, item in enumerate(items)}
 
 

@@ -9,12 +9,11 @@ Images are rows of pixels, shape (images, pixels). Two rolls are reduced by the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from cpic_core import FloatArray, Registry
+from cpic_core import FloatArray, Record, Registry
 
 
 class Reduction:
@@ -118,8 +117,7 @@ ReductionName = Annotated[str, REDUCTIONS]
 DEFAULT_REDUCTION = Reduction.name
 
 
-@dataclass(frozen=True)
-class FluxFilter:
+class FluxFilter(Record):
     """One entry: how the flux of a planet at its place is measured in images.
 
     Attributes
@@ -174,8 +172,7 @@ FilterName = Annotated[str, FILTERS]
 DEFAULT_FILTER = "aperture"
 
 
-@dataclass(frozen=True)
-class StarNumbers:
+class StarNumbers(Record):
     """The numbers that a score is made of; arrays of ``n`` stars, or of ``b`` bands and ``n`` stars.
 
     Those of the stars alone are of the reference planet in its best band, and have the names of
@@ -217,8 +214,7 @@ def _hourly(numbers: StarNumbers) -> FloatArray:
     return numbers.completeness_per_hour
 
 
-@dataclass(frozen=True)
-class Score:
+class Score(Record):
     """One entry: how stars are scored, and the words for it.
 
     Attributes

@@ -18,7 +18,17 @@ from typing import Any, Unpack, cast
 import numpy as np
 
 from catalogs import NAMED_TABLES, Catalogue, open_catalogue, stars_at
-from cpic_core import InputError, at_home, digest_of, dump_json, faults_by_line, fingerprint, is_file, load_mapping
+from cpic_core import (
+    InputError,
+    Record,
+    at_home,
+    digest_of,
+    dump_json,
+    faults_by_line,
+    fingerprint,
+    is_file,
+    load_mapping,
+)
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, pace, run
 from cpic_planner.queries import called, called_as
 from cpic_planner.results import (
@@ -56,8 +66,7 @@ def programme_timing(entry: config.SequenceConfig, parts: Sequence[products.Visi
     return timings
 
 
-@dataclass(frozen=True)
-class PlannedSequence:
+class PlannedSequence(Record):
     """One sequence: its entry in the simulation, its place in the entry's grid, its number and times.
 
     Attributes

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from catalogs import POSITION_ERROR, Catalogue, StarTable, open_catalogue, resolve_star, stability_limit, stars_at
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, check_flag, check_number, check_word
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Record, check_flag, check_number, check_word
 from simulator.config import Scene, checked_utc, julian_year, load_instrument
 
 if TYPE_CHECKING:
@@ -28,8 +28,7 @@ OLD_YR = 10.0
 _DIGITS = {"ra_deg": 6, "dec_deg": 6, "companion_separation_arcsec": 4, "companion_pa_deg": 4}
 
 
-@dataclass(frozen=True, eq=False)
-class Targets:
+class Targets(Record, eq=False):
     """Columns of ``n`` stars as arrays, at one date; missing companions and unknown position angles are NaN.
 
     ``roll_deg`` is the roll of the telescope at which they are observed, one for all or one each. A target from a
@@ -120,6 +119,7 @@ def targets_from_table(
     companions: Literal["on", "off"] = "on",
     date_utc: str | None = None,
     orbits: bool = True,
+    apart: bool = False,
 ) -> Targets:
     """Return the targets of a star table, where they and their companions stand at a date.
 
@@ -134,6 +134,8 @@ def targets_from_table(
         UTC; by default the start of the mission of the shipped instrument.
     orbits : bool, optional
         Whether companions follow their orbits.
+    apart : bool, optional
+        Whether each star is asked about alone, as of `catalogs.stars_at`.
 
     Raises
     ------
@@ -141,7 +143,7 @@ def targets_from_table(
         For a text that is no date.
     """
     utc = checked_utc("date_utc", load_instrument().mission.start_utc if date_utc is None else date_utc)
-    table = stars_at(table, julian_year(utc), orbits=orbits)
+    table = stars_at(table, julian_year(utc), orbits=orbits, apart=apart)
     check_word("companions", companions, ("on", "off"))
 
     def number(name: str) -> FloatArray:
@@ -340,10 +342,34 @@ def find_target(
     InputError
         If no star has that name; with the nearest suggestions.
     """
+    return find_targets([name], companions=companions, catalog=catalog, date_utc=date_utc)[0]
+
+
+def find_targets(
+    names: Sequence[str],
+    *,
+    companions: Literal["on", "off"] = "on",
+    catalog: CatalogSource = "snapshot",
+    date_utc: str | None = None,
+) -> list[tuple[Targets, str]]:
+    """Return what `find_target` does of each of some names, worked out together.
+
+    Parameters
+    ----------
+    names : sequence of str
+    companions, catalog, date_utc
+        As of `find_target`.
+
+    Raises
+    ------
+    InputError
+        For the first name that no star has.
+    """
     chosen = as_catalogue(catalog)
-    match = resolve_star(name, chosen.table)
-    row = chosen.table.select([match.index])
-    return targets_from_table(row, companions=companions, date_utc=date_utc, orbits=chosen.orbits), match.note
+    matches = [resolve_star(name, chosen.table) for name in names]
+    rows = chosen.table.select([match.index for match in matches])
+    found = targets_from_table(rows, companions=companions, date_utc=date_utc, orbits=chosen.orbits, apart=True)
+    return [(found.select([row]), match.note) for row, match in enumerate(matches)]
 
 
 def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:

@@ -5,14 +5,13 @@ Albedos that depend on how strongly the star shines on the planet, and the model
 
 import itertools
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field
 
 from catalogs import Albedo, bracket
-from cpic_core import ArrayLike, InputError, check_number, real_array
+from cpic_core import ArrayLike, InputError, Record, check_number, real_array
 from simulator.config import FrozenModel
 
 Fidelity = Literal["quick", "standard", "reference"]
@@ -149,8 +148,7 @@ def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial
     return Dial(fidelity="custom", tolerance=dict.fromkeys(QUANTITIES, float(tolerance)), knobs=None)
 
 
-@dataclass(frozen=True, eq=False)
-class AlbedoFamily:
+class AlbedoFamily(Record, eq=False):
     """Albedos of one kind of planet at several insolations, linear in albedo over ln(insolation distance).
 
     Linear in albedo, so that band integrals of the nodes, made once, serve any number of planets.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ import numpy as np
 
 import catalogs
 from catalogs import Albedo, Band, Spectrum, StellarGrid, load_johnson_v, load_reference_spectrum
-from cpic_core import ArrayLike, InputError, check_finite, check_number, numeric_context
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_number, numeric_context
 from simulator.knobs import AlbedoFamily
 
 if TYPE_CHECKING:
@@ -28,12 +28,18 @@ _ANGSTROM_PER_NM = 10.0
 _GAUSS = 1.0 / np.sqrt(3.0)
 
 
+def _union(*samples_nm: np.ndarray) -> np.ndarray:
+    """Return the wavelengths of all samples, each once: `numpy.unique` would load what masked arrays need."""
+    every = np.sort(np.concatenate(samples_nm))
+    return np.asarray(every[np.diff(every, prepend=-np.inf) > 0.0])
+
+
 def band_quadrature(band: Band, *samples_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes (nm) and weights (A x transmission) of the band, two Gauss points between all samples."""
     low, high = band.support_nm
     tables = samples_nm if band.curve is None else (*samples_nm, band.curve.wavelength_nm)
     inside = np.concatenate([table[(table > low) & (table < high)] for table in tables])
-    breaks = np.unique(np.concatenate([[low, high], inside]))
+    breaks = _union(np.array([low, high]), inside)
     half = 0.5 * np.diff(breaks)
     middle = breaks[:-1] + half
     nodes = np.concatenate([middle - _GAUSS * half, middle + _GAUSS * half])
@@ -75,7 +81,7 @@ def v_projection(samples_nm: np.ndarray) -> np.ndarray:
     curve = load_johnson_v()
     check_covers("spectrum", samples_nm, _johnson_v_band())
     inside = samples_nm[(samples_nm > curve.wavelength_nm[0]) & (samples_nm < curve.wavelength_nm[-1])]
-    x = np.unique(np.concatenate([inside, curve.wavelength_nm]))
+    x = _union(inside, curve.wavelength_nm)
     width = np.zeros_like(x)
     width[1:] += 0.5 * np.diff(x)
     width[:-1] += 0.5 * np.diff(x)
@@ -237,8 +243,8 @@ def product_samples(
         Positions within the common range, and both functions there.
     """
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
-    union = np.union1d(x1, x2)
-    union = np.unique(np.concatenate([[low, high], union[(union > low) & (union < high)]]))
+    union = _union(x1, x2)
+    union = _union(np.array([low, high]), union[(union > low) & (union < high)])
     product = np.interp(union, x1, y1) * np.interp(union, x2, y2)
     middle = 0.5 * (union[1:] + union[:-1])
     there = np.interp(middle, x1, y1) * np.interp(middle, x2, y2)
@@ -260,8 +266,7 @@ _WIDTH_TOLERANCE = 1.25
 """Largest ratio of the width of a band and that of its curve, area over peak."""
 
 
-@dataclass(frozen=True, eq=False)
-class Passbands:
+class Passbands(Record, eq=False):
     """The bands with their band integrals; made by `from_bands` or `from_instrument`.
 
     Attributes

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 import catalogs
-from cpic_core import InputError, at_home, check_writable, listed, visible, write_named
+from cpic_core import InputError, Record, at_home, check_writable, listed, visible, write_named
 from cpic_planner import report
 from cpic_planner.cli import command
 from cpic_planner.cli.progress import progress
@@ -192,8 +192,7 @@ _SOFTWARE = ("pyvo", "astroquery", "astropy", "numpy")
 Listener = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Written:
+class Written(Record):
     """A refreshed table on disk, of stars or of planets."""
 
     path: Path

@@ -137,6 +137,7 @@ def main(arguments: list[str] | None = None) -> int:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed: what would go there is not wanted
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - to the end of the process
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for some reads what every package offers
     try:
         Path.home()
     except RuntimeError:  # no name, no home: astropy, matplotlib and the cache ask for one

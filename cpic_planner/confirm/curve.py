@@ -7,12 +7,12 @@ characteristic is how likely a planet is found, against the false alarms of a se
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, special
+from cpic_core import BoolArray, FloatArray, Record, special
 from cpic_planner import etc, validation
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.queries import CurveQuestion, ReferencePlanet, RocQuestion, SearchedQuestion
@@ -41,8 +41,7 @@ Planets = Sequence[tuple[float, list[float], list[float]]]
 """Planets that are put into images, in the form of `cpic_planner.validation.SearchTask.planets`."""
 
 
-@dataclass(frozen=True)
-class AskedStar:
+class AskedStar(Record):
     """A star that is asked about: its row, the table that it is from, and remarks on its name and on that table."""
 
     target: Targets
@@ -51,8 +50,7 @@ class AskedStar:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Observed:
+class Observed(Record, eq=False):
     """The programme of a star in a band.
 
     Attributes
@@ -222,8 +220,7 @@ def search_cost(tasks: Sequence[validation.SearchTask]) -> Cost:
     return Cost(counts=counts, times_s=times, start_s=4.0, memory_mb=memory_mb or 200.0, disk_mb=0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class Searched:
+class Searched(Record, eq=False):
     """The findings in the images of a programme.
 
     Attributes

@@ -6,14 +6,14 @@ takes of the telescope's time is said beside them.
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 
 from catalogs import Catalogue
-from cpic_core import InputError, announce, dump_json
+from cpic_core import InputError, Record, announce, dump_json
 from cpic_planner import results
 from cpic_planner.confirm.scene import (
     RESULT_VERSION,
@@ -48,8 +48,7 @@ _RANK_S, _REPORT_S = 2.8e-3, 8.0  # of a star in a band, other assumptions inclu
 _NEAR, _ROUGH, _STAND_INS = 40, 200, 4
 
 
-@dataclass(frozen=True)
-class _Prepared:
+class _Prepared(Record):
     """Ranking and the work that is left to do; either the period or the schedule says which targets there are."""
 
     model: EtcModel

@@ -3,13 +3,13 @@
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from cpic_core import Reason, Status
+from cpic_core import Reason, Record, Status
 from cpic_planner import queries, results, validation
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
@@ -322,8 +322,7 @@ _NO_PLANET, _FAINTEST = 1e-8, 1e-30
 """Contrast of the planet that frames are chosen for where a scene has none in the hole, and of one without light."""
 
 
-@dataclass(frozen=True)
-class _Work:
+class _Work(Record):
     """Prediction, tasks of the bands, and what needs no images."""
 
     model: EtcModel

@@ -42,6 +42,7 @@ from cpic_planner.etc.detection_law import (
     PRIORS as PRIORS,
     SearchLaw as SearchLaw,
     band_law as band_law,
+    half_of as half_of,
     light_share as light_share,
     lit_share as lit_share,
     needed_margin as needed_margin,

@@ -19,14 +19,14 @@ import copy
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner.etc.detection import threshold_array
-from cpic_planner.etc.detection_law import Chances, SearchLaw, band_law, half_of, visit_chances
+from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_of, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -60,8 +60,8 @@ from cpic_planner.etc.rates import (
     reference_distance_au,
     reference_notes,
 )
-from cpic_planner.etc.searches import around_lowest, first_root, lowest_whole, spread, taken
-from cpic_planner.planets import OrbitSearch, excluded_by_rv, span_days, star_masses_msun
+from cpic_planner.etc.searches import AllCases, around_lowest, first_root, lowest_whole, spread, taken
+from cpic_planner.planets import OrbitSearch, StarLimits, least_mass, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
 from simulator.detectors import FrameTerm
@@ -71,14 +71,15 @@ from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
-_LEVEL_STEPS, _SAME, _STILL = 60, 1e-10, 1e-10
-_HAIR = 1e-14
+_LEVEL_STEPS, _SAME, _STILL, _NEARLY = 60, 1e-10, 1e-10, 0.99
+_HAIR, _ABOUT = 1e-14, 1e-6
+_NEAR = math.log(2.0)
 _SHORT, _ENDLESS_S = 0.98, 1e15
 _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
-_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_laws", "_averaging", "camera")
+_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_law", "_averaging", "camera")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
 _FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
 
@@ -212,8 +213,7 @@ def programme_fields(model: EtcModel, columns: Mapping[str, Any], case: Any) -> 
     return found | {"span_days": float(programme_days(model, found["visits"], found["time_s"]))}
 
 
-@dataclass(frozen=True)
-class Span:
+class Span(Record):
     """Time of a programme: number of visits, wall time of each, and of all; None for what is not given.
 
     ``given_s`` is the wall time that may be used, of which whole visits of a given length can leave some.
@@ -265,8 +265,7 @@ class Span:
         return cls(visits, visit_time_s, each_s, each_s if time_s is None else max(time_s, each_s))
 
 
-@dataclass(frozen=True, eq=False)
-class Cases:
+class Cases(Record, eq=False):
     """All stars and planets in bands of one camera, made by `cases_of`.
 
     Arrays broadcast to ``(n_band, n_star, n_planet)``, the shape of ``contrast``.
@@ -365,8 +364,8 @@ class Cases:
         return crossed, light
 
     @functools.cached_property
-    def _laws(self) -> tuple[SearchLaw, ...]:
-        return tuple(band_law(self.model, band) for band in self.bands)
+    def _law(self) -> SearchLaw:
+        return bands_law(self.model, self.bands)
 
     @functools.cached_property
     def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
@@ -459,9 +458,8 @@ class Cases:
             value = float(self.value)
             return lambda speckled, *_: np.full(np.broadcast_shapes(self.shape, np.shape(speckled)), value)
         known, motion = self.model.strategy.search == "known_place", self.motion
-        place, visits = np.broadcast_arrays(self.separation_arcsec, programme.effective(self._averaging[0]))
-        parts = zip(self._laws, np.moveaxis(place, -3, 0), np.moveaxis(visits, -3, 0), strict=True)
-        polynomials = np.stack([law.polynomials(*where, at_place=known) for law, *where in parts], axis=-3)
+        visits = programme.effective(self._averaging[0])
+        polynomials = self._law.polynomials(self.separation_arcsec, visits, at_place=known)
 
         def level(speckled: FloatArray, visit_s: FloatArray, light: FloatArray | float = 0.0) -> FloatArray:
             half = half_of(polynomials, speckled, light)
@@ -479,12 +477,8 @@ class Cases:
         """Return the probabilities of a detection in the programme."""
         visits, shape = self.programme.effective(self._averaging[0]), noise.significance.shape
         paid = motion_factor(self.model, self.motion, self.programme, visit_s)
-        parts = self.separation_arcsec, self.light_share(visit_s), visits, paid
-        place, light, visits, paid = (np.broadcast_to(part, shape) for part in parts)
-        every = [
-            Chances.of(law, noise.at(i), place[i], light[i], visits[i], paid[i]) for i, law in enumerate(self._laws)
-        ]
-        return Chances(*map(np.stack, zip(*every, strict=True))).where(np.isfinite(spread(self.threshold, shape)))
+        found = Chances.of(self._law, noise, self.separation_arcsec, self.light_share(visit_s), visits, paid)
+        return found.where(np.isfinite(spread(self.threshold, shape)))
 
     def with_modes(
         self, programme: Programme, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
@@ -646,11 +640,22 @@ class Cases:
         place = float(planets.separation_arcsec[planet])
         if planets.contrast is not None or place <= 0:
             return ()
-        body, target = planets.models[planet], self.targets.select([star])
-        distance = float(reference_distance_au(target, np.array([place]), body)[0, 0])
-        notes = reference_notes(self.model, target, self.bands[band], place, body)
-        excluded = _excluded(str(target.name[0]), distance, body.radius_rjup)
-        return (*notes, "excluded_by_rv") if excluded else notes
+        notes = reference_notes(self.model, self.targets, self.bands[band], place, planets.models[planet], star)
+        return (*notes, "excluded_by_rv") if self._excluded[band][star, planet] else notes
+
+    @functools.cached_property
+    def _excluded(self) -> list[BoolArray]:
+        """Planets that velocities exclude, whatever their orientation, by band."""
+        limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
+        found: dict[int, BoolArray] = {}
+        for planets in self.planets:
+            if id(planets) not in found:
+                places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
+                each = zip(places, planets.models, strict=True)
+                distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
+                mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
+                found[id(planets)] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
+        return [found[id(planets)] for planets in self.planets]
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
@@ -766,7 +771,7 @@ class Cases:
             return self._solved_with_modes(many)
         wall_s = self.model.time_s(self.by_mean.solved(many)[0]) if modes else np.array(np.inf)
         for _ in range(4 if modes or self.model.instrument.drift.correlation_time_h > 0.0 else 1):
-            visit, level = self._shortest(many, wall_s)
+            visit, level = self._shortest(many, wall_s, about=about)
             wall_s = self.model.time_s(visit)
         return visit, level
 
@@ -799,20 +804,24 @@ class Cases:
                 found = np.where(narrow, shorter, found)
         return found, self._shortest(visits, self.model.time_s(found))[1]
 
-    def _shortest(self, visits: FloatArray, wall_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _shortest(
+        self, visits: FloatArray, wall_s: FloatArray, *, about: bool = False
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""
         programme, best_s = self.programme_of(visits, wall_s), self._alone[0]
         problem, camera = self.problem_in(programme), self.camera
         shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
-        visit, level = self._reached(programme, problem, _cost(problem, best_s))
+        visit, level = self._reached(programme, problem, _cost(problem, best_s), about)
         if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
             exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-            other, its_level = self._reached(programme, problem, _cost(problem, exposure))
+            other, its_level = self._reached(programme, problem, _cost(problem, exposure), about)
             whole = (visit < frame_s) & (other > frame_s)
             visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
         return np.maximum(visit, shortest_s), level
 
-    def _reached(self, programme: Programme, problem: FrameProblem, cost: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _reached(
+        self, programme: Programme, problem: FrameProblem, cost: FloatArray, about: bool
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of the level, and the level, by secants of logarithms from a falling curve's left.
 
         White noise alone falls with the slope -1, which no step overshoots.
@@ -834,21 +843,50 @@ class Cases:
             solvable = np.isfinite(x)
             x = np.where(solvable, x, 0.0)
             (f, level), slope = excess(x), np.full(cost.shape, -1.0)
+            last, close, found = (x, f), (_ABOUT if about else _CLOSE), 1e-8 + (_ABOUT if about else 0.0)
             for _ in range(_STEPS):
-                moving = solvable & (np.abs(f) > _CLOSE) & (slope < -_FLAT) & (x < np.log(_LONGEST_S))
+                moving = solvable & (np.abs(f) > close) & (slope < -_FLAT) & (x < np.log(_LONGEST_S))
                 if not moving.any():
                     break
+                left = moving & (f > 0.0)
+                last = np.where(left, x, last[0]), np.where(left, f, last[1])
                 new = np.where(moving, x - f / slope, x)
                 g, level = excess(new)
                 slope = np.where(moving, np.clip((g - f) / (new - x), -1.0, -1e-4), slope)
                 x, f = new, g
-            visit = np.where(solvable & (f < 1e-8), np.exp(x), np.inf)
+            over = solvable & (np.abs(f) >= found) & (last[1] < _NEAR)
+            if over.any() and not about:  # it stopped on a slope too flat for secants, or stepped over a valley
+                end = np.log(np.minimum(peak_visit_s(problem, cost), _LONGEST_S))
+                end = np.where(over & (f > 0.0), np.fmax(end, x), x)
+                x = self._in_valley(lambda at: excess(at)[0], last[0], end, over)
+                f, level = excess(x)
+            visit = np.where(solvable & (f < found), np.exp(x), np.inf)
             # At a known place the level stops growing: longer ones may reach it.
             most = wanted(np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
             there = np.where(np.isfinite(longer), longer, np.exp(x))
             missed, at_end = excess(np.log(there))  # of longer ones the level of a search over orbits is higher
-            return np.where(missed < 1e-8, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
+            return np.where(missed < found, longer, np.inf), np.where(np.isfinite(visit), level, at_end)
+
+    @staticmethod
+    def _in_valley(
+        excess: Callable[[FloatArray], FloatArray], left: FloatArray, right: FloatArray, wanted: NDArray[np.bool_]
+    ) -> FloatArray:
+        """Return the first root of a function between two points, or the bottom of a valley that stays above 0."""
+        low, high = left, right
+        for _ in range(_ROUNDS):
+            share = np.linspace(0.0, 1.0, _POINTS).reshape((-1,) + (1,) * left.ndim)
+            grid = low + (high - low) * share
+            low, best, high = around_lowest(grid, values := excess(grid))
+        least = values.min(axis=0)
+        crossed = wanted & (least <= 0.0)
+
+        def value(_: Any, visit_s: FloatArray) -> FloatArray:
+            return np.where(crossed, np.exp(excess(np.log(visit_s.reshape(left.shape)))), 1.0).ravel()
+
+        start, end = np.exp(left), np.exp(np.where(crossed, best, left)) * (1.0 + 1e-15)
+        found = first_root(AllCases(), value, start.ravel(), end.ravel(), np.ones(left.size, bool), tolerance=1e-11)
+        return np.where(crossed, np.log(found.reshape(left.shape)), np.where(wanted, best, right))
 
     def paying_s(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the length of visits, at most the given one, that comes nearest to the level, or most above it.
@@ -946,18 +984,20 @@ class Cases:
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
         if self.model.strategy.n_modes:
             return self._by_length(visits, self.solved(visits)[0])
-        visit_s, level = None, np.full(visits.shape, float(self.value or 1.0))
-        if not self.steady or self.model.instrument.drift.correlation_time_h > 0.0:
-            visit_s, level = self.solved(visits)
-        found = self._by_secants(visits, visit_s, level)
-        if visit_s is None:
-            return found
-        missed = found.choice.inverse_snr2 * found.level**2
-        lost = np.isfinite(visit_s) & ~(missed <= 1.0 + 10.0 * _SAME)
+        alike = self.model.instrument.drift.correlation_time_h == 0.0
+        if self.steady and alike:
+            programme = Programme.of(self.model.strategy, visits)
+            problem = self.problem_in(programme)
+            level = np.full(visits.shape, float(self.value or 1.0))
+            return Solution(self.in_programme(programme), problem, least_time(problem, level), level)
+        visit_s, level = self.solved(visits)
+        found = self._by_frames(visits, visit_s, level, 1 if alike else _LEVEL_STEPS)
+        lost = np.isfinite(visit_s) & ~(found.choice.inverse_snr2 * found.level**2 <= 1.0 + 10.0 * _SAME)
         if not lost.any():
             return found
-        # Whole frames make steps of the level that secants may not find together.
-        return self._by_length(visits, np.where(lost, visit_s, np.inf)).where(lost, found)
+        # Whole frames make steps of the level, and only a narrow range of lengths may reach it.
+        bottom_s = self._bottom(visits, np.full(visits.shape, _LONGEST_S))[0]
+        return self._by_length(visits, np.where(lost, bottom_s, np.inf)).where(lost, found)
 
     def _by_length(self, visits: FloatArray, visit_s: FloatArray) -> "Solution":
         """Return the frames of the shortest visits that reach the level: the question for a time, turned round.
@@ -980,27 +1020,26 @@ class Cases:
         none = np.zeros_like(choice.n_frames)
         return replace(found, choice=choice.where(~lost, replace(choice, n_frames=none, visit_s=none)))
 
-    def _by_secants(self, visits: FloatArray, visit_s: FloatArray | None, level: FloatArray) -> "Solution":
-        """Return the quickest frames for a level that follows them slowly; ``visit_s``: about as long, None for all."""
-        model, last = self.model, None
-        wall_s = np.array(np.inf) if visit_s is None else model.time_s(visit_s)
-        for _ in range(_LEVEL_STEPS):
-            programme = Programme.of(model.strategy, visits, wall_s)
+    def _by_frames(self, visits: FloatArray, visit_s: FloatArray, level: FloatArray, rounds: int) -> "Solution":
+        """Return the quickest frames for a level that follows them, in programmes with the gaps of these visits.
+
+        Parameters
+        ----------
+        visits : ndarray
+        visit_s, level : ndarray
+            Where frames need not be whole; ``inf`` where no length reaches the level.
+        rounds : int
+            Gaps follow the visits: at most so often.
+        """
+        wall_s, about_s = self.model.time_s(visit_s), visit_s if rounds == 1 else visit_s * _NEARLY
+        for _ in range(rounds):
+            programme = Programme.of(self.model.strategy, visits, wall_s)
             problem = self.problem_in(programme)
-            choice = least_time(problem, level)
-            some = choice.n_frames >= 1
-            wall_s = np.where(some, model.time_s(choice.visit_s), wall_s)
-            found = np.where(some, self.level_of(programme, problem, choice), level)
-            off = np.subtract(found, level, out=np.zeros_like(level), where=some)
-            if visit_s is None or (last is not None and np.all(np.abs(off) <= _SAME * level)):
+            choice, last_s = least_time(problem, self.level(programme, problem), about_s), wall_s
+            wall_s = np.where(choice.n_frames >= 1, self.model.time_s(choice.visit_s), wall_s)
+            if np.allclose(wall_s, last_s, rtol=_STILL, atol=0.0):
                 break
-            # Secants of a fixed point: the level follows the length of the visits slowly.
-            slope = np.zeros_like(level)
-            if last is not None:
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    slope = np.clip(np.nan_to_num((found - last[1]) / (level - last[0])), -0.9, 0.999)
-            last = level, found
-            level = level + off / (1.0 - slope)
+        level = np.where(choice.n_frames >= 1, self.level_of(programme, problem, choice), level)
         return Solution(self.in_programme(programme), problem, choice, level)
 
 
@@ -1057,19 +1096,11 @@ def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wa
             else:
                 high[off] = end[off]
             end[off] *= factor
-    found = first_root(_All(), value, low.ravel(), high.ravel(), np.ones(low.size, bool), tolerance=1e-11)
+    found = first_root(AllCases(), value, low.ravel(), high.ravel(), np.ones(low.size, bool), tolerance=1e-11)
     return np.where(wanted, found.reshape(start_s.shape), _LONGEST_S)
 
 
-class _All:
-    """Cases that are never looked at apart."""
-
-    def at(self, _: Any) -> Self:
-        return self
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Record, eq=False):
     """Programmes of cases, and frames that answer for them; arrays ``(n_band, n_star, n_planet)``.
 
     Attributes
@@ -1106,12 +1137,6 @@ class Solution:
 def _beside(visits: FloatArray) -> list[FloatArray]:
     """Return one visit, and numbers of visits as they are, one less and one more."""
     return [np.ones_like(visits), *(np.clip(visits + step, 1.0, MAX_VISITS) for step in (-1, 0, 1))]
-
-
-@functools.lru_cache(maxsize=256)
-def _excluded(name: str, distance_au: float, radius_rjup: float) -> bool:
-    """Return whether velocities exclude a planet: every band of a question asks about the same one."""
-    return bool(excluded_by_rv([name], distance_au, radius_rjup)[0])
 
 
 def cases_by_camera(
@@ -1288,8 +1313,7 @@ def _together(parts: Sequence[Any], shape: tuple[int, ...]) -> Any:
     return whole
 
 
-@dataclass(frozen=True, eq=False)
-class Prospect:
+class Prospect(Record, eq=False):
     """The expected signals of planets; arrays of stars x planets, made by `prospect_of`.
 
     Attributes

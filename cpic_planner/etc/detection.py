@@ -7,12 +7,22 @@ many false alarms a searched region holds above a level.
 
 import functools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, special
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    Outcome,
+    Reason,
+    Record,
+    Status,
+    check_positive,
+    special,
+)
 from cpic_planner.results import VerdictText
 
 MIN_ELEMENTS = 3
@@ -312,8 +322,7 @@ _MOST_LEVEL = 1e100  # its square is finite
 _CLOSE_LEVEL = 1e-10
 
 
-@dataclass(frozen=True)
-class SearchedRegion:
+class SearchedRegion(Record):
     """Size and shape of the positions that a search visits; made by `searched_region`.
 
     Attributes

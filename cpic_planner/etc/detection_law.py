@@ -22,13 +22,13 @@ term varies from place to place: P is the mean over fifths of the places at a se
 
 import functools
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, special
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, Record, read_npz, special
 from cpic_planner.etc.detection import (
     MIN_ELEMENTS,
     MIN_SIGMA,
@@ -63,8 +63,7 @@ _TOGETHER = 4096  # numbers that are looked up at once: they stay in the cache
 _CLOSE, _BESIDE, _LOWEST, _HIGHEST = 1e-6, 0.15, 0.5, 1e3
 
 
-@dataclass(frozen=True, eq=False)
-class SearchLaw:
+class SearchLaw(Record, eq=False):
     """Law of detections of one band; made by `band_law`.
 
     Attributes
@@ -86,35 +85,44 @@ class SearchLaw:
         n = self.separation_arcsec.size
         return np.empty((2, _SHARES, _LIGHTS, 3, n, _VISITS)), np.zeros((2, n), bool)
 
-    def _tables(self, at_place: bool, row: FloatArray) -> FloatArray:
-        """Return the tables, made around these rows: one planet needs two of them."""
+    def _tables(self, at_place: bool, low: IntArray) -> FloatArray:
+        """Return the tables, with these rows and the next ones made: one planet needs two of them."""
         tables: FloatArray = self._kept[0][int(at_place)]
         there: BoolArray = self._kept[1][int(at_place)]
-        asked, low = np.zeros(there.size, bool), np.minimum(row.astype(np.intp), there.size - 2)
-        asked[low] = asked[low + 1] = True
-        if (new := np.flatnonzero(asked & ~there)).size:
+        if not (there[low].all() and there[low + 1].all()):
+            asked = np.zeros(there.size, bool)
+            asked[low] = asked[low + 1] = True
+            new = np.flatnonzero(asked & ~there)
             tables[..., new, :] = self.made(at_place, new)
             there[new] = True
         return tables
 
-    def _where(self, *where: ArrayLike) -> list[FloatArray]:
-        """Return rows and columns of the tables, and the polynomials' variables, of what `half` is asked for."""
+    def _rows(self, separation_arcsec: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the rows of the tables before separations, and their share of the way to the next."""
+        size = self.separation_arcsec.size
+        return _cell(np.interp(separation_arcsec, self.separation_arcsec, np.arange(size)), size)
+
+    def _where(self, *where: ArrayLike) -> list[Any]:
+        """Return cells of the tables, and the polynomials' variables, of what `half` is asked for."""
         place, speckled, light, visits = (np.asarray(part, float) for part in where)
         shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
-        return [np.interp(place, self.separation_arcsec, np.arange(self.separation_arcsec.size)), many, *shares]
+        return [*self._rows(place), *_cell(many, _VISITS), *shares]
 
-    def _read(self, at_place: bool, which: ArrayLike, where: Sequence[FloatArray]) -> FloatArray:
+    def _read(self, at_place: bool, which: ArrayLike, where: Sequence[Any]) -> FloatArray:
         """Return numbers of the tables: ``which`` of the three, and places of `_where`."""
-        tables, row = self._tables(at_place, where[0]), where[0]
+        low, share, *rest = where
+        tables = self._tables(at_place, low)
         shape = np.broadcast_shapes(*(np.shape(part) for part in (which, *where)))
-        if row.size * _REPEATED < math.prod(shape):
-            few, index = np.unique(row, return_inverse=True)
+        if low.size * _REPEATED < math.prod(shape):
+            few, first, index = np.unique(low + share, return_index=True, return_inverse=True)
             if few.size * _VISITS * _REPEATED <= math.prod(shape):  # separations of a grid: rows of their own
-                low, share = _cell(np.append(few, few[-1]), tables.shape[-2])
-                tables = _between(tables[..., low, :], tables[..., low + 1, :], share[:, None])
-                row = index.reshape(row.shape).astype(float)
-        parts = [np.asarray(part) for part in (which, row, *where[1:])]
+                first = np.append(first, first[-1])
+                row, between = low.reshape(-1)[first], share.reshape(-1)[first]
+                tables = _between(tables[..., row, :], tables[..., row + 1, :], between[:, None])
+                low = index.reshape(low.shape)
+                share = np.zeros(low.shape)
+        parts = [np.asarray(part) for part in (which, low, share, *rest)]
         wide = [part.reshape((1,) * (max(len(shape), 1) - part.ndim) + part.shape) for part in parts]
         found = np.empty(shape or (1,))
         step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
@@ -143,8 +151,8 @@ class SearchLaw:
 
     def polynomials(self, separation_arcsec: FloatArray, visits: FloatArray, *, at_place: bool) -> FloatArray:
         """Return the polynomials of places and numbers of visits, for `half_of`: (s, l, ...); as of `half`."""
-        row, many, *_ = self._where(separation_arcsec, 0.0, 0.0, visits)
-        return _polynomials_at(self._tables(at_place, row), 0, *np.broadcast_arrays(row, many))
+        where = np.broadcast_arrays(*self._where(separation_arcsec, 0.0, 0.0, visits)[:4])
+        return _polynomials_at(self._tables(at_place, where[0]), 0, *where)
 
     def reach(
         self,
@@ -208,17 +216,61 @@ def _least_logs(law: SearchLaw, probability: float, at_place: bool) -> FloatArra
     return np.asarray(np.min(lowest, axis=(0, 1, 2, 3)))
 
 
+class _BandLaws(SearchLaw, eq=False):
+    """Laws of bands that are looked up together: arguments have three axes or more, the first of these the bands."""
+
+    laws: tuple[SearchLaw, ...]
+    first: IntArray
+
+    def _rows(self, separation_arcsec: FloatArray) -> tuple[IntArray, FloatArray]:
+        each = zip(self.laws, np.moveaxis(separation_arcsec, -3, 0), self.first, strict=True)
+        cells = [(first, *law._rows(place)) for law, place, first in each]
+        return np.stack([first + low for first, low, _ in cells], -3), np.stack([share for *_, share in cells], -3)
+
+
+@functools.lru_cache(maxsize=64)
+def _together(laws: tuple[SearchLaw, ...]) -> SearchLaw:
+    """Return one law of the bands of several, with their tables one behind the other."""
+    if len(laws) == 1:
+        return laws[0]
+    sizes = [law.separation_arcsec.size for law in laws]
+    first = np.cumsum([0, *sizes[:-1]])
+
+    def copied(at_place: bool, rows: IntArray) -> FloatArray:
+        found = []
+        for law, start, size in zip(laws, first, sizes, strict=True):
+            own = rows[(rows >= start) & (rows < start + size)] - start
+            found.append(law._tables(at_place, np.minimum(own, size - 2))[..., own, :])
+        return np.concatenate(found, axis=-2)
+
+    return _BandLaws(np.concatenate([law.separation_arcsec for law in laws]), copied, laws, first)
+
+
+def bands_law(model: EtcModel, bands: Sequence[str]) -> SearchLaw:
+    """Return the law of bands of a model, of arguments ``(..., n_band, n_star, n_planet)``; as `band_law`."""
+    return _together(tuple(band_law(model, band) for band in bands))
+
+
 def _looked_up(
-    tables: FloatArray, which: IntArray, row: FloatArray, many: FloatArray, speckled: FloatArray, light: FloatArray
+    tables: FloatArray,
+    which: IntArray,
+    low: IntArray,
+    share: FloatArray,
+    few: IntArray,
+    of_visits: FloatArray,
+    speckled: FloatArray,
+    light: FloatArray,
 ) -> FloatArray:
     """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
-    return _polynomial(_polynomial(_polynomials_at(tables, which, row, many), speckled), light)
+    found = _polynomials_at(tables, which, low, share, few, of_visits)
+    return _polynomial(_polynomial(found, speckled), light)
 
 
-def _polynomials_at(tables: FloatArray, which: ArrayLike, row: FloatArray, many: FloatArray) -> FloatArray:
-    """Return the polynomials of tables between their rows and numbers of visits, arrays of one shape: (s, l, ...)."""
+def _polynomials_at(
+    tables: FloatArray, which: ArrayLike, low: IntArray, share: FloatArray, few: IntArray, of_visits: FloatArray
+) -> FloatArray:
+    """Return the polynomials of tables between their rows and numbers of visits: (s, l, ...)."""
     size = tables.shape[-2]
-    (low, share), (few, of_visits) = _cell(row, size), _cell(many, _VISITS)
     cells, corner = tables.reshape(_SHARES * _LIGHTS, -1), (np.asarray(which) * size + low) * _VISITS + few
     # In one order, whatever the shapes: numbers are the same to the last bit alone and together.
     one, two = (cells.take(at, 1) for at in (corner, corner + 1))
@@ -237,12 +289,12 @@ def half_of(polynomials: FloatArray, speckled: ArrayLike, light: ArrayLike) -> F
     speckled, light : array_like
         As of `SearchLaw.half`; they may have further axes in front.
     """
-    shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
+    along = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (light, speckled))
     ahead = (1,) * (max(np.ndim(speckled), np.ndim(light)) - polynomials.ndim + 2)
-    found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:])
-    for share in shares:
+    found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:]).swapaxes(0, 1)
+    for share in along:  # the light's share can be the same for many places
         found = _polynomial(found, share)
-    return np.asarray(np.exp(found))
+    return np.exp(found, out=found)
 
 
 def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:
@@ -417,8 +469,23 @@ def visit_chances(
     return found.where(model.metrics[band].resolution_elements(separation_arcsec) >= MIN_ELEMENTS)
 
 
+TAILS_FILE = Path(__file__).parent / "data" / "tails.npz"
+"""What `equivalents` returns of the steps that usual levels need, which takes longer to work out than all else."""
+
+
 @functools.lru_cache(maxsize=256)
 def _equivalents(step: int) -> FloatArray:
+    found = _shipped().get(step)
+    return equivalents(step) if found is None else found
+
+
+@functools.cache
+def _shipped() -> Mapping[int, FloatArray]:
+    stored = read_npz(TAILS_FILE)
+    return dict(zip(stored["step"].tolist(), stored["sigma"], strict=True))
+
+
+def equivalents(step: int) -> FloatArray:
     """Return `equivalent_sigma` of the signal over noise of `_log_snr` by number of visits, (v, t, q)."""
     inverse, relative = np.maximum(_inverse_visits(), 1e-9), np.maximum(_MOST_RELATIVE * _nodes(_RELATIVES) ** 2, 1e-9)
     visits, laplace, dof = np.meshgrid(1.0 / inverse, _nodes(_TAILS), 2.0 / relative, indexing="ij")

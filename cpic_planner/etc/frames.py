@@ -11,17 +11,17 @@ for a time are inverses of each other.
 """
 
 import functools
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, Record
 from cpic_planner.etc.model import FrameCamera, Programme, best_gain
 from cpic_planner.etc.noise import PLAIN, Objective, own_noise, residuals, white_term
 from cpic_planner.etc.photon_counting import CountingLight, counting_probabilities, reference_pixel
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, lowest, spread, taken
+from cpic_planner.etc.searches import AllCases, CaseArrays, bracketed, first_root, lowest, spread, taken
 from cpic_planner.queries import Strategy
 from simulator.detectors import FrameTerm, frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
@@ -34,10 +34,10 @@ _ELASTICITY = 1e-4
 """A visit ends where 1 % more time gives less than 5e-7 more SNR: at its very top the time would be arbitrary."""
 _NEWTON_STEPS = 60
 _NEARLY = 2.0
+_LONGER = 1.1, 2.0, 5.0, 20.0, 200.0, np.inf
 
 
-@dataclass(frozen=True)
-class FrameProblem(CaseArrays):
+class FrameProblem(CaseArrays, Record):
     """The numbers that decide the frames of any number of cases; arrays of one shape.
 
     Attributes
@@ -216,8 +216,7 @@ def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class FrameChoice(CaseArrays):
+class FrameChoice(CaseArrays, Record):
     """Chosen frames; arrays of the problem's shape. ``n_frames`` is 0 where there are none.
 
     ``n_frames`` and ``visit_s`` are those of one visit, ``inverse_snr2`` is ``1 / SNR^2`` of all visits together
@@ -299,14 +298,20 @@ def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatAr
     def excess(part: FrameProblem, t: FloatArray, n: FloatArray) -> FloatArray:
         return np.exp(np.clip(-_ELASTICITY - _slope(part, t, n), -1.0, 1.0))
 
-    low, high, _ = bracketed(problem, excess, low, longest, n_frames)
-    stop = first_root(problem, excess, low, high, stops, n_frames, tolerance=1e-6 * _ELASTICITY)
-    stop = np.where(stops, stop, longest)
+    stop, part, n = longest.copy(), problem.at(stops), n_frames[stops]
+    low, high, _ = bracketed(part, excess, low[stops], longest[stops], n)
+    stop[stops] = first_root(part, excess, low, high, np.ones(n.size, bool), n, tolerance=1e-6 * _ELASTICITY)
     return np.where(pays, top, np.minimum(top, stop))
 
 
-def _over_aim(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray, aim: FloatArray) -> FloatArray:
-    return problem.inverse_snr2(exposure_s, n_frames) / aim
+Level: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
+"""SNR or significance to reach: of the length of the visit, and of ``1 / SNR^2``."""
+
+
+def _over_level(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray, level: Any) -> FloatArray:
+    inverse = problem.inverse_snr2(exposure_s, n_frames)
+    wanted = level(n_frames * (exposure_s + problem.camera.readout_s), inverse) if callable(level) else level
+    return np.asarray(inverse * wanted**2)
 
 
 def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
@@ -378,40 +383,72 @@ def shortened(problem: FrameProblem, chosen: FrameChoice, visit_s: FloatArray) -
     return chosen
 
 
-def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
+def least_time(
+    problem: FrameProblem, level: FloatArray | float | Level, about_s: FloatArray | None = None
+) -> FrameChoice:
     """Return the frames of least time that reach an SNR of ``level``; none where no visit does.
 
     Parameters
     ----------
     problem : FrameProblem
-    level : ndarray or float
-        SNR to reach.
+    level : ndarray, float or callable
+        SNR to reach, or a function of the visit and of ``1 / SNR^2``: then cases that only a narrow range of exposures
+        reaches have no frames.
+    about_s : ndarray, optional
+        Length below which no visit reaches a level that is a function; ``inf`` where none does.
 
     Notes
     -----
     ``1 / SNR^2`` falls with the length of the visit up to its best one: the smallest root is found from the left, first
-    with frames that need not be whole, then for the whole numbers next to it.
+    with frames that need not be whole, then for the whole numbers next to it. There it is nearly always just above the
+    exposure that fills as long a visit; where it is not, a grid of exposures is looked through.
     """
     camera = problem.camera
-    aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     t_best, cost = best_exposure_s(problem)
-    lower = smooth_least_visit_s(problem, level, cost)
-    frames = _candidates(np.where(np.isfinite(lower), lower, 0.0), t_best + camera.readout_s)
-    possible = np.isfinite(lower)
-    shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s, camera.exposure_min_s)
-    wide = problem.spread(frames.shape)
-    low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
-    low = np.where(frames > 1.0, low, shortest)
-    high, aims = (spread(part, frames.shape) for part in (longest, np.where(possible, aim, 1.0)))
-    start, top, least = bracketed(wide, _over_aim, low, high, frames, aims)
-    hidden = possible & (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
-    if hidden.any():
-        part = wide.at(hidden), _over_aim, low[hidden], high[hidden], frames[hidden], aims[hidden]
-        top[hidden], least[hidden] = lowest(*part, coarse=False)
-    feasible = possible & (least <= 1.0 + _ROUNDING)
-    t = first_root(wide, _over_aim, start, top, feasible, frames, aims)
+    given = None if callable(level) else spread(np.asarray(level, float), problem.signal_e_s.shape)
+    if given is not None:
+        about_s = smooth_least_visit_s(problem, given, cost)
+    assert about_s is not None
+    possible = np.isfinite(about_s)
+    lower = np.where(possible, about_s, 0.0)
+    frames = _candidates(lower, t_best + camera.readout_s)
+    wide, shape, lower = problem.spread(frames.shape), frames.shape, lower * (1.0 - 1e-9)
+    own = None if given is None else spread(np.where(possible, given, 1.0), shape)
+    wanted = level if own is None else own
+    longest = spread(np.maximum(problem.longest_s, camera.exposure_min_s), shape)
+    low = np.clip(lower / frames - camera.readout_s, camera.exposure_min_s, longest)
+    low = np.where(frames > 1.0, low, camera.exposure_min_s)
+    possible = possible & (frames * (longest + camera.readout_s) >= lower)
+
+    def over(exposure_s: FloatArray) -> FloatArray:
+        return _over_level(wide, exposure_s.reshape(shape), frames, wanted)
+
+    start = top = low
+    reached = over(low) <= 1.0 + _ROUNDING
+    for factor in _LONGER:
+        left = possible & ~reached
+        if not left.any():
+            break
+        start, top = np.where(left, top, start), np.where(left, np.minimum(low * factor, longest), top)
+        reached |= left & (over(top) <= 1.0 + _ROUNDING)
+    left = possible & ~reached
+    if own is not None and left.any():
+        part, n, aim = wide.at(left), frames[left], own[left]
+        start[left], high, least = bracketed(part, _over_level, low[left], longest[left], n, aim)
+        near = (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
+        if near.any():
+            ends = low[left][near], longest[left][near]
+            high[near], least[near] = lowest(part.at(near), _over_level, *ends, n[near], aim[near], coarse=False)
+        top[left], reached[left] = high, least <= 1.0 + _ROUNDING
+    reached &= possible
+
+    def value(_: Any, exposure_s: FloatArray) -> FloatArray:
+        return np.where(reached, over(exposure_s), 1.0).ravel()
+
+    top = np.maximum(top, start * (1.0 + 1e-9)).ravel()
+    t = first_root(AllCases(), value, start.ravel(), top, np.ones(top.size, bool)).reshape(shape)
     visit = frames * (t + camera.readout_s)
-    return _pick(problem, t, frames, np.where(feasible, visit, np.inf), wide.inverse_snr2(t, frames))
+    return _pick(problem, t, frames, np.where(reached, visit, np.inf), wide.inverse_snr2(t, frames))
 
 
 def smooth_least_visit_s(

@@ -11,12 +11,24 @@ be two minima: one where reading is beaten, one at the largest gain.
 import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, Keyed, NDArray, Reason, Status, digest_of, file_state
+from cpic_core import (
+    ArrayLike,
+    FloatArray,
+    InputError,
+    IntArray,
+    Keyed,
+    NDArray,
+    Reason,
+    Record,
+    Status,
+    digest_of,
+    file_state,
+)
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import LibraryNoise, Strategy
 from simulator.camera import aperture_loss_per_s
@@ -35,8 +47,7 @@ _STEP = 1e-4
 _BISECTIONS = 45
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrameCamera(Wells):
+class FrameCamera(Wells, kw_only=True):
     """Noise, limits and times of one frame; electrons at the register input unless said.
 
     Attributes
@@ -135,8 +146,7 @@ class FrameCamera(Wells):
         )
 
 
-@dataclass(frozen=True, eq=False)
-class GainTable:
+class GainTable(Record, eq=False):
     """Logarithms of the best gains for logarithms of ``B / A``.
 
     ``near`` is the first minimum of the variance, ``far`` the largest gain where that has less, else ``near``;
@@ -259,8 +269,7 @@ def _always(value: float) -> FloatArray:
 _ONE, _ZERO, _ENDLESS = (_always(value) for value in (1.0, 0.0, np.inf))
 
 
-@dataclass(frozen=True, eq=False)
-class Programme(CaseArrays):
+class Programme(CaseArrays, Record, eq=False):
     """Visits of one star that are reduced together; arrays that broadcast with the cases.
 
     Attributes
@@ -392,8 +401,7 @@ def effective_visits(visits: ArrayLike, reference_visits: ArrayLike) -> FloatArr
     return np.asarray((science + reference) ** 2 / (2.0 * (science**3 + reference**3)))
 
 
-@dataclass(frozen=True, eq=False)
-class EtcModel:
+class EtcModel(Record, eq=False):
     """Instrument, its one passband quadrature and one set of PSF metrics per band."""
 
     instrument: Instrument

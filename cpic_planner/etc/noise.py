@@ -8,12 +8,11 @@ frames depend on it, weakly. Questions go from one to the other until both stand
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, Record, checked_array, checked_scalar
 from cpic_planner.etc.model import ONE_VISIT, EtcModel, FrameCamera, Programme
 from cpic_planner.etc.photon_counting import counted_terms, counting_probabilities
 from cpic_planner.etc.rates import ApertureRates
@@ -29,8 +28,7 @@ PLAIN = Strategy()
 _LIGHT = ("halo", "companion", "sky", "exozodi", "dark")
 
 
-@dataclass(frozen=True)
-class StackNoise:
+class StackNoise(Record):
     """Signal and noise of the summed stack of all visits, in input-referred electrons.
 
     ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet. ``terms``

@@ -7,11 +7,10 @@ Proc. SPIE 11443). Here the probability of a count is that of the exact law of t
 
 import functools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, checked_array, checked_scalar, special
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Record, checked_array, checked_scalar, special
 from cpic_planner.etc.model import FrameCamera
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import CaseArrays
@@ -35,8 +34,7 @@ _LEAST_SLOPE = 1e-7
 _N_MEANS = 500  # where the line touches is of no weight
 
 
-@dataclass(frozen=True, eq=False)
-class CountingLaw:
+class CountingLaw(Record, eq=False):
     """Probability that a pixel counts, for a register, a read noise and a threshold.
 
     Attributes
@@ -189,8 +187,7 @@ def counting_variance(mean_e: ArrayLike, law: CountingLaw) -> FloatArray:
     return np.asarray(np.where((mean <= MAX_MEAN_E) & (slope > _LEAST_SLOPE), variance, np.inf))
 
 
-@dataclass(frozen=True)
-class CountingLight(CaseArrays):
+class CountingLight(CaseArrays, Record):
     """Light per pixel in the aperture and how often it enters the variance.
 
     ``planet_e_s`` and ``quiet_e_s``, everything else, count in ``science_pixels``; ``quiet_e_s`` alone in

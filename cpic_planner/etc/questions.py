@@ -6,12 +6,11 @@ number is chosen for every case (`cpic_planner.etc.cases`), and frames are whole
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Reason, Status
+from cpic_core import FloatArray, InputError, NDArray, Reason, Record, Status
 from cpic_planner.etc import budget
 from cpic_planner.etc.cases import (
     Cases,
@@ -63,8 +62,7 @@ _CHANGES = ("without_speckles", "common", "without_background", "without_motion"
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 
 
-@dataclass(frozen=True, eq=False)
-class _Answers(Solution):
+class _Answers(Solution, eq=False):
     """Frames that answer a question in bands of one camera; they become answers, planets within stars within bands.
 
     Attributes
@@ -599,8 +597,7 @@ def times_of(question: "EtcQuestion | ConfirmQuestion", model: EtcModel, band: s
     return {"time_s": (question.strategy.visits or 1) * visit_time_s, "visit_time_s": visit_time_s, "exact": True}
 
 
-@dataclass(frozen=True)
-class _Limit:
+class _Limit(Record):
     """Contrasts at which the best frames in a time reach the level (``inf`` where none does), and those frames.
 
     ``visit_s`` is the length of visits that pays, ``longest_s`` what the time allows.

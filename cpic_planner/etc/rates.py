@@ -13,13 +13,12 @@ the scatter of the planet's own aperture is least there.
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Record
 from cpic_planner.etc.model import EtcModel, check_range
 from cpic_planner.etc.searches import CaseArrays
 from cpic_planner.queries import ReferencePlanet
@@ -140,6 +139,8 @@ def neighbours(model: EtcModel, targets: Targets, band: str) -> Neighbours:
     else:
         known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
         row = np.flatnonzero(known & (targets.companions != "off"))
+        if not row.size:
+            return Neighbours(row, *np.zeros((3, 0)))
         near = targets.select(row)
         light = star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
         found = Neighbours(row, near.companion_separation_arcsec, near.companion_pa_deg, light)
@@ -222,8 +223,7 @@ EVERY_ANGLE_DEG = tuple(np.arange(36) * 10.0 + 2.5)
 """Position angles over which the light of a companion is averaged whose own is not known."""
 
 
-@dataclass(frozen=True)
-class ApertureRates(CaseArrays):
+class ApertureRates(CaseArrays, Record):
     """Rates inside one aperture; all arrays broadcast against each other.
 
     Attributes
@@ -812,8 +812,7 @@ def diagonal_pa_deg(model: EtcModel, target: Targets, band: str) -> float:
     return float(pa)
 
 
-@dataclass(frozen=True)
-class Planets:
+class Planets(Record):
     """Planets of a question: projected separations, with a model each or a given contrast each."""
 
     separation_arcsec: FloatArray

@@ -115,6 +115,14 @@ class _Selectable(Protocol):
 Problem = TypeVar("Problem", bound=_Selectable)
 
 
+class AllCases:
+    """Cases that are never looked at apart."""
+
+    def at(self, _: Any) -> Self:
+        """Return all of them."""
+        return self
+
+
 def lowest(
     problem: Problem,
     function: Callable[..., FloatArray],

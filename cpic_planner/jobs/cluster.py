@@ -38,6 +38,7 @@ from cpic_core import (
     ClusterError,
     Fingerprint,
     InputError,
+    Record,
     differing_words,
     fingerprint,
     numeric_context,
@@ -64,8 +65,7 @@ class ForeignWorkerError(ClusterError):
     """A worker has other code, data or libraries than the client."""
 
 
-@dataclass(frozen=True)
-class Introduced:
+class Introduced(Record):
     """The words in which a worker introduces itself."""
 
     version: str

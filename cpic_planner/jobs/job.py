@@ -37,6 +37,7 @@ from pydantic import BaseModel
 from cpic_core import (
     Advance,
     InputError,
+    Record,
     compute_once,
     digest_of,
     dump_json,
@@ -45,8 +46,8 @@ from cpic_core import (
     promise_of,
     untold,
 )
+from cpic_planner import results
 from cpic_planner.jobs.folder import LIST_NAME, RunFolder, check_run_folder, open_run_folder
-from cpic_planner.results import FingerprintRecord, RunRecord
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
@@ -219,8 +220,7 @@ def pace() -> float:
 R = TypeVar("R", bound=BaseModel)
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
+class Task(Record, eq=False):
     """One independent piece of work.
 
     Attributes
@@ -241,8 +241,7 @@ class Task:
     steps: int = 1
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(Record):
     """Expected cost of a job.
 
     Attributes
@@ -281,8 +280,7 @@ class Cost:
         return {**self.counts, "cpu_s": cpu_s, "wall_s": wall_s, "memory_mb": memory_mb, "disk_mb": self.disk_mb}
 
 
-@dataclass(frozen=True, eq=False)
-class Job(Generic[R]):
+class Job(Record, Generic[R], eq=False):
     """Long work of one kind; `run` runs it, `estimate` says what it costs.
 
     Attributes
@@ -511,7 +509,7 @@ def run(
         folder.write(job.result_name, dump_json(runner.result.model_dump(mode="json")))
         job.write(folder, runner.result, runner.bodies)
         others = [other for other in folder.fingerprints if other != folder.fingerprint]
-        record = RunRecord.of(
+        record = results.RunRecord.of(
             runner,
             command=command or [],
             config_hash=job.digest,
@@ -521,7 +519,7 @@ def run(
             host=host(),
             versions=versions(),
             fingerprint=folder.fingerprint,
-            software=FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
+            software=results.FingerprintRecord.of(fingerprint(), processor=list(fingerprint().processor)),
             other_fingerprints=others,
             promise=promise_of(folder.fingerprint, *others),
             list_sha256=digest_of(folder.path / LIST_NAME),

@@ -3,7 +3,7 @@
 import functools
 import hashlib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from catalogs import (
     stability_limit,
     velocity_limit,
 )
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, Record
 from cpic_planner.planets.masses import MJUP_IN_MSUN, catalogue_masses_msun, catalogue_name, least_mass
 from cpic_planner.queries import EXCLUSIONS
 
@@ -28,8 +28,7 @@ _UNKNOWN_MJUP = 1e6
 _POLES = 64
 
 
-@dataclass(frozen=True, eq=False)
-class StarLimits:
+class StarLimits(Record, eq=False):
     """The limits that are known of ``n`` stars; made by `of`.
 
     Attributes

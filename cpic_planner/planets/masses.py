@@ -108,25 +108,18 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
 
 def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:
     """Return the masses of stars in the embedded catalogue, solar masses, shape ``(n,)``; nan where there is none."""
-    listed = [catalogue_name(name) for name in names]
-    # Published parameters change masses, not names: they are not read for stars that no catalogue holds.
-    masses = _masses() if any(listed) else {}
-    return np.array([np.nan if name is None else masses[name] for name in listed], float)
+    masses = _masses()
+    return np.array([masses.get(catalogue_name(name) or "", np.nan) for name in names], float)
 
 
 def catalogue_name(name: str) -> str | None:
     """Return the name in the embedded catalogue of the star that has some name; None for a star that is not in it."""
-    return name if name in _names() else _names_by_key().get(star_key(name))
-
-
-@functools.cache
-def _names() -> frozenset[str]:
-    return frozenset(load_stars(updates=False).column("name").tolist())
+    return name if name in _masses() else _names_by_key().get(star_key(name))
 
 
 @functools.cache
 def _names_by_key() -> dict[str, str]:
-    return {star_key(name): name for name in _names()}
+    return {star_key(name): name for name in _masses()}
 
 
 @functools.cache

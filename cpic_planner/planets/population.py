@@ -6,7 +6,6 @@ Each quantity is drawn through the quantile function of its law. Draws have Kepl
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, cast, get_args
 
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from catalogs import ECCENTRICITY_MAX, ORBIT, OrbitPlaces, orbit_places
-from cpic_core import ArrayLike, FloatArray, InputError, IntArray, check_whole, faults_by_line, special, stream
+from cpic_core import ArrayLike, FloatArray, InputError, IntArray, Record, check_whole, faults_by_line, special, stream
 from cpic_planner.planets.allowed import StarLimits
 from cpic_planner.planets.masses import least_mass
 from cpic_planner.queries import EXCLUSIONS, ReferencePlanet
@@ -557,8 +556,7 @@ def _laid_over(base: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class OrbitingPlanets:
+class OrbitingPlanets(Record, eq=False, kw_only=True):
     """Planets on Kepler orbits, arrays of one shape; what every draw of planets has.
 
     Attributes
@@ -598,8 +596,7 @@ class OrbitingPlanets:
         return orbit_places(*[*elements, anomaly + 360.0 * np.asarray(days, float) / period_days])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Planets(OrbitingPlanets):
+class Planets(OrbitingPlanets, eq=False, kw_only=True):
     """Drawn planets, arrays of one length.
 
     Attributes
@@ -692,8 +689,7 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
     )
 
 
-@dataclass(frozen=True)
-class PopulationChoice:
+class PopulationChoice(Record):
     """A population, how many planets are drawn of it, the seed, and which knowledge of the stars excludes planets."""
 
     config: PopulationConfig

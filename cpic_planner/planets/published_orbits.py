@@ -9,12 +9,12 @@ where they are prograde.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from catalogs import ORBIT, KnownPlanetTable, OrbitPlaces, orbit_places
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, check_finite, special, stream
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, Record, check_finite, special, stream
 from cpic_planner.planets.masses import MJUP_IN_MSUN, STAR_MJUP, catalogue_masses_msun, radius_from_mass
 from cpic_planner.planets.motion import aperture_track, in_range
 from cpic_planner.planets.population import Isotropic, Law, OrbitingPlanets, Planets, chosen_entry, load_population
@@ -231,8 +231,7 @@ _MOST_ECCENTRICITY = 0.99
 _WIDTHS = (0.7, 0.23, 0.23, 0.44, 0.44, np.pi / np.sqrt(3.0))
 
 
-@dataclass(frozen=True, eq=False)
-class OrbitQuality:
+class OrbitQuality(Record, eq=False):
     """The 1-sigma errors of orbits after some epochs; arrays of one length. Made by `orbit_quality`.
 
     Attributes
@@ -307,8 +306,7 @@ def astrometric_error_arcsec(
     return np.asarray(np.hypot(width / (light * np.sqrt(aperture_track().roughness)), 1e-3 * floor))
 
 
-@dataclass(frozen=True, eq=False)
-class OrbitInformation:
+class OrbitInformation(Record, eq=False):
     """Fisher matrices of orbits, which add with further positions; made by `orbit_information`.
 
     Attributes
@@ -546,8 +544,7 @@ _AT_ONCE = 100_000
 """Draws times dates whose places are held at a time."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class KnownDraws(OrbitingPlanets):
+class KnownDraws(OrbitingPlanets, eq=False, kw_only=True):
     """Draws of known planets, arrays of shape ``(n_rows, n_draws)``.
 
     Attributes
@@ -564,8 +561,7 @@ class KnownDraws(OrbitingPlanets):
     period_days: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Ephemeris:
+class Ephemeris(Record, eq=False):
     """The places of one planet, arrays over the dates; quantiles are 16, 50 and 84 %, shape ``(3, n_dates)``.
 
     Attributes
@@ -845,8 +841,7 @@ _LEAST = 1e-4
 """Least error of an element: no position asks for less, and matrices stay regular."""
 
 
-@dataclass(frozen=True, eq=False)
-class PublishedOrbit:
+class PublishedOrbit(Record, eq=False):
     """Second moments of a published orbit. Made by `published_orbit`.
 
     Attributes

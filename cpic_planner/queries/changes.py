@@ -20,14 +20,13 @@ predictions keep the nominal instrument.
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
-from cpic_core import InputError, converted, is_file, load_mapping, number_and_unit, parse_yaml, units_like
+from cpic_core import InputError, Record, converted, is_file, load_mapping, number_and_unit, parse_yaml, units_like
 from cpic_planner.queries.question import Parts, advice, asked, asked_changes, children, matching, put, sections
 from simulator import config
 
@@ -38,8 +37,7 @@ if TYPE_CHECKING:
 _FACTOR = re.compile(r"[x*×]\s*([-+.\d].*)")
 
 
-@dataclass(frozen=True)
-class Written:
+class Written(Record):
     """A value as it was written.
 
     Attributes

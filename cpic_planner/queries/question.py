@@ -12,7 +12,7 @@ import re
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeGuard, Union, get_args, get_origin
@@ -21,15 +21,14 @@ from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from cpic_core import InputError, files_read, load_mapping
+from cpic_core import InputError, Record, files_read, load_mapping
 from simulator import config
 
 Meaning = tuple[str, str]
 """A field, and the value of it with which another field has a meaning."""
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(Record):
     """The metadata of a field of a question beside its type, range and default.
 
     Attributes
@@ -132,8 +131,7 @@ def asked_of(info: FieldInfo) -> Asked | None:
     return info.json_schema_extra if isinstance(info.json_schema_extra, Asked) else None
 
 
-@dataclass(frozen=True)
-class Option:
+class Option(Record):
     """One option of a command.
 
     Attributes
@@ -175,11 +173,16 @@ class Option:
         return "__".join(self.path)
 
 
-def options_of(model: type[config.FrozenModel], above: tuple[str, ...] = ()) -> Iterator[Option]:
-    """Yield the options of a question, those of models inside it in the place of these.
+@functools.cache
+def options_of(model: type[config.FrozenModel]) -> tuple[Option, ...]:
+    """Return the options of a question, those of models inside it in the place of these.
 
     What a question itself declares comes before what it shares with others, and what decides no number comes last.
     """
+    return tuple(_below_of(model, ()))
+
+
+def _below_of(model: type[config.FrozenModel], above: tuple[str, ...]) -> Iterator[Option]:
     for name in sorted(model.model_fields, key=functools.partial(_distance, model)):
         info = model.model_fields[name]
         own = asked_of(info)
@@ -187,9 +190,9 @@ def options_of(model: type[config.FrozenModel], above: tuple[str, ...] = ()) -> 
             continue
         inner = None if own.option else group_of(info)
         if own.parts is not None:
-            yield from (replace(item, parts=own.parts) for item in options_of(own.parts, (*above, name)))
+            yield from (replace(item, parts=own.parts) for item in _below_of(own.parts, (*above, name)))
         elif inner is not None:
-            yield from options_of(inner, (*above, name))
+            yield from _below_of(inner, (*above, name))
         else:
             yield _option(name, info, own, above)
 

@@ -7,14 +7,13 @@ that a ranking may be under: laws of the numbers that are inferred or assumed, a
 import inspect
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from cpic_core import FloatArray, InputError, faults_by_line, is_file, read_text, stream, unguarded
+from cpic_core import FloatArray, InputError, Record, faults_by_line, is_file, read_text, stream, unguarded
 from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, load_population, read_law
 from cpic_planner.queries import shared
 from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
@@ -146,8 +145,7 @@ def _read(source: Mapping[str, Any] | str | Path | None) -> Ensemble:
     return config.validate(Ensemble, tree, where="ensemble")
 
 
-@dataclass(frozen=True)
-class EnsembleChoice:
+class EnsembleChoice(Record):
     """An ensemble, how many instruments are drawn, and the seed of the draws."""
 
     ensemble: Ensemble

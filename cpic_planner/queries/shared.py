@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
@@ -19,7 +18,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import Catalogue, checked_table_name, load_stars
-from cpic_core import FloatArray, InputError, Registry, digest_of, is_file
+from cpic_core import FloatArray, InputError, Record, Registry, digest_of, is_file
 from cpic_planner import registry
 from cpic_planner.jobs import check_address
 from cpic_planner.queries.changes import SkyParts, read_instrument
@@ -125,8 +124,7 @@ class ReferenceStar(FrozenModel):
 Visits = TypeVar("Visits", int, FloatArray)
 
 
-@dataclass(frozen=True)
-class LibraryNoise:
+class LibraryNoise(Record):
     """Noise of reference frames once their star is scaled to that of the science frames.
 
     Attributes

@@ -10,17 +10,20 @@ little; they are made whole at the chosen place.
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import field, fields, replace
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Status
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner import etc
+from cpic_planner.etc.searches import last_true
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
+from cpic_planner.results.base import ProgrammeColumns
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_factor2
 from simulator.signal import ProgrammeLaw, SpeckleLaw, frame_limit, programme_parts
@@ -31,13 +34,13 @@ VISITS = etc.whole_steps(MAX_VISITS, 24)
 _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
-_ROUNDS, _NEWTON_STEPS, _BISECTIONS = 8, 3, 14
-_LEAST_FACTOR = 1e-4
+_ROUNDS, _NEWTON_STEPS, _BITS = 8, 3, 14
+_LEAST_FACTOR, _CLOSE_FACTOR, _SAME = 1e-4, 0.1, 1e-10
 _RUNAWAY = 0.02
+_TOGETHER = 80_000  # programmes that are worked out at once: they stay in the cache
 
 
-@dataclass(frozen=True)
-class Outlook(etc.CaseArrays):
+class Outlook(etc.CaseArrays, Record):
     """The numbers that decide programmes at places of stars: ``(n, k, 1)`` or ``(1, k, 1)``; programmes come last.
 
     Made by `Places.outlook`.
@@ -57,13 +60,17 @@ class Outlook(etc.CaseArrays):
     shortest_s : ndarray
         Length of one such frame, readout included.
     crossed, light : ProgrammeLaw
-        Residual over signal squared: cross term with the static field, and light of the wavefront's errors.
+        Residual in units of the star's light: cross term with the static field, and light of the wavefront's errors.
+    star : ndarray
+        Square of the star's light over that of the planet.
     wings : ndarray
         Wings of a companion that the references do not share, over signal squared.
     searched : bool
         Whether the level is a threshold, which the law of detections raises.
     motion : OrbitSearch, optional
         What the search pays for the motion of planets; nothing without.
+    drift2 : ndarray
+        Square of a factor on the drift, its walk and what is common included.
     """
 
     model: etc.EtcModel
@@ -75,9 +82,11 @@ class Outlook(etc.CaseArrays):
     shortest_s: FloatArray
     crossed: ProgrammeLaw
     light: ProgrammeLaw
+    star: FloatArray
     wings: FloatArray
     searched: bool
     motion: OrbitSearch | None = None
+    drift2: FloatArray = field(default_factory=lambda: np.ones(()))
 
     def select(self, stars: Any) -> Self:
         """Return the outlook of some of the stars."""
@@ -85,16 +94,14 @@ class Outlook(etc.CaseArrays):
 
     def picked(self, stars: IntArray, columns: IntArray) -> Self:
         """Return some of the places of some stars; parameters as of `picked`."""
-        shape = np.broadcast_shapes(self.level.shape, self.white.shape)[:2]
-        return self._combined(lambda part: picked(part, shape, stars, columns))
+        return self._combined(lambda part: picked(part, self.white.shape[:2], stars, columns))
 
     def drifting(self, factor: ArrayLike) -> Self:
         """Return the same with a drift that is ``factor`` times as large, its walk and what is common included."""
         k2 = np.asarray(factor, float) ** 2
         with np.errstate(invalid="ignore"):
             less = np.where(np.isfinite(self.errors), self.errors * (1.0 - k2), 0.0)
-        crossed, light = self.crossed.scaled(k2), self.light.scaled(k2**2)
-        return replace(self, white=self.white - less, errors=self.errors * k2, crossed=crossed, light=light)
+        return replace(self, white=self.white - less, errors=self.errors * k2, drift2=self.drift2 * k2)
 
     def at_rest(self) -> Self:
         """Return the same for planets that stand still."""
@@ -102,7 +109,7 @@ class Outlook(etc.CaseArrays):
 
     def without_speckles(self) -> Self:
         """Return the same with a wavefront that does not drift, and without a companion's wings."""
-        return replace(self.drifting(0.0), wings=np.zeros_like(self.wings))
+        return replace(self.drifting(0.0), wings=np.zeros((1, 1, 1)))
 
     @property
     def visits(self) -> FloatArray:
@@ -110,11 +117,16 @@ class Outlook(etc.CaseArrays):
         given = self.model.strategy.visits
         return VISITS if given is None else np.array([float(given)])
 
-    def _laws(self, programme: etc.Programme) -> tuple[SpeckleLaw, SpeckleLaw]:
-        """Return the residual of programmes without wings of companions, and the errors' light that visits average."""
-        light = programme.law(self.light.averaging())
-        parts = programme.law(self.crossed), light, self.light.common
-        return SpeckleLaw(*(one + two + three for one, two, three in zip(*parts, strict=True))), light
+    def planned(self, visits: FloatArray, visit_s: FloatArray) -> "_Planned":
+        """Return programmes of so many visits, spaced as visits of that length are; arrays as of `cost`."""
+        programme, known = programme_of(self.model, visits, visit_s), self.model.strategy.search == "known_place"
+        laws, polynomials = (self.crossed, self.light, self.light.averaging()), np.zeros((1, 1))
+        if self.searched:
+            law, where = etc.band_law(self.model, self.band), (self.separation_arcsec, programme.effective(self.light))
+            polynomials = law.polynomials(*where, at_place=known)
+            polynomials[0, 0] += np.where(np.isfinite(self.level), 0.0, np.inf)
+        crossed, light, averaged = map(programme.law, laws)
+        return _Planned(self, programme, crossed, light, averaged, np.moveaxis(polynomials, (0, 1), (-2, -1)))
 
     def cost(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the level over the SNR of programmes, at most 1 where it is reached.
@@ -124,57 +136,33 @@ class Outlook(etc.CaseArrays):
         visits, visit_s : ndarray
             Number and length of the science visits; broadcast, programmes along the last axis.
         """
-        noise, level = self._noise(visits, visit_s)
-        with np.errstate(invalid="ignore"):
-            value = np.sqrt(noise) * level
-        return np.where(np.isfinite(value) & (visit_s > 0.0), value, np.inf)
+        return self.planned(visits, visit_s).cost(visit_s)
 
     def wanted(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the level that a search asks for of programmes; parameters as of `cost`."""
-        return self._noise(visits, visit_s)[1]
-
-    def _noise(self, visits: FloatArray, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
-        programme = programme_of(self.model, visits, visit_s)
-        whole, light = self._laws(programme)
+        planned = self.planned(visits, visit_s)
+        speckles, light = planned.speckles(visit_s)
         with np.errstate(divide="ignore", invalid="ignore"):
-            speckles = whole.variance(visit_s) + self.wings
-            noise = self.white / (visits * visit_s) + speckles
-            return noise, self._wanted(programme, visit_s, speckles / noise, light.variance(visit_s) / speckles)
+            return planned.wanted(visit_s, speckles / (self.white / (visits * visit_s) + speckles), light)
 
-    def _wanted(
-        self, programme: etc.Programme, visit_s: FloatArray, speckled: FloatArray, light: FloatArray
-    ) -> FloatArray:
-        """Return the level that a search asks for of such visits; shares as of `cpic_planner.etc.needed_margin`."""
-        if not self.searched:
-            return self.level
-        effective = programme.effective(self.light)
-        place = self.separation_arcsec
-        needed = etc.needed_margin(self.model, self.band, place, speckled, light, effective, self.level)
-        level = self.level * needed
-        return level if self.motion is None else level * etc.motion_factor(self.model, self.motion, programme, visit_s)
-
-    def in_time(self, time_s: float, visits: FloatArray | None = None) -> list[FloatArray]:
+    def in_time(self, time_s: float | FloatArray, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
 
         Parameters
         ----------
-        time_s : float
+        time_s : float or ndarray
+            One number, or of every star, ``(n, 1, 1)``.
         visits : ndarray, optional
             Numbers of visits to choose from, along the last axis.
         """
         many = self.visits if visits is None else visits
         visit = self.model.visit_s(time_s / many)
-        if self.model.strategy.visits is not None or many.shape[-1] == 1:
+        if self.model.strategy.visits is not None:
             many, visit = np.broadcast_arrays(many, visit * _SHORTER)  # where a shorter visit is better
         cost = self.cost(many, visit)
-        possible = (many == 1.0) | (visit >= self.shortest_s) | (self.model.strategy.visits is not None)
-        return _least(np.where(possible, cost, np.inf), many, visit)
-
-    def finely_in_time(self, time_s: float) -> list[FloatArray]:
-        """Return what `in_time` does, with numbers of visits between those of `VISITS` too."""
-        found = self.in_time(time_s)
-        return found if self.model.strategy.visits is not None else self.in_time(time_s, nearby(found[1]))
+        if self.model.strategy.visits is None:
+            cost = np.where((many == 1.0) | (visit >= self.shortest_s), cost, np.inf)
+        return _least(cost, many, visit)
 
     def for_level(self, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return the least wall time that reaches the level, and number and length of the visits; arrays ``(n, k)``.
@@ -196,14 +184,14 @@ class Outlook(etc.CaseArrays):
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            wanted = self._wanted(programme_of(self.model, visits, np.ones(1)), np.ones(1), np.zeros(1), np.zeros(1))
-            v = self.white / visits * wanted**2
+            planned, shortest = self.planned(visits, np.ones(1)), np.ones(1)
+            v = self.white / visits * planned.wanted(shortest, np.zeros(1), np.zeros(1)) ** 2
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
             left = np.arange(len(v))
             for _ in range(_ROUNDS):
                 many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
-                closer = self.select(left)._closer_s(many, v[left])
-                moved = np.any(closer != v[left], axis=(1, 2))
+                closer = planned.select(left).closer_s(many, v[left])
+                moved = np.any(closer > v[left] * (1.0 + _SAME), axis=(1, 2))
                 v[left] = closer
                 left = left[moved]  # the others stay as they are
             v = np.where(v < _ENDLESS_S[-1], v, np.inf)
@@ -211,18 +199,6 @@ class Outlook(etc.CaseArrays):
             if self.motion is not None:
                 v = np.where(self.cost(visits, v) <= 1.0 + _RUNAWAY, v, np.inf)
         return v
-
-    def _closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
-        """Return lengths of visits that are closer to those of `_shortest_visit_s` than ``v`` is; not below them."""
-        programme = programme_of(self.model, visits, np.where(np.isfinite(v), v, 1.0))
-        (whole, light), white = self._laws(programme), self.white / visits
-        speckles = whole.variance(v) + self.wings
-        aim = 1.0 / self._wanted(programme, v, speckles / (white / v + speckles), light.variance(v) / speckles) ** 2
-        for _ in range(_NEWTON_STEPS):
-            slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
-            excess = white / v + whole.variance(v) + self.wings - aim
-            v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
-        return np.where(~np.isfinite(self.white) | (aim <= whole.k0 + self.wings), np.inf, v)
 
     def fewest(self, visit_s: FloatArray) -> FloatArray:
         """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.
@@ -232,17 +208,19 @@ class Outlook(etc.CaseArrays):
         visit_s : ndarray, shape (n,)
             For one place of each star.
         """
-        low, high = np.zeros(len(visit_s)), np.full(len(visit_s), float(MAX_VISITS))
 
-        def reached(visits: FloatArray) -> BoolArray:
-            return self.cost(visits[:, None, None], visit_s[:, None, None])[:, 0, 0] <= 1.0
+        def reached(visits: FloatArray, some: Any) -> BoolArray:
+            return self.select(some).cost(visits[:, None, None], visit_s[some, None, None])[:, 0, 0] <= 1.0
 
-        possible = reached(high)
+        fewest = np.full(len(visit_s), np.nan)
+        some = np.flatnonzero(reached(np.full(len(visit_s), float(MAX_VISITS)), slice(None)))
+        low, high = np.zeros(len(some)), np.full(len(some), float(MAX_VISITS))
         while np.any(high - low > 1.0):
             middle = np.floor(0.5 * (low + high))
-            good = reached(np.maximum(middle, 1.0))
+            good = reached(np.maximum(middle, 1.0), some)
             low, high = np.where(good, low, middle), np.where(good, middle, high)
-        return np.where(possible, high, np.nan)
+        fewest[some] = high
+        return fewest
 
     def endless(self) -> FloatArray:
         """Return the least cost of any number of visits of any length, ``(n, k)``, of planets that stand still."""
@@ -251,12 +229,116 @@ class Outlook(etc.CaseArrays):
     def drift_factor(self, time_s: float) -> FloatArray:
         """Return the largest factor on the drift with which a star's planet is detected, ``(n,)``; NaN where none.
 
+        The programme that needs least at a factor goes farthest alone; at that factor another one may need less.
+
         Parameters
         ----------
         time_s : float
             Wall time.
         """
-        return _largest(lambda k: self.drifting(k[:, None, None]).in_time(time_s)[0].min(axis=1), len(self.white))
+        every, factor = np.arange(len(self.white)), np.full(len(self.white), _CLOSE_FACTOR)
+        while True:
+            cost, *programme = self.drifting(factor[:, None, None]).in_time(time_s)
+            place = np.argmin(cost, axis=1)[:, None]
+            visits, visit_s = (np.take_along_axis(part, place, axis=1)[..., None] for part in programme)
+            found = self.picked(every, place).planned(visits, visit_s).most_drift(visit_s)
+            last, factor = factor, np.where(np.isnan(found), _LEAST_FACTOR, found)
+            if np.array_equal(factor, last):
+                return np.where(np.isnan(found), np.nan, factor)
+
+
+class _Planned(etc.CaseArrays, Record):
+    """Programmes at the places of an outlook: their residual in units of the star's light, and what a search asks for.
+
+    ``averaged`` is the part of ``light`` that visits average; the last axes of ``polynomials`` are the first ones of
+    `cpic_planner.etc.detection_law.half_of`.
+    """
+
+    outlook: Outlook
+    programme: etc.Programme
+    crossed: SpeckleLaw
+    light: SpeckleLaw
+    averaged: SpeckleLaw
+    polynomials: FloatArray
+
+    def most_drift(self, visit_s: FloatArray) -> FloatArray:
+        """Return the largest factor below 1 on the drift that leaves costs of at most 1, ``(n,)``; NaN where none does.
+
+        Parameters
+        ----------
+        visit_s : ndarray, shape (n, 1, 1)
+            Of one programme for each star.
+        """
+        least = math.log(_LEAST_FACTOR)
+
+        def reached(share: FloatArray) -> BoolArray:
+            factor = np.exp(least * (1.0 - np.moveaxis(share, 0, -1)[:, None]))
+            costs = replace(self, outlook=self.outlook.drifting(factor)).cost(visit_s)
+            return np.moveaxis(costs[:, 0], -1, 0) <= 1.0
+
+        some = reached(np.zeros((1, len(visit_s))))[0]
+        share = last_true(reached, (len(visit_s),), _BITS)
+        return np.where(some, np.exp(least * (1.0 - share)), np.nan)
+
+    @property
+    def whole(self) -> SpeckleLaw:
+        """All of the residual but wings of companions."""
+        k2 = self.outlook.drift2
+        return SpeckleLaw(
+            *(one + two for one, two in zip(self.crossed.scaled(k2), self.light.scaled(k2**2), strict=True))
+        )
+
+    def select(self, stars: Any) -> Self:
+        """Return the programmes of some of the stars."""
+        return self._combined(lambda part: part[stars] if part.ndim > 2 and len(part) > 1 else part)
+
+    def speckles(self, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the residual over signal squared, and the share in it of the errors' light."""
+        of, whole = self.outlook, self.whole.variance(visit_s)
+        light = of.drift2**2 * self.averaged.variance(visit_s)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if not of.wings.any():  # the share is the same for all stars
+                return of.star * whole, light / whole
+            speckles = of.star * whole + of.wings
+            return speckles, of.star * light / speckles
+
+    def wanted(self, visit_s: FloatArray, speckled: FloatArray, light: FloatArray) -> FloatArray:
+        """Return the level that has to be reached in such visits; shares as of `cpic_planner.etc.needed_margin`."""
+        of = self.outlook
+        if not of.searched:
+            return of.level
+        half = etc.half_of(np.moveaxis(self.polynomials, (-2, -1), (0, 1)), speckled, light)
+        return half if of.motion is None else half * etc.motion_factor(of.model, of.motion, self.programme, visit_s)
+
+    def closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
+        """Return lengths of visits that are closer to those that reach the level than ``v`` is; not below them."""
+        of, plan = self.outlook, self
+        if of.light.correlation_time_h > 0.0:  # visits remember each other as they are spaced
+            plan = of.planned(visits, np.where(np.isfinite(v), v, 1.0))
+        speckles, lit = plan.speckles(v)
+        white, whole = of.white / visits, plan.whole.scaled(of.star)
+        aim = 1.0 / plan.wanted(v, speckles / (white / v + speckles), lit) ** 2
+        for _ in range(_NEWTON_STEPS):
+            slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
+            excess = white / v + whole.variance(v) + of.wings - aim
+            v = np.where(excess > 0.0, np.where(slope > 0.0, v + excess / slope, np.inf), v)
+        return np.where(~np.isfinite(of.white) | (aim <= whole.k0 + of.wings), np.inf, v)
+
+    def cost(self, visit_s: FloatArray) -> FloatArray:
+        """Return what `Outlook.cost` does; stars beside a companion apart, whose light is another share for each."""
+        of = self.outlook
+        shape = np.broadcast_shapes(*(part.shape for part in (of.white, of.level, self.programme.visits, visit_s)))
+        winged = np.broadcast_to(of.wings.any(axis=(1, 2)), shape[0])
+        found, step = np.empty(shape), max(_TOGETHER * shape[0] // math.prod(shape), 1)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stars in (np.flatnonzero(winged), np.flatnonzero(~winged)):
+                for some in (stars[start : start + step] for start in range(0, len(stars), step)):
+                    mine = self.select(some)
+                    length_s = visit_s[some] if visit_s.ndim > 2 and len(visit_s) > 1 else visit_s
+                    speckles, light = mine.speckles(length_s)
+                    noise = mine.outlook.white / (mine.programme.visits * length_s) + speckles
+                    found[some] = np.sqrt(noise) * mine.wanted(length_s, speckles / noise, light)
+        return np.fmin(found, np.inf)
 
 
 def picked(part: FloatArray, shape: tuple[int, ...], stars: IntArray, columns: IntArray) -> FloatArray:
@@ -314,25 +396,14 @@ def _least(value: FloatArray, *others: FloatArray) -> list[FloatArray]:
     return [np.take_along_axis(part, best, axis=-1)[..., 0] for part in taken]
 
 
-def _largest(cost: Callable[[FloatArray], FloatArray], n: int) -> FloatArray:
-    """Return the largest factor below 1 at which costs that grow with it are at most 1; NaN where that is at none."""
-    low, high = np.full(n, np.log(_LEAST_FACTOR)), np.zeros(n)
-    reached = cost(np.exp(low)) <= 1.0
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        good = cost(np.exp(middle)) <= 1.0
-        low, high = np.where(good, middle, low), np.where(good, high, middle)
-    return np.where(reached, np.exp(low), np.nan)
-
-
+_OF_PLACES = ("level", "separation_arcsec", "white", "errors", "shortest_s", "crossed", "light", "star", "wings")
 _CHANGES = ("without_motion", "without_speckles", "without_background")
 _REQUIRED = ("required_visits", "required_drift_factor", "required_contrast_factor")
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class Places(etc.CaseArrays):
-    """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
+class Places(etc.CaseArrays, Record):
+    """Stars x separations; ``separation_arcsec`` and ``threshold`` are ``(1 or n, k)``, the others ``(n, k)``."""
 
     model: etc.EtcModel
     band: str
@@ -351,13 +422,10 @@ class Places(etc.CaseArrays):
         camera, strategy = self.model.camera(self.band), self.model.strategy
         return etc.frame_problem(self.rates, camera, strategy, objective=objective, programme=programme)
 
-    def outlook(self, snr: float | None = None, *, dark: bool = False) -> Outlook:
-        """Return what decides programmes for an SNR, or for a detection; ``dark``: with no background."""
+    def outlook(self, problem: etc.FrameProblem, snr: float | None = None) -> Outlook:
+        """Return what decides programmes for an SNR, or for a detection, by the problem of one visit."""
         model, rates, strategy, searched = self.model, self.rates, self.model.strategy, snr is None
-        problem = self.problem("significance" if searched else "snr")
         camera = problem.camera
-        if dark:
-            problem = etc.without_background(problem, etc.own_noise(rates, camera))
         exposure_s, white = etc.best_exposure_s(problem)
         place, shared = self.separation_arcsec, (strategy.annulus_lambda_d, strategy.reference_ratio, model.timing)
         parts = programme_parts(model.metrics[self.band], model.instrument.drift, place, *shared)
@@ -373,13 +441,11 @@ class Places(etc.CaseArrays):
             excess = noise_factor2(np.array(camera.em_gain_max), stages) if stages else 1.0
             errors = excess * scattered / rates.planet_e_s**2 * (1.0 + camera.readout_s / exposure_s)
             errors = np.fmin(np.fmin(errors, white * scattered / problem.alpha_e_s), white)
-        level = self.threshold if snr is None else np.full(self.contrast.shape, snr)
-        columns = level, place, white, errors, exposure_s + camera.readout_s, parts, of_star, wings
-        level, place, white, errors, frame_s, parts, of_star, wings = etc.mapped(lambda part: part[..., None], columns)
-        crossed, light = (part.scaled(of_star) for part in parts)
+        level = self.threshold if snr is None else np.full((1, 1), snr)
+        columns = level, place, white, errors, exposure_s + camera.readout_s, *parts, of_star, wings
+        made = zip(_OF_PLACES, etc.mapped(lambda part: part[..., None], columns), strict=True)
         motion = etc.mapped(lambda part: part[..., None], self.motion) if searched else None
-        found = level, place, white, errors, frame_s, crossed, light, wings
-        return Outlook(model, self.band, *found, searched, motion)
+        return Outlook(model, self.band, **dict(made), searched=searched, motion=motion)
 
     def noise(self, choice: etc.FrameChoice, programme: etc.Programme) -> etc.StackNoise:
         """Return the noise of chosen frames, those of all visits together."""
@@ -401,8 +467,7 @@ class Places(etc.CaseArrays):
         return at_rest * etc.motion_factor(model, self.motion, programme, choice.visit_s)
 
 
-@dataclass(frozen=True)
-class OptimalSetting:
+class OptimalSetting(Record):
     """Best setting of each target; arrays of ``n`` stars.
 
     ``visits`` of ``frames_per_visit`` frames are reduced together with ``reference_visits`` reference visits;
@@ -556,73 +621,70 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-def setting_fields(
-    model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
-) -> dict[str, Any]:
-    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
+def setting_columns(model: etc.EtcModel, best: OptimalSetting) -> SimpleNamespace:
+    """Return what rows say of stars' best settings: frames, and whether they detect the reference planet; NaN for null.
 
     Parameters
     ----------
     model : EtcModel
     best : OptimalSetting
-    i : int
-        Number of the star.
-    standing : tuple
-        Its status and reason, of `detection_statuses`.
-    limited_by : str
-        What limits it, of `limits_of`.
     """
-    return {
-        "status": standing[0].value,
-        "reason": standing[1].value,
-        "verdict": etc.verdict_of(standing[0], detected=True),
-        "verdict_mode": model.strategy.search,
-        "detection_probability": finite(best.chance_blind[i]),
-        "detection_probability_known_place": finite(best.chance_known_place[i]),
-        "detection_margin": float(best.margin[i]),
-        "limited_by": limited_by,
-        **etc.programme_fields(model, vars(best), i),
-        "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
-        "required_drift_factor": finite(best.required_drift_factor[i]),
-        "required_contrast_factor": finite(best.required_contrast_factor[i]),
-    }
+    standings = detection_statuses(best, model)
+    status, reason = (objects([word.value for word in words]) for words in zip(*standings, strict=True))
+    some = best.n_frames >= 1
+    names = (name for name in ProgrammeColumns.model_fields if hasattr(best, name))
+    columns = {name: np.where(some, getattr(best, name), np.nan) for name in names}
+    span_days = etc.programme_days(model, *(np.where(some, columns[name], 1.0) for name in ("visits", "time_s")))
+    return SimpleNamespace(
+        **columns,
+        integration_s=columns["n_frames"] * columns["exposure_s"],
+        span_days=np.where(some, span_days, np.nan),
+        status=status,
+        reason=reason,
+        verdict=objects([etc.verdict_of(standing[0], detected=True) for standing in standings]),
+        verdict_mode=np.full(len(status), model.strategy.search),
+        detection_probability=best.chance_blind,
+        detection_probability_known_place=best.chance_known_place,
+        detection_margin=best.margin,
+        limited_by=objects(limits_of(standings, best)),
+    )
+
+
+def objects(cells: Sequence[Any]) -> NDArray[np.object_]:
+    """Return a column of texts or other objects."""
+    found = np.empty(len(cells), object)
+    found[:] = cells
+    return found
 
 
 QUICK, CALM, FAINT = 10.0, 0.1, 10.0
 """Most time over that given, and least factor on the drift, of tier 2; most factor on the planet's light of tier 3."""
 
 
-def tier_of(setting: Mapping[str, Any], required_time_s: float | None, time_s: float) -> int:
-    """Return the tier of a star's priority, 1 to 4, by what its reference planet lacks.
+def tiers_of(setting: SimpleNamespace, best: OptimalSetting, required_time_s: FloatArray, time_s: float) -> IntArray:
+    """Return the tiers of stars' priorities, 1 to 4, by what their reference planets lack.
 
     1: it is detected in the given time. 2: it would be in at most `QUICK` times the time, or with at least `CALM` times
     the drift, one of the two changed alone. 3: a planet at most `FAINT` times as bright there would be. 4: the others.
 
     Parameters
     ----------
-    setting : mapping
-        Of `setting_fields`.
-    required_time_s : float or None
-        Least wall time that detects it.
+    setting : SimpleNamespace
+        Of `setting_columns`.
+    best : OptimalSetting
+    required_time_s : ndarray
+        Least wall time that detects it; NaN for none.
     time_s : float
         Given wall time.
     """
-    if setting["verdict"] == "detected":
-        return 1
-    drift, contrast = setting["required_drift_factor"], setting["required_contrast_factor"]
-    if (required_time_s or math.inf) <= QUICK * time_s or (drift or 0.0) >= CALM:
-        return 2
-    return 3 if (contrast or math.inf) <= FAINT else 4
-
-
-def finite(value: float) -> float | None:
-    """Return a number as results hold it: null for one that is not finite."""
-    return float(value) if math.isfinite(value) else None
+    near = (required_time_s <= QUICK * time_s) | (best.required_drift_factor >= CALM)
+    return np.select([setting.verdict == "detected", near, best.required_contrast_factor <= FAINT], [1, 2, 3], 4)
 
 
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _LEVEL_ROUNDS, _SECANTS = 40, 8
 STRIDE = 5
+_ANCHORS, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 1e8, 0.1
 
 
 def optimise(
@@ -685,8 +747,11 @@ def optimise(
         return best_of([best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names])
     if snr is not None:
         etc.check_range("snr", snr, 1e-6, 1e6, "")
-    searches = (_Search(model, targets, band, body, separation_arcsec, snr) for band in names)
-    return best_of([search.best(*_least_programmes(search)) for search in searches], by_time=True)
+    searches, every = (
+        (Search(model, targets, band, body, separation_arcsec, snr) for band in names),
+        np.arange(len(targets)),
+    )
+    return best_of([search.best(*search.least_programmes(every)) for search in searches], by_time=True)
 
 
 def best_in_band(
@@ -704,64 +769,34 @@ def best_in_band(
     ``brief``: neither what limits a planet that is not detected nor what would detect it, and of a blind search no
     chance at a known place.
     """
-    search = _Search(model, targets, band, planet, separation_arcsec)
-    # The best place depends on the number of visits: both are chosen together.
-    every = np.arange(len(targets))
-    best, outlook = search.lowest(
-        every, lambda outlook: outlook.in_time(time_s), lambda outlook, visits: outlook.in_time(time_s, visits)
-    )
-    chosen = search.places.picked(every, best)
-    visits, visit = outlook.finely_in_time(time_s)[1:]
-    programme = programme_of(model, visits, visit)
-    choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
-    return search.best(chosen, outlook, choice, programme, time_s, brief=brief)
+    return Search(model, targets, band, planet, separation_arcsec).in_time(time_s, brief=brief)
 
 
-def _least_programmes(
-    search: "_Search",
-) -> tuple[Places, Outlook, etc.FrameChoice, etc.Programme]:
-    """Return the places, frames and programmes of least time for an SNR or a detection, and what decided them."""
-    model, every = search.model, np.arange(len(search.targets))
-    best, outlook = search.lowest(every, Outlook.for_level, Outlook.for_level)
-    chosen = search.places.picked(every, best)
-    visits, visit = outlook.for_level()[1:]
-    if model.strategy.visits is not None:
-        programme, choice = _least_frames(chosen, outlook, visits, visit, search.snr)
-        return chosen, outlook, choice, programme
-    visits, visit = outlook.for_level(nearby(visits))[1:]
-    # Where visits are of few frames, those of one visit alone can be quicker.
-    visits = np.stack((visits, np.ones_like(visits)))
-    programme, choice = _least_frames(chosen, outlook, visits, visit, search.snr)
-    both = programme.spread(visits.shape)
-    time_s = np.where(choice.n_frames > 0, visits * model.time_s(choice.visit_s), np.inf)
-    better = time_s[1] < time_s[0]
-    return chosen, outlook, choice.at(1).where(better, choice.at(0)), both.at(1).where(better, both.at(0))
-
-
-def quickest(model: etc.EtcModel, targets: Targets, planet: ReferencePlanet, bands: Sequence[str]) -> FloatArray:
+def quickest(searches: Sequence["Search"], stars: IntArray) -> FloatArray:
     """Return the least wall times of a detection and the visits of that, ``(2, n)``; NaN where there is none.
 
     They are those of `optimise` with ``detect``, of which nothing else is worked out.
 
     Parameters
     ----------
-    model : EtcModel
-    targets : Targets
-        ``n`` stars.
-    planet : ReferencePlanet
-    bands : sequence of str
+    searches : sequence of Search
+        Of the bands.
+    stars : ndarray of int, shape (n,)
     """
-    time_s, visits = np.full((2, len(bands), len(targets)), np.inf)
-    beyond = model.passbands.albedo_flags(albedo_source(planet.albedo))
-    for i, band in enumerate(bands):
-        _, _, choice, programme = _least_programmes(_Search(model, targets, band, planet, None))
-        made = np.where(choice.n_frames > 0, programme.visits, np.nan)
-        time_s[i] = np.nan_to_num(made * model.time_s(choice.visit_s), nan=np.inf)[:, 0]
-        visits[i] = made[:, 0]
-    last = ~np.isfinite(time_s) | np.array([[beyond[model.passbands.index(band)]] for band in bands], bool)
-    pick = np.lexsort((time_s, last), axis=0)[:1]
-    best, many = (np.take_along_axis(part, pick, axis=0)[0] for part in (time_s, visits))
-    return np.where(np.isfinite(best), (best, many), np.nan)
+    least = np.full((2, len(stars)), np.nan)
+    # A band is looked into where it may be quicker than those before it; one without data of the albedo comes last.
+    for search in sorted(searches, key=lambda item: item.extrapolated):
+        known_s = np.where(np.isfinite(least[0]), least[0], np.inf)
+        left = np.isinf(known_s)
+        if not search.extrapolated:
+            bound = search.coarse(stars).in_time(np.where(left, 1.0, known_s)[:, None, None])[0].min(axis=1)
+            left |= bound < math.exp(_UNSURE)
+        if left.any():
+            _, _, choice, programme = search.least_programmes(stars[left])
+            time_s = np.where(choice.n_frames > 0, programme.visits * search.model.time_s(choice.visit_s), np.inf)[:, 0]
+            quicker = time_s < known_s[left]
+            least[:, np.flatnonzero(left)[quicker]] = time_s[quicker], programme.visits[quicker, 0]
+    return least
 
 
 def _least_frames(
@@ -806,15 +841,14 @@ def _least_frames(
     return programme, choice
 
 
-@dataclass(frozen=True)
-class _Search:
+class Search(Record):
     """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
 
     model: etc.EtcModel
     targets: Targets
     band: str
     planet: ReferencePlanet
-    separation_arcsec: float | None
+    separation_arcsec: float | None = None
     snr: float | None = None
 
     @property
@@ -830,6 +864,12 @@ class _Search:
             return Reason.NONE
         return etc.place_status(self.model, self.band, self.separation_arcsec)[1]
 
+    @property
+    def extrapolated(self) -> bool:
+        """Whether the planet's albedo is beyond its data in the band."""
+        flags = self.model.passbands.albedo_flags(albedo_source(self.planet.albedo))
+        return bool(flags[self.model.passbands.index(self.band)])
+
     @functools.cached_property
     def places(self) -> Places:
         """Rates and contrasts of all stars at every separation."""
@@ -837,65 +877,152 @@ class _Search:
         x, y = etc.planet_offsets(model, self.targets, band, place)
         contrast = etc.reference_contrast(model, self.targets, band, place, self.planet)
         elements = model.metrics[band].resolution_elements(place)
-        threshold = np.broadcast_to(etc.threshold_array(elements, model.strategy.sigma), contrast.shape)
+        threshold = etc.threshold_array(elements, model.strategy.sigma)
         rates = etc.aperture_rates(model, self.targets, band, x, y, contrast)
         blind, everywhere = model.strategy.search == "blind", np.broadcast_to(place, contrast.shape)
         motion = etc.search_motion(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
-    def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False) -> Outlook:
-        """Return what decides programmes of some stars at some separations; ``dark``: with no background."""
-        return self.places.picked(stars, columns).outlook(self.snr, dark=dark)
+    @functools.cached_property
+    def _exposures(self) -> dict[bool, FloatArray]:
+        """Exposures of most SNR per time of all stars and places, with a background and without; NaN: not known yet."""
+        return {dark: np.full(self.places.contrast.shape, np.nan) for dark in (False, True)}
+
+    def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False, about: bool = False) -> Outlook:
+        """Return what decides programmes of some stars at some separations.
+
+        Parameters
+        ----------
+        stars : ndarray of int, shape (n,)
+        columns : ndarray of int, shape (n, k) or (1, k)
+            Separations of each of those stars, ascending.
+        dark : bool
+            With no background.
+        about : bool
+            Exposures are looked for at a few of the separations alone, and are about right between them.
+        """
+        places, known = self.places.picked(stars, columns), self._exposures[dark]
+        problem = places.problem("significance" if self.snr is None else "snr")
+        if dark:
+            problem = etc.without_background(problem, etc.own_noise(places.rates, problem.camera))
+        every = np.broadcast_to(columns, problem.signal_e_s.shape)
+        some = np.zeros(every.shape, bool)
+        some[:, _ANCHORS * (every.shape[1] - 1) // _ANCHORS[-1] if about else slice(None)] = True
+        new = some & np.isnan(known[stars[:, None], every])
+        if new.any():
+            exposure_s = etc.best_exposure_s(problem.at(new))[0]
+            known[np.broadcast_to(stars[:, None], every.shape)[new], every[new]] = exposure_s
+        best_s = known[stars[:, None], every]
+        if about:
+            anchors = np.flatnonzero(some[0])
+            where = np.interp(np.arange(every.shape[1]), anchors, np.arange(len(anchors)))
+            low = np.minimum(where.astype(int), max(len(anchors) - 2, 0))
+            high = np.minimum(low + 1, len(anchors) - 1)
+            logs = np.log(best_s[:, anchors])
+            between = logs[:, low] + (where - low) * (logs[:, high] - logs[:, low])
+            best_s = np.where(np.isnan(best_s), np.minimum(np.exp(between), problem.longest_s), best_s)
+        return places.outlook(replace(problem, best_s=best_s), self.snr)
 
     @functools.cached_property
-    def coarse(self) -> Outlook:
-        """The outlook of all stars on the coarse grid."""
-        return self.outlook(np.arange(len(self.targets)), np.arange(0, len(self.grid), STRIDE)[None, :])
+    def rough(self) -> Outlook:
+        """The outlook of all stars at every separation, of exposures that are about right."""
+        return self.outlook(np.arange(len(self.targets)), np.arange(len(self.grid))[None, :], about=True)
+
+    def coarse(self, stars: IntArray) -> Outlook:
+        """Return the rough outlook at every few separations."""
+        return self.rough.picked(stars, np.arange(0, len(self.grid), STRIDE)[None, :])
 
     @functools.cached_property
     def endless(self) -> FloatArray:
         """Least level over SNR that any programme has at the separations of the coarse grid, ``(n,)``."""
-        return np.asarray(self.coarse.endless().min(axis=1))
+        return np.asarray(self.coarse(np.arange(len(self.targets))).endless().min(axis=1))
 
     def lowest(
         self,
         stars: IntArray,
-        cost: Callable[[Outlook], list[FloatArray]],
-        finer: Callable[[Outlook, FloatArray], list[FloatArray]] | None = None,
+        rough: Sequence[FloatArray],
+        cost: Callable[[Outlook, FloatArray | None], list[FloatArray]],
         *,
         dark: bool = False,
-    ) -> tuple[IntArray, Outlook]:
-        """Return which separation is of least cost for some stars, ``(n, 1)``: the middle one where there is no answer.
+    ) -> tuple[IntArray, Outlook, list[FloatArray]]:
+        """Return which separation is of least cost for some stars, ``(n, 1)``, the outlook there, and its cost.
 
-        And the outlook there. Between the points of the coarse grid ``finer`` looks at all numbers of visits near the
-        best ones there.
+        Parameters
+        ----------
+        stars : ndarray of int, shape (n,)
+        rough : sequence of ndarray, shape (n, k)
+            About what the cost is at every separation, and numbers of visits; the middle one counts where there is no
+            answer. From the least, the search goes on to neighbours that are better.
+        cost : callable
+            Returns least cost, visits and their length of an outlook; of whole numbers of visits near those that are
+            best, where they are chosen.
+        dark : bool
+            With no background.
         """
-        n = len(self.grid)
-        steps = np.arange(0, n, STRIDE)[None, :]
-        coarse = self.outlook(stars, steps, dark=True) if dark else self.coarse.picked(stars, steps // STRIDE)
-        if n == 1:
-            return np.zeros((len(stars), 1), int), coarse
-        rough, visits = cost(coarse)[:2]
-        column = np.argmin(rough, axis=1)
-        middle = column * STRIDE
-        middle = np.where(np.isfinite(rough).any(axis=1), middle, n // 2)
-        around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, n - 1)
-        fine = self.outlook(stars, around, dark=dark)
-        if finer is None or self.model.strategy.visits is not None:
-            close = cost(fine)[0]
-        else:
-            close = finer(fine, nearby(np.take_along_axis(visits, column[:, None], axis=1)))[0]
-        best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)[:, None]
-        found = fine.picked(np.arange(len(stars)), best)
-        return np.take_along_axis(around, best, axis=1), found
+        n, free, every = len(self.grid), self.model.strategy.visits is None, np.arange(len(stars))
+        value, visits = rough[:2]
+        column = np.where(np.isfinite(value).any(axis=1), np.argmin(value, axis=1), n // 2)
+        found, left = np.empty((3, len(stars), 1)), every
+        while left.size:
+            around = np.clip(column[left, None] + ([-1, 0, 1] if n > 1 else [0]), 0, n - 1)
+            many = nearby(visits[left[:, None], around]) if free else None
+            close = cost(self.outlook(stars[left], around, dark=dark), many)
+            best = np.argmin(close[0], axis=1) if n > 1 else np.zeros(len(left), int)
+            best = np.where(np.isfinite(close[0]).any(axis=1), best, around.shape[1] // 2)[:, None]
+            found[:, left] = [np.take_along_axis(part, best, axis=1) for part in close]
+            last, column[left] = column[left], np.take_along_axis(around, best, axis=1)[:, 0]
+            left = left[column[left] != last]
+        return column[:, None], self.outlook(stars, column[:, None], dark=dark), list(found)
+
+    def in_time(self, time_s: float, *, brief: bool) -> OptimalSetting:
+        """Return the best separation, visits and frames of each star within a time; see `best_in_band`."""
+        every = np.arange(len(self.targets))
+        # The best place depends on the number of visits: both are chosen together.
+        rough = self.rough.in_time(time_s)
+        best, outlook, (_, visits, visit) = self.lowest(every, rough, lambda item, many: item.in_time(time_s, many))
+        chosen, programme = self.places.picked(every, best), programme_of(self.model, visits, visit)
+        choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
+        return self.best(chosen, outlook, choice, programme, time_s, brief=brief)
+
+    def least_programmes(self, stars: IntArray) -> tuple[Places, Outlook, etc.FrameChoice, etc.Programme]:
+        """Return places, frames and programmes of least time for an SNR or a detection of some stars."""
+        least_s = self.coarse(stars).for_level()[0].min(axis=1)
+        least_s = np.where(np.isfinite(least_s), least_s, _HOPELESS_S)[:, None, None]
+        rough = self.rough.select(stars).in_time(least_s)
+        best, outlook, (_, visits, visit) = self.lowest(stars, rough, Outlook.for_level)
+        chosen = self.places.picked(stars, best)
+        if self.model.strategy.visits is not None:
+            programme, choice = _least_frames(chosen, outlook, visits, visit, self.snr)
+            return chosen, outlook, choice, programme
+        # Where visits are of few frames, those of one visit alone can be quicker.
+        visits = np.stack((visits, np.ones_like(visits)))
+        programme, choice = _least_frames(chosen, outlook, visits, visit, self.snr)
+        both = programme.spread(visits.shape)
+        time_s = np.where(choice.n_frames > 0, visits * self.model.time_s(choice.visit_s), np.inf)
+        better = time_s[1] < time_s[0]
+        return chosen, outlook, choice.at(1).where(better, choice.at(0)), both.at(1).where(better, both.at(0))
 
     def _changed(
-        self, stars: BoolArray, change: Callable[[Outlook], list[FloatArray]], *, dark: bool = False
+        self, stars: BoolArray, change: Callable[[Outlook], Outlook], time_s: float, *, dark: bool = False
     ) -> FloatArray:
-        """Return the least cost of some stars under a change, at its best separation; infinite for the others."""
+        """Return about the least cost of some stars under a change; infinite for the others.
+
+        Where it may be either side of 1, it is that of the best separation.
+        """
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
-            found[some] = change(self.lowest(some, change, dark=dark)[1])[0][:, 0]
+            if dark:
+                outlook = self.outlook(some, np.arange(len(self.grid))[None, :], dark=True, about=True)
+            else:
+                outlook = self.rough.select(some)
+            rough = change(outlook).in_time(time_s)
+            found[some] = rough[0].min(axis=1)
+            close = np.abs(np.log(found[some])) < _UNSURE
+            if close.any():
+                rough = [part[close] for part in rough]
+                found[some[close]] = self.lowest(
+                    some[close], rough, lambda item, many: change(item).in_time(time_s, many), dark=dark
+                )[2][0][:, 0]
         return found
 
     def best(
@@ -930,7 +1057,6 @@ class _Search:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
 
         setting = etc.programme_columns(model, chosen.rates, chosen.motion, programme, choice, time_s, time_s)
-        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
         place, visits = chosen.separation_arcsec, programme.effective(chosen.rates.speckle)
         known = not brief or model.strategy.search == "known_place"
         chances = etc.visit_chances(
@@ -962,7 +1088,7 @@ class _Search:
             peak_hole_e_s=column(chosen.rates.peak_in_hole_e_s),
             tail_e_s=column(chosen.rates.register_tail_e_s),
             core_throughput=column(chosen.rates.core),
-            extrapolated=np.full(n, bool(beyond)),
+            extrapolated=np.full(n, self.extrapolated),
             outside=np.full(n, refused.value),
             inherited=np.broadcast_to(inherited, (n, 1))[:, 0].copy(),
         )
@@ -980,9 +1106,9 @@ class _Search:
         fewest[lost] = outlook.select(lost).fewest(column(choice.visit_s)[lost])
         contrast = np.where(lost, column(needed) / np.maximum(column(margin), 1e-300), np.nan)
         few = lost & (self.endless <= 1.0)
-        still = self._changed(few & near, lambda item: item.at_rest().in_time(time_s)) <= 1.0
-        calm = self._changed(lost & near, lambda item: item.without_speckles().in_time(time_s)) <= 1.0
-        dark = self._changed(few, lambda item: item.in_time(time_s), dark=True) <= 1.0
+        still = self._changed(few & near, Outlook.at_rest, time_s) <= 1.0
+        calm = self._changed(lost & near, Outlook.without_speckles, time_s) <= 1.0
+        dark = self._changed(few, lambda item: item, time_s, dark=True) <= 1.0
         if calm.any():
             every_place = np.arange(len(fine))[None, :]
             factor[calm] = self.outlook(np.flatnonzero(calm), every_place).drift_factor(time_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import zip_longest
 from operator import itemgetter
 from pathlib import Path
@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Status, write_named
+from cpic_core import FloatArray, InputError, Record, Status, write_named
 from cpic_planner import etc, results
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
-from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.words import MISSING, significant
 from cpic_planner.results import EtcAnswer, EtcResult
 from cpic_planner.targets import Targets
@@ -90,8 +89,11 @@ def etc_blocks(
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
         yield from _budget_blocks(row, explain)
-    more = [] if look is None else lacking_lines({look.planet: look.flags}, look.columns_not_used)
-    yield from doc.notes(*flag_lines(result.answers, result.note), *(f"! {text}" for text in more))
+    yield from doc.notes(*flag_lines(result.answers, result.note))
+    if look is not None:
+        from cpic_planner.report.known import lacking_lines
+
+        yield from doc.notes(*(f"! {text}" for text in lacking_lines({look.planet: look.flags}, look.columns_not_used)))
     yield from _checked_blocks(result)
 
 
@@ -464,8 +466,7 @@ N_TIMES, N_PLACES = 90, 25
 TIME_SPAN = (1.0 / 300.0, 30.0)
 
 
-@dataclass(frozen=True)
-class TimeCurve:
+class TimeCurve(Record):
     """SNR and significance of one planet in one band against the wall time of as many visits; NaN without a frame.
 
     ``point`` holds time, SNR and significance of the answer, if there is one.
@@ -479,8 +480,7 @@ class TimeCurve:
     point: tuple[float, float, float] | None
 
 
-@dataclass(frozen=True)
-class SeparationCurve:
+class SeparationCurve(Record):
     """Contrast limit in one band against separation; NaN where there is none. ``planets``: separation and contrast."""
 
     label: str
@@ -489,8 +489,7 @@ class SeparationCurve:
     planets: tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True)
-class EtcCurves:
+class EtcCurves(Record):
     """The contents of a figure of an answer; ``limit_time_s`` is the time of the limits, ``limit_level`` the level."""
 
     times: tuple[TimeCurve, ...]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
-from cpic_core import Registry
+from cpic_core import Record, Registry
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.report import document as doc, words
@@ -364,8 +363,7 @@ _WORDS = (
 """Terms of the glossary that this report uses."""
 
 
-@dataclass(frozen=True)
-class ConfirmReport:
+class ConfirmReport(Record):
     """The contents of the report of a confirmed scene.
 
     Attributes

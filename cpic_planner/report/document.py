@@ -11,10 +11,10 @@ from __future__ import annotations
 import re
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Generic, Literal, TypeAlias, TypeVar, Union
 
-from cpic_core import Registry, visible
+from cpic_core import Record, Registry, visible
 from cpic_planner import results
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.words import LIMITED_BY, MISSING, STATUS_SYMBOLS, VERDICTS, formatted, status_text
@@ -23,8 +23,7 @@ from cpic_planner.results import Column, Result
 D = TypeVar("D")
 
 
-@dataclass(frozen=True)
-class Mark:
+class Mark(Record):
     """Text with a meaning: a badge of a status, code, a unit or aside, something important, a link, a line's end."""
 
     kind: Literal["badge", "code", "small", "strong", "link", "page", "sub", "break"]
@@ -92,23 +91,20 @@ def plain(text: Inline) -> str:
     return said
 
 
-@dataclass(frozen=True)
-class Paragraph:
+class Paragraph(Record):
     """Text; ``look`` is ``lead``, ``note``, ``altered`` or, of lines that are copied and do not wrap, ``whole``."""
 
     text: Inline
     look: str = ""
 
 
-@dataclass(frozen=True)
-class Heading:
+class Heading(Record):
     """A heading inside a section."""
 
     text: Inline
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(Record):
     """A table: what it is called, its columns, and what they are of, one a row.
 
     Attributes
@@ -140,8 +136,7 @@ class Table:
     legend: bool = False
 
 
-@dataclass(frozen=True)
-class Figure:
+class Figure(Record):
     """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``.
 
     ``panels`` are what it shows, as JSON, where the page itself holds that (`cpic_planner.report.plotted`).
@@ -155,23 +150,20 @@ class Figure:
     panels: str = ""
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(Record):
     """Terms and what there is to say of them; ``wide`` ones take a line each."""
 
     items: Sequence[tuple[Inline, Inline]]
     wide: bool = True
 
 
-@dataclass(frozen=True)
-class Items:
+class Items(Record):
     """A list."""
 
     texts: Sequence[Inline]
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(Record):
     """Blocks that belong together, under a heading with an anchor."""
 
     anchor: str
@@ -179,8 +171,7 @@ class Group:
     blocks: Sequence[Block]
 
 
-@dataclass(frozen=True)
-class Fold:
+class Fold(Record):
     """Blocks that show when asked for, with an anchor where something leads to them."""
 
     summary: str
@@ -472,8 +463,7 @@ def _verdict(kind: type[Result], of: Callable[[Any], Any]) -> Column:
 _SHARED = {"frames": _frames, "status": _verdict}
 
 
-@dataclass(frozen=True)
-class Section(Generic[D]):
+class Section(Record, Generic[D]):
     """One entry of a page: anchor, title, and what it shows of the page's data; nothing where it is left out."""
 
     name: str
@@ -504,8 +494,7 @@ def section_of(
     return registered
 
 
-@dataclass(frozen=True)
-class Document:
+class Document(Record):
     """A report: title of the window, heading, what it is, its summary, and its sections as (anchor, title, blocks).
 
     ``opening`` is the heading of the summary.

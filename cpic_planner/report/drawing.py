@@ -8,13 +8,12 @@ import functools
 import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
-from cpic_core import visible
+from cpic_core import Record, visible
 from cpic_planner.report import words
 
 if TYPE_CHECKING:
@@ -85,8 +84,7 @@ def _settings() -> Any:
         return rc_params_from_file(file, use_default_template=False)
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(Record):
     """A finished figure: image as a data URI, text for those who cannot see it, caption, and natural width."""
 
     uri: str

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Record
 from cpic_planner import results
 from cpic_planner.report import drawing, words
 from cpic_planner.report.drawing import WIDTH_INCHES, Look, Picture, literal, new_figure, style, with_style
@@ -47,8 +47,7 @@ def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tu
     return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))
 
 
-@dataclass(frozen=True)
-class Mark:
+class Mark(Record):
     """A place that is marked on the images: a planet, a star of the scene, or what a blind search names.
 
     Attributes
@@ -67,8 +66,7 @@ class Mark:
     label: str = ""
 
 
-@dataclass(frozen=True)
-class Panels:
+class Panels(Record):
     """Images of one band: summed science stack, summed reference stack, residual after subtraction.
 
     Attributes

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
 
 from catalogs import data_credits
-from cpic_core import Registry, listed
+from cpic_core import Record, Registry, listed
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES
 from cpic_planner.registry import SCORES
@@ -469,8 +468,7 @@ def panel_pictures(plan: PlanResult, panels: Mapping[str, Panels]) -> dict[str, 
     }
 
 
-@dataclass(frozen=True)
-class PlanReport:
+class PlanReport(Record):
     """The contents of the report of a plan.
 
     Attributes

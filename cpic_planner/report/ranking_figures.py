@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cpic_core import ArrayLike, NDArray
+from cpic_core import ArrayLike, NDArray, Record
 from cpic_planner import results
 from cpic_planner.registry import SCORES, Score
 from cpic_planner.report import drawing, words
@@ -238,8 +237,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = ()) -> Picture:
 _LINE_STYLES = ("-", "--", "-.", ":")
 
 
-@dataclass(frozen=True)
-class LimitCurve:
+class LimitCurve(Record):
     """Contrast limit against separation; NaN where there is none.
 
     Attributes
@@ -255,8 +253,7 @@ class LimitCurve:
     contrast: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class HoleEdges:
+class HoleEdges(Record):
     """Separations of the inner and outer corner of a band's dark hole on the diagonal of a quadrant."""
 
     band: str

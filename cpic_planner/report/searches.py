@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpic_core import Registry
+from cpic_core import Record, Registry
 from cpic_planner import results
 from cpic_planner.jobs import RunFolder
 from cpic_planner.queries import LIBRARIES
@@ -351,8 +350,7 @@ ROC_PRODUCTS = ("roc.csv", "report.html")
 _WORDS = "contrast; significance; threshold; speckle floor; blind search; separation; dark hole; core throughput; RDI"
 
 
-@dataclass(frozen=True)
-class SearchedReport:
+class SearchedReport(Record):
     """Searches and their pictures, by the keys of `curve_pictures` or `roc_pictures`; ``full``: show every level."""
 
     result: Any

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from cpic_core import listed
+from cpic_core import Record, listed
 from cpic_planner import results
 from cpic_planner.report import document as doc, words
 from cpic_planner.report.words import count_text, counted, shortened
@@ -26,8 +25,7 @@ _OPTION = {"stars": "--catalog", "planets": "--known-planets"}
 _COARSER = ("wavelength_nodes", "pixel_nodes", "precision", "drift_epochs", "pupil_samples")
 
 
-@dataclass(frozen=True)
-class EffectRow:
+class EffectRow(Record):
     """One effect in several image sets.
 
     Attributes

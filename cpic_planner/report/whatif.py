@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
 from catalogs import PLANET_CREDITS, data_credits, split_source
-from cpic_core import Registry
+from cpic_core import Record, Registry
 from cpic_planner import results
 from cpic_planner.queries import LIBRARIES, with_unit
 from cpic_planner.report import document as doc, words
@@ -458,8 +458,7 @@ _WORDS = "contrast; SNR; significance; threshold; blind search; separation; dark
 """Terms of the glossary that this report uses."""
 
 
-@dataclass(frozen=True)
-class WhatIfReport:
+class WhatIfReport(Record):
     """The contents of the report of a comparison: the result, and figures by the keys of `WHATIF_FIGURES`.
 
     ``chosen`` are the strategies that tables show, all where it is empty.

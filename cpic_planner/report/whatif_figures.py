@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from cpic_core import Record
 from cpic_planner import results
 from cpic_planner.report import drawing
 from cpic_planner.report.drawing import BAND_STYLE, Look, Picture, literal, with_style
@@ -30,8 +30,7 @@ _LABEL_LENGTH = 34
 _DASHED: Look = {"color": "#111111", "lw": 1.1, "ls": "--", "zorder": 1}
 
 
-@dataclass(frozen=True)
-class Sweep:
+class Sweep(Record):
     """Strategies that differ by the values of keys, as ``--vary`` names them.
 
     Attributes

@@ -1,11 +1,11 @@
 """The calendar of a survey: when each star can be seen, and what a visit costs of the telescope's time."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from cpic_core import FloatArray, IntArray
+from cpic_core import FloatArray, IntArray, Record
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits, UniverseConfig
@@ -19,8 +19,7 @@ _MEAN_SLEW_DEG = 60.0
 _HOUR_S = 3600.0
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
+class Sight(Record, eq=False):
     """A star as the telescope sees it in some times, arrays of any shape: what telescope time is counted by.
 
     Attributes
@@ -94,8 +93,7 @@ def settle_h(pointing: VisibilityConfig, period_s: float) -> float:
     return (float(slew_s(_MEAN_SLEW_DEG, pointing)) + pointing.thermal_settle_orbits * period_s) / _HOUR_S
 
 
-@dataclass(frozen=True, eq=False)
-class Calendar:
+class Calendar(Record, eq=False):
     """Slots of a survey, and what ``n`` stars are like in each.
 
     Attributes

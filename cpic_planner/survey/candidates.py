@@ -9,13 +9,13 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from catalogs import ORBIT, KnownPlanetTable, star_key
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Record
 from cpic_planner.etc import (
     LEAST_PROBABILITY,
     EtcModel,
@@ -61,8 +61,7 @@ N_DRAWS, N_KNOWN = 2000, 1000
 _PLANETS_BYTES, _PAIRS_BYTES, _CHANCES_BYTES = 40_000_000, 15_000_000, 150_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Host:
+class Host(Record, eq=False):
     """A star with what may be found there: new planets of a population, and known ones.
 
     Attributes
@@ -101,8 +100,7 @@ def _digest(population: PopulationConfig | None) -> str:
     return "" if population is None else content_hash(population.content())
 
 
-@dataclass(frozen=True, eq=False)
-class Looks:
+class Looks(Record, eq=False):
     """Visits that a star can have.
 
     Attributes
@@ -121,8 +119,7 @@ class Looks:
     roll_deg: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Shown:
+class Shown(Record, eq=False):
     """The planets that visits of a star are likely to show.
 
     Attributes
@@ -363,8 +360,7 @@ class PlanningSky:
 N_SCREEN = 2000
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
+class Candidate(Record, eq=False):
     """A star with the visits that can be made of it.
 
     Attributes
@@ -501,8 +497,7 @@ def _fixed(model: EtcModel, targets: Targets, visit: VisitRule, best: OptimalSet
     return [part[:, 0] for part in (choice.exposure_s, choice.n_frames, choice.em_gain, time_s)]
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+class Case(Record, eq=False):
     """A strategy with its model, the stars that its cuts leave, and the known planets of each."""
 
     strategy: SurveyStrategy
@@ -511,8 +506,7 @@ class Case:
     known_rows: tuple[tuple[int, ...], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Screened(Case):
+class Screened(Case, eq=False):
     """A strategy with its model and its stars at a first look.
 
     ``settings`` are the frames of every star for each option (band and time), ``promising`` says which stars can show
@@ -592,8 +586,7 @@ def screen(
     return Screened(strategy, model, targets, known_rows, tuple(settings), promising)
 
 
-@dataclass(frozen=True, eq=False)
-class Outlook:
+class Outlook(Record, eq=False):
     """A star that a strategy may visit, before it is known what visits show.
 
     Attributes

@@ -5,15 +5,15 @@ False alarms are noise that passes the threshold, and background stars that pass
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray, Record
 from cpic_planner import etc
-from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
+from cpic_planner.ranking import faintest_contrast, ring_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
@@ -24,8 +24,7 @@ _ERRORS = 6.0  # standard errors by which a law may be off
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(Record):
     """Frames of one observation of a star in a band: of each of the visits that are reduced together.
 
     ``time_s`` is wall time of them all with readouts and reference frames; no frames: it is not possible.
@@ -48,8 +47,7 @@ class Setting:
         return self.exposure_s, self.n_frames, self.em_gain
 
 
-@dataclass(frozen=True, eq=False)
-class ExpectedSignals:
+class ExpectedSignals(Record, eq=False):
     """The signals that visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
@@ -133,8 +131,7 @@ def faintest_of(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Record, eq=False):
     """Planets at some of the dates of visits: arrays ``(k,)``.
 
     Attributes
@@ -352,7 +349,7 @@ def on_detector(
         cosine, sine = np.cos(angle)[visit], np.sin(angle)[visit]
         x, y = east_arcsec * cosine - north_arcsec * sine, north_arcsec * cosine + east_arcsec * sine
         places.append((parity * x, y))
-    usable = np.logical_and.reduce([inside_zone(metrics.zone, *place, radius) for place in places])
+    usable = np.logical_and.reduce([metrics.zone.contains(*place, radius) for place in places])
     if len(rolls_deg) > 1:
         moved = 2.0 * np.hypot(east_arcsec, north_arcsec) * math.sin(math.radians(rolls_deg[-1]))
         usable &= moved >= 2.0 * radius
@@ -513,7 +510,7 @@ def background_alarms(
     metrics, camera = model.metrics[band], model.camera(band)
     axis = (np.arange(-_STEPS, _STEPS) + 0.5) / _STEPS * metrics.hole_outer_arcsec
     x, y = (part.ravel() for part in np.meshgrid(axis, axis))
-    inside = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
+    inside = metrics.zone.contains(x, y, metrics.aperture_radius_arcsec)
     x, y = x[inside], y[inside]
     if not x.size:
         return expected

@@ -7,12 +7,12 @@ the first visits and could change the rest: that is left out, so that losses are
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, IntArray
+from cpic_core import FloatArray, InputError, IntArray, Record
 from cpic_planner import results
 from cpic_planner.jobs import Runner
 from cpic_planner.planets import Law
@@ -27,8 +27,7 @@ from cpic_planner.survey.tables import PLANETS
 _STEPS, _ROUNDING = 100_000, 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
+class Choice(Record, eq=False):
     """The choice among ``o`` plans where one of ``t`` values is true.
 
     Attributes

@@ -6,7 +6,7 @@ are filled was observed, the others are still to be made.
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from catalogs import (
     read_rows,
     star_key,
 )
-from cpic_core import BoolArray, FloatArray, InputError, parse_json
+from cpic_core import BoolArray, FloatArray, InputError, Record, parse_json
 from cpic_planner.etc import EtcModel
 from cpic_planner.results import PlannedVisitRow, columns_of
 from cpic_planner.survey.calendar import sun_position_angle_deg
@@ -72,8 +72,7 @@ COLUMNS = _columns()
 """Columns of a table of visits; star, band, exposure_s, frames_per_visit and em_gain are needed."""
 
 
-@dataclass(frozen=True)
-class ObservedVisit:
+class ObservedVisit(Record):
     """One visit that was made.
 
     ``roll_deg`` is nan where the log does not say, ``where`` names file and row; the frames of a ``lost`` visit say
@@ -90,8 +89,7 @@ class ObservedVisit:
     lost: bool = False
 
 
-@dataclass(frozen=True)
-class ObservationLog:
+class ObservationLog(Record):
     """Visits that were made, in the order of time, and what the file is."""
 
     visits: tuple[ObservedVisit, ...]
@@ -113,8 +111,7 @@ class ObservationLog:
         return sum(visit.telescope_h for visit in self.visits)
 
 
-@dataclass(frozen=True)
-class ScheduledVisit:
+class ScheduledVisit(Record):
     """One visit that is still to be made: line ``row`` of the file.
 
     ``mjd`` is the middle of its window, nan where the file gives none, as ``roll_deg``.

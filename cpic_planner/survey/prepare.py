@@ -4,14 +4,14 @@ import functools
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
-from cpic_core import Advance, FloatArray, InputError, announce, compute_once, untold
+from cpic_core import Advance, FloatArray, InputError, Record, announce, compute_once, untold
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Runner, Task, in_this_process
 from cpic_planner.planets import StarLimits
@@ -187,8 +187,7 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     return metrics.brightened(contrast / metrics.median_contrast)
 
 
-@dataclass(frozen=True, eq=False)
-class Ground:
+class Ground(Record, eq=False):
     """The inputs of planning, read from presets and files: whoever has them can plan strategies anywhere.
 
     ``reach_arcsec`` are the separations between which any band of any strategy shows a planet.
@@ -220,8 +219,7 @@ class Ground:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Prepared:
+class Prepared(Record, eq=False):
     """Surveys of all strategies, and what they were made of."""
 
     config: StrategiesConfig

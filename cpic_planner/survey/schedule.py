@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, IntArray, load_kernels
+from cpic_core import BoolArray, FloatArray, IntArray, Record, load_kernels
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import NEW
@@ -25,8 +25,7 @@ Visit = tuple[int, int]
 """Option and slot."""
 
 
-@dataclass(frozen=True, eq=False)
-class StarValue:
+class StarValue(Record, eq=False):
     """Value of a star after some visits.
 
     ``counts[c]`` is the probability that each planet was detected ``c`` times so far, for ``c`` below the number of
@@ -100,8 +99,7 @@ ROUNDING = 1e-9
 """Hours and days by which limits may be passed in sums of many."""
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(Record):
     """The problem of a scheduler.
 
     ``slot_h`` are the lengths of the slots.
@@ -141,8 +139,7 @@ class Problem:
         return tuple(group for group in (first, rest) if group)
 
 
-@dataclass(frozen=True)
-class PlannedVisit:
+class PlannedVisit(Record):
     """One visit of the calendar.
 
     ``star`` is the position among the candidates, ``ordinal`` the visit's number among those of its star, ``reserve``
@@ -162,8 +159,7 @@ class PlannedVisit:
     known: bool = False
 
 
-@dataclass(frozen=True)
-class Schedule:
+class Schedule(Record):
     """A calendar of visits and what it promises.
 
     ``value`` is what the visits within the budget are worth on the planets of planning, ``bound`` what no schedule can
@@ -270,8 +266,7 @@ def with_odds(problem: Problem, visits: Iterable[PlannedVisit]) -> tuple[Planned
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(Record):
     """Visits of one star, with what they cost and are worth together."""
 
     visits: tuple[Visit, ...]
@@ -454,8 +449,7 @@ Chosen = dict[int, list[Visit]]
 """Visits of every star that has some, in the order of the calendar."""
 
 
-@dataclass(frozen=True)
-class Prices:
+class Prices(Record):
     """The prices of an hour of telescope time, in planets: of the budget, and in every slot on top of that."""
 
     budget: float
@@ -607,8 +601,7 @@ def priced(problem: Problem, room: Room, pools: Sequence[Pool], rounds: int) -> 
             break
 
 
-@dataclass(frozen=True)
-class Shared:
+class Shared(Record):
     """The sharing of time by plans: the chosen, the value that no choice passes, and prices (of parts)."""
 
     chosen: Chosen
@@ -708,8 +701,7 @@ _DEEP = 5
 _KEPT = (0.8, 0.5, 0.3, 0.1)
 
 
-@dataclass(frozen=True)
-class Bound:
+class Bound(Record):
     """The bound that no schedule of some stars can pass.
 
     Attributes
@@ -800,8 +792,7 @@ def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bou
     return every
 
 
-@dataclass(frozen=True)
-class _Found:
+class _Found(Record):
     """Better plans of a star, what no other passes, less the price of its time, and whether the search ended."""
 
     bound: float
@@ -809,8 +800,7 @@ class _Found:
     ended: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Star:
+class _Star(Record, eq=False):
     """A star with the visits that fit, what they cost, and how much of `U` each number of visits can be worth.
 
     Notes
@@ -974,8 +964,7 @@ def _solved(
     return found.x[:n], float(found.x[n]), -float(found.fun)
 
 
-@dataclass(frozen=True)
-class Effort:
+class Effort(Record):
     """Limits of the work for one strategy; counts, not seconds, so that every machine makes the same schedule.
 
     Attributes

@@ -10,14 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from catalogs import KnownPlanetTable, OrbitPlaces
-from cpic_core import BoolArray, FloatArray, IntArray, NDArray
+from cpic_core import BoolArray, FloatArray, IntArray, NDArray, Record
 from cpic_planner.etc import EtcModel
 from cpic_planner.jobs import Runner, Task
 from cpic_planner.planets import (
@@ -222,8 +221,7 @@ class Clock:
         return self.search + self.follow + self.alarm
 
 
-@dataclass(frozen=True, eq=False)
-class SurveyTables:
+class SurveyTables(Record, eq=False):
     """The events in ``n`` universes; each field holds the columns of the table of its name."""
 
     universes: dict[str, NDArray[Any]]
@@ -241,8 +239,7 @@ class SurveyTables:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class Survey:
+class Survey(Record, eq=False):
     """A strategy ready to be simulated.
 
     Attributes
@@ -290,8 +287,7 @@ class Survey:
         return of_ways(self.targets, self.options, lambda stars, ways: faintest_of(self.model, stars, ways, rule))
 
 
-@dataclass(frozen=True, eq=False)
-class FoundOrbits:
+class FoundOrbits(Record, eq=False):
     """Orbits of some planets of a star, arrays of one length.
 
     Attributes
@@ -322,8 +318,7 @@ class FoundOrbits:
         return {name: given[name] for name in ORBITS.empty}
 
 
-@dataclass(frozen=True, eq=False)
-class Positions:
+class Positions(Record, eq=False):
     """Positions of planets of a star and what was published of their orbits; arrays over ``n`` planets.
 
     Attributes

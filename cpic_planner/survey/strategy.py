@@ -6,7 +6,6 @@ What a strategy leaves out is that of ``defaults``, and what these leave out tha
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, WrapValidator, model_validator
 
 from catalogs import split_source
-from cpic_core import FloatArray, InputError, Provenance, by_line, is_file, load_yaml, split_sourced
+from cpic_core import FloatArray, InputError, Provenance, Record, by_line, is_file, load_yaml, split_sourced
 from cpic_planner.etc import LAW_ERROR
 from cpic_planner.planets import FLOOR_MAS, STAR_MASS_ERROR, PopulationConfig, load_population
 from cpic_planner.queries import (
@@ -738,8 +737,7 @@ _UNITS = {_DRIFT: "nm", _THROUGHPUT: "", _EXOZODI: "zodi"}
 """Units of keys whose names do not end in them: they take a unit or an x."""
 
 
-@dataclass(frozen=True)
-class _Sweep:
+class _Sweep(Record):
     """One ``--vary``: the option, the key, its name as it was written, and its values."""
 
     option: str

@@ -11,14 +11,14 @@ import io
 import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, NDArray
+from cpic_core import ArrayLike, InputError, NDArray, Record
 from cpic_planner.jobs import DamagedPartError, RunFolder
 from cpic_planner.results import Column, Row, arrow_schema, column, columns_of, unit_of
 
@@ -29,8 +29,7 @@ _FORMAT = {"row_group_size": 1 << 18, "compression": "zstd", "compression_level"
 _FORMAT |= {"data_page_version": "1.0", "write_statistics": True, "store_schema": True}
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(Record):
     """A table with its declared key: columns whose values together are unique, and by which rows are sorted."""
 
     name: str

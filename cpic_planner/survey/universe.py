@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -35,8 +34,7 @@ _TOGETHER = 20_000
 """Places that are worked out at once: arrays that stay in the processor's own memory take two thirds of the time."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlanetSample(OrbitingPlanets):
+class PlanetSample(OrbitingPlanets, eq=False, kw_only=True):
     """Planets of one star in some universes, arrays of one length.
 
     Attributes

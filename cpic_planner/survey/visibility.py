@@ -29,7 +29,6 @@ import functools
 import hashlib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     NDArray,
+    Record,
     by_line,
     check_number,
     check_whole,
@@ -188,8 +188,7 @@ _WIDTHS = 4
 _BLOCK_CELLS = 50_000
 
 
-@dataclass(frozen=True, eq=False)
-class Geometry:
+class Geometry(Record, eq=False):
     """Targets, orbits and Suns, arrays of one length.
 
     Attributes
@@ -334,8 +333,7 @@ MAX_DAYS = 36525
 MAX_CELLS = 20_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Visibility:
+class Visibility(Record, eq=False):
     """Targets x dates; one orbit in the middle of each step stands for the step.
 
     Attributes

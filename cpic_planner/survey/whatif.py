@@ -3,13 +3,13 @@
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 
-from cpic_core import NDArray, announce
+from cpic_core import NDArray, Record, announce
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
@@ -44,8 +44,7 @@ REALISATIONS = 4
 _LEVEL = 0.90
 
 
-@dataclass(frozen=True)
-class SampledDetection:
+class SampledDetection(Record):
     """A detection that is imaged: its work, whether its place is known, and the probability that a visit shows it."""
 
     task: ConfirmTask

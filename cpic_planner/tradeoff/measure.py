@@ -11,13 +11,13 @@ import resource
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, Record
 from cpic_planner import etc, validation
 from cpic_planner.confirm import scene_target
 from cpic_planner.results import TradeoffRow
@@ -33,8 +33,7 @@ from simulator.observing import Observation
 from simulator.target import scene_sources
 
 
-@dataclass(frozen=True)
-class ClosedForm:
+class ClosedForm(Record):
     """A fixed scene as the calculator sees it: a star, its planet's contrast and place, and the frames."""
 
     model: etc.EtcModel
@@ -95,8 +94,7 @@ class NotApplicable(Exception):
 _CUT_OFF = "limits cut off the planet's aperture or what is around it"
 
 
-@dataclass(frozen=True, eq=False)
-class Images:
+class Images(Record, eq=False):
     """The visits of a scene, to be drawn, reduced as one and measured any number of times.
 
     Attributes

@@ -8,7 +8,7 @@ import functools
 import math
 import os
 import platform
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from cpic_core import InputError, load_yaml
+from cpic_core import InputError, Record, load_yaml
 from cpic_planner.queries import Strategy
 from cpic_planner.results import MachineRecord, SceneFrames
 from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
@@ -151,8 +151,7 @@ def fixed_scene(name: str) -> FixedScene:
     return SCENES[name]
 
 
-@dataclass(frozen=True)
-class Effort:
+class Effort(Record):
     """The number of realisations for the noise, and the time of repeated calls.
 
     Attributes
@@ -188,7 +187,6 @@ REFERENCE_EPOCHS = 1000
 """More than any visit has frames: one wavefront a frame."""
 
 
-@dataclass(frozen=True)
 class Setup(Shortcuts):
     """Everything that a shortcut can change.
 
@@ -224,8 +222,7 @@ TOLERANCES_MEASURED = (0.003, 0.01, 0.03, 0.1, 0.3)
 QUICK_EPOCHS = 2
 
 
-@dataclass(frozen=True)
-class Point:
+class Point(Record):
     """One way to an answer.
 
     Attributes

@@ -2,21 +2,19 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from catalogs import Band, Spectrum, bracket
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Record, numeric_context
 from cpic_planner.validation.astrometry import chi2_p_value
 from simulator.config import LOG10_FSED_MAX, ParametricAlbedo
 from simulator.passbands import band_quadrature, check_covers, check_table
 from simulator.target import LitPlanet, contrast_at, load_parametric_grid, parametric_family, phase_value
 
 
-@dataclass(frozen=True, eq=False)
-class AlbedoModel:
+class AlbedoModel(Record, eq=False):
     """Contrast in some bands over log10_mh and log10_fsed; made by `albedo_model`.
 
     Attributes
@@ -237,8 +235,7 @@ SAME_CHI2 = 1e-3
 LEVELS = (0.68, 0.95)
 
 
-@dataclass(frozen=True, eq=False)
-class AlbedoFit:
+class AlbedoFit(Record, eq=False):
     """The values of log10_mh and log10_fsed that band contrasts allow.
 
     Attributes

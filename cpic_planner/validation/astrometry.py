@@ -11,11 +11,10 @@ linear.
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, numeric_context, require
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Record, numeric_context, require
 from cpic_planner.validation.rdi import ReducedStack
 from simulator.imaging import AnyPsf
 from simulator.target import detector_to_sky, sky_to_detector
@@ -40,8 +39,7 @@ LEAST_SAMPLES = 20.0
 LEAST_DEGREES = 4.0
 
 
-@dataclass(frozen=True, eq=False)
-class PositionFit:
+class PositionFit(Record, eq=False):
     """The end of a search for a position.
 
     Attributes
@@ -74,8 +72,7 @@ class PositionFit:
     model: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class SpeckleScatter:
+class SpeckleScatter(Record, eq=False):
     """Second moments of fits without a planet, in excess of white noise and over the local halo.
 
     Attributes
@@ -375,8 +372,7 @@ def chi2_p_value(chi2: float, degrees_of_freedom: int) -> float | None:
     return float(gammaincc(0.5 * degrees_of_freedom, 0.5 * chi2)) if degrees_of_freedom else None
 
 
-@dataclass(frozen=True, eq=False)
-class Astrometry:
+class Astrometry(Record, eq=False):
     """Position and flux of a planet on the detector and on the sky; made by `fit_position`.
 
     Attributes

@@ -30,11 +30,10 @@ tail for every ``s``, at any gain and level: no normal law and no exponential on
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, numeric_context, require
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Record, numeric_context, require
 from cpic_planner.validation.photometry import check_mask, described
 from simulator import detectors
 from simulator.camera import FrameNoise, MaskBit, bias_level_adu, load_calibration_set
@@ -49,8 +48,7 @@ _DEPTHS = np.geomspace(1e-6, 1e4, 3000)
 _PLACES = 256
 
 
-@dataclass(frozen=True)
-class PixelLaw:
+class PixelLaw(Record):
     """The law of a pixel of one frame, and the chance with which noise may exceed a limit.
 
     Attributes
@@ -165,8 +163,7 @@ _LEAST_PIXELS = 100
 _FALSE_ALARM = 1e-7
 
 
-@dataclass(frozen=True, eq=False)
-class FrameLevel:
+class FrameLevel(Record, eq=False):
     """Linear fit of the level of a frame.
 
     Attributes
@@ -276,8 +273,7 @@ def frame_level(observation: Observation, *, flaws: NDArray[np.uint8], mean_e: F
     )
 
 
-@dataclass(frozen=True, eq=False)
-class CalibratedFrames:
+class CalibratedFrames(Record, eq=False):
     """Frames of one sequence, calibrated.
 
     Attributes
@@ -569,8 +565,7 @@ DRIFT = 0.1
 _MOST_PASSES = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Rejection:
+class Rejection(Record, eq=False):
     """The pixels that were taken out of a sequence.
 
     Attributes
@@ -590,8 +585,7 @@ class Rejection:
         return float(np.mean(self.rejected))
 
 
-@dataclass(frozen=True, eq=False)
-class Combined:
+class Combined(Record, eq=False):
     """Sum of a sequence over frames with holes.
 
     Attributes

@@ -4,14 +4,13 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, Status, announce, stream
+from cpic_core import ArrayLike, FloatArray, InputError, Record, Status, announce, stream
 from cpic_planner.etc import diagonal
-from cpic_planner.ranking import inside_zone
 from cpic_planner.validation.measure import (
     PlanetTemplate,
     SpeckleModel,
@@ -126,7 +125,7 @@ def azimuths_inside(geometry: BandGeometry, separation_arcsec: float) -> FloatAr
     """
     angle = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     x, y = separation_arcsec * np.cos(angle), separation_arcsec * np.sin(angle)
-    return angle[inside_zone(geometry.zone, x, y, geometry.aperture_radius_arcsec)]
+    return angle[geometry.zone.contains(x, y, geometry.aperture_radius_arcsec)]
 
 
 def azimuth_share(geometry: BandGeometry, separation_arcsec: float) -> float:
@@ -161,8 +160,7 @@ def draw_place(
     return separation_arcsec * math.cos(angle), separation_arcsec * math.sin(angle)
 
 
-@dataclass(frozen=True)
-class SearchTask:
+class SearchTask(Record):
     """Some programmes of one star in one band, and what is done with each; plain data for any process.
 
     Attributes

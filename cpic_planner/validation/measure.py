@@ -5,12 +5,12 @@ Whether images can show a planet at all is known before any is made: `obstacle`.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, Reason
+from cpic_core import BoolArray, FloatArray, InputError, Reason, Record
 from cpic_planner.queries import Strategy
 from cpic_planner.registry import DEFAULT_FILTER, FILTERS
 from cpic_planner.validation.photometry import (
@@ -46,8 +46,7 @@ Place: TypeAlias = tuple[float, float]
 """Offsets x and y from the star on the detector, arcsec."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlanetPlace:
+class PlanetPlace(Record, eq=False, kw_only=True):
     """The place of a planet to be measured, in one or two rolls, and the pixels that tell its noise.
 
     Attributes
@@ -118,8 +117,7 @@ class PlanetPlace:
         return True
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlanetTemplate(PlanetPlace):
+class PlanetTemplate(PlanetPlace, eq=False, kw_only=True):
     """A planet to be measured, with its image.
 
     Attributes
@@ -287,8 +285,7 @@ def is_covered(region: BoolArray, weights: FloatArray) -> bool:
 _MOST_PROBES = 200  # places that tell the scatter: several an aperture
 
 
-@dataclass(frozen=True, eq=False)
-class SpeckleModel:
+class SpeckleModel(Record, eq=False):
     """Residual speckles of a programme as the optical model foresees them; made by `of`.
 
     Attributes
@@ -492,8 +489,7 @@ def _probes(
     return np.array(list(moved)), n_apertures
 
 
-@dataclass(frozen=True)
-class Measurement:
+class Measurement(Record):
     """One planet in one realisation.
 
     Attributes

@@ -6,7 +6,6 @@ Positions are given, never fitted: a free centroid would raise the flux by about
 import functools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from cpic_core import (
     InputError,
     IntArray,
     Reason,
+    Record,
     check_number,
     check_positive,
     checked_array,
@@ -357,8 +357,7 @@ def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: 
 EXCLUSION_RADII = 1.5
 
 
-@dataclass(frozen=True)
-class Photometry:
+class Photometry(Record):
     """Photometry of one position; electrons of the summed stack.
 
     Attributes

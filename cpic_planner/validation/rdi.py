@@ -4,12 +4,12 @@ What is taken off before the modes is an entry of `cpic_planner.registry.REDUCTI
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, check_word, numeric_context
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Record, check_word, numeric_context
 from cpic_planner.etc import CountingLaw, counting_variance
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.validation.photometry import (
@@ -125,8 +125,7 @@ def row_norm(rows: FloatArray) -> float:
 ROUNDING_CUT = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class RdiResult:
+class RdiResult(Record, eq=False):
     """Outcome of `rdi_subtract`.
 
     Attributes
@@ -418,8 +417,7 @@ class Inputs(NamedTuple):
     other_star: bool
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedStack:
+class ReducedStack(Record, eq=False):
     """The result of the reduction of one observation; images are star-centred stamps (y, x).
 
     Attributes
@@ -617,8 +615,7 @@ def smoothed(image: FloatArray, region: BoolArray, width_pixels: float = SMOOTHI
     return np.where(region, smooth, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class RollResult:
+class RollResult(Record, eq=False):
     """Outcome of `roll_subtract`.
 
     Attributes

@@ -14,12 +14,11 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Status, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Record, Status, stream
 from cpic_planner.etc import MAX_MEAN_E, CountingLaw, FrameCamera, counting_probabilities
 from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames, filled, grown, rejected_in
@@ -47,8 +46,7 @@ _LEAST_SWINGING = 2
 """Epochs of a visit in which the orbit moves the wavefront."""
 
 
-@dataclass(frozen=True, eq=False)
-class Realisation:
+class Realisation(Record, eq=False):
     """One realisation, reduced.
 
     Attributes
@@ -67,8 +65,7 @@ class Realisation:
     reference_e: FloatArray
 
 
-@dataclass(frozen=True)
-class FrameStatistics:
+class FrameStatistics(Record):
     """The losses of single frames.
 
     Attributes
@@ -102,8 +99,7 @@ class FrameStatistics:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class VisitPair:
+class VisitPair(Record, eq=False):
     """Science and reference visits of a task, ready to be drawn any number of times; made by `visit_pair`.
 
     Attributes
@@ -474,8 +470,7 @@ _EPOCHS = 3  # the drift within a visit matters to the rejection alone: frame an
 _REACH_PIXELS = 4  # from a track: its charge, three pixels of what transfers leave behind, and the neighbour of that
 
 
-@dataclass(frozen=True, eq=False)
-class FrameEffects:
+class FrameEffects(Record, eq=False):
     """The change that effects of single frames make in the images of one role; made by `frame_effects`.
 
     Attributes

@@ -9,7 +9,7 @@ import functools
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from cpic_core import (
     NDArray,
     Outcome,
     Reason,
+    Record,
     Status,
     announce,
     check_positive,
@@ -60,8 +61,7 @@ from simulator.signal import programme_law
 _MAX_STEPS, _MAX_CHANGE, _DONE = 15, 2.0, 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseTerms:
+class NoiseTerms(Record, eq=False):
     """Terms of the variance per position, shape (p,): ``level white + drift linear + drift^2 square``.
 
     With a third number, ``+ drift common shared``: speckles that are the same in all visits.
@@ -113,8 +113,7 @@ class NoiseTerms:
         return np.stack([white, sum(shared, linear + 2.0 * square), *shared]) / variance
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseFit:
+class NoiseFit(Record, eq=False):
     """Logarithms of the numbers of `NoiseTerms`, the inverse of their covariance, and the variance per position."""
 
     logs: FloatArray
@@ -179,8 +178,7 @@ _SEED = 20250207  # other screens than those of any observation
 _HOUR_S, _ANNULUS_LAMBDA_D = 3600.0, 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class SpeckleMaps:
+class SpeckleMaps(Record, eq=False):
     """Residual of two visits whose wavefronts differ by independent offsets; made by `speckle_maps`.
 
     The variances are those of a matched-filtered sum over the sum of the squared kernel: what a pixel of white noise
@@ -302,8 +300,7 @@ def _key(psf: Psf | TablePsf, drift: Drift, n_visits: int) -> str:
     )
 
 
-@dataclass(frozen=True)
-class _Keyed:
+class _Keyed(Record):
     """Optics, drift and visits that count as equal to any others of their key."""
 
     key: str
@@ -427,8 +424,7 @@ _ROUNDS = 5  # of a fit whose weights are its own, after which it changes by les
 _LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
 
 
-@dataclass(frozen=True)
-class Peak:
+class Peak(Record):
     """A local maximum in the noise without it; see `cpic_planner.validation.search.Candidate`.
 
     ``place`` is the number of its position, ``noise`` the fit of the noise by which it is judged.
@@ -445,8 +441,7 @@ class Peak:
     dof: float = math.nan
 
 
-@dataclass(frozen=True, eq=False)
-class FilteredState:
+class FilteredState(Record, eq=False):
     """Matched-filtered residual and its noise, per position of the region."""
 
     snr: FloatArray
@@ -477,8 +472,7 @@ def _sigma_map(snr: FloatArray, laplace: FloatArray, visits: float) -> FloatArra
     return np.asarray(np.copysign(sigma * np.maximum(level, 1.0), snr))
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(Record):
     """One peak of the significance map.
 
     Attributes
@@ -523,8 +517,7 @@ class Candidate:
         return float(snr_at(*self.law)[0])
 
 
-@dataclass(frozen=True, eq=False)
-class BlindSearch:
+class BlindSearch(Record, eq=False):
     """The findings of a search.
 
     Attributes

@@ -6,13 +6,12 @@ their Table 1.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, check_positive, require
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Record, Status, check_positive, require
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, combine, rejected_in, transferred
 from cpic_planner.validation.photometry import aperture_weights
 from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
@@ -31,8 +30,7 @@ _MARGIN_SIGMA = 5.0
 _RING_LAMBDA_D = (5.0, 8.0)
 
 
-@dataclass(frozen=True)
-class StarFlux:
+class StarFlux(Record):
     """Detected rate of the star on the clear pupil.
 
     Attributes

@@ -6,12 +6,12 @@ How they are made: sums or frames, hole or whole frames, which knobs, what is le
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any, Literal, Required, TypedDict, Unpack
 
 import numpy as np
 
-from cpic_core import Outcome, Reason, Status, check_whole
+from cpic_core import Outcome, Reason, Record, Status, check_whole
 from cpic_planner import etc
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.ranking import best_in_band, no_frame_status
@@ -50,8 +50,7 @@ UNPREDICTED = (
 """Predictions of a planet that are not known for every reduction."""
 
 
-@dataclass(frozen=True)
-class Frames:
+class Frames(Record):
     """Frames of a science visit, and how many such visits are reduced together."""
 
     exposure_s: float
@@ -92,8 +91,7 @@ class ImageSettings(TypedDict, total=False):
     audit: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConfirmTask(Frames):
+class ConfirmTask(Frames, kw_only=True):
     """One scene and its frames in one band, ready to be simulated anywhere: plain data only.
 
     Attributes
@@ -435,8 +433,7 @@ _HOLE_SHARE = 0.4  # of the stamp, in rows and columns that the hole has
 _BASE_MB, _WHOLE_FRAME_MB, _STACK_BYTES = 450.0, 200.0, 32.0
 
 
-@dataclass(frozen=True)
-class TaskCost:
+class TaskCost(Record):
     """Expected cost of one task.
 
     Attributes
@@ -515,8 +512,7 @@ class VisitSettings(TypedDict):
     n_frames: int
 
 
-@dataclass(frozen=True)
-class LibraryPlan:
+class LibraryPlan(Record):
     """The visits of an observation whose references come from a named library.
 
     Attributes
@@ -588,8 +584,7 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Modelling(Choice):
+class Modelling(Choice, kw_only=True):
     """The choice of the ledger for the images of a task, with the dial that it follows; made by `modelling_of`.
 
     Attributes

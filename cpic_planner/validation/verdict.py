@@ -5,12 +5,11 @@ Predictions and measurements are compared over bands, targets and plans; positio
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, Reason, Status
+from cpic_core import ArrayLike, FloatArray, InputError, Reason, Record, Status
 from cpic_planner.queries import Strategy
 from cpic_planner.results import AlbedoRecord, AuditRecord, BandConfirmation, PositionRecord
 from cpic_planner.validation.albedo_fit import AlbedoFit, AlbedoModel, fit_albedo, planet_albedo_model
@@ -37,8 +36,7 @@ their errors, since a choice by what was recovered would keep lucky ones; below 
 also one whose SNR was predicted too high by more than two errors."""
 
 
-@dataclass(frozen=True)
-class Calibration:
+class Calibration(Record):
     """Ratio of predicted to recovered SNR, over one or many measurements.
 
     Attributes
@@ -250,8 +248,7 @@ def _mean(values: Sequence[tuple[Any, Any]]) -> tuple[float, float]:
     return float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class FittedAlbedo:
+class FittedAlbedo(Record, eq=False):
     """A fit of metallicity and clouds, with what it was made of.
 
     Attributes

@@ -11,12 +11,12 @@ import inspect
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 from urllib.parse import parse_qsl, urlencode
 
-from cpic_core import InputError, was_sent
+from cpic_core import InputError, Record, was_sent
 from cpic_planner import queries
 from simulator.config import Instrument, nearest
 from simulator.imaging import metrics_key, shipped_file
@@ -35,8 +35,7 @@ _UNIT = r"(?:[A-Za-zµμ]{1,8}-?|%)?(?:/(?:sqrt\(h\)|√h|s))?"
 _CHANGE = re.compile(rf"([\w.*]+)=(?:[x*×]?\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*{_UNIT}|on|off|true|false)")
 
 
-@dataclass(frozen=True, eq=False)
-class Addresses(Generic[Q]):
+class Addresses(Record, Generic[Q], eq=False):
     """The way in which an address asks a question.
 
     Attributes
@@ -58,7 +57,7 @@ class Addresses(Generic[Q]):
     @cached_property
     def options(self) -> tuple[queries.Option, ...]:
         """All options of the question."""
-        return tuple(queries.options_of(self.model))
+        return queries.options_of(self.model)
 
     @cached_property
     def by_name(self) -> dict[str, queries.Option]:
@@ -345,8 +344,7 @@ FILE_FIELDS = ("instrument", "other", "catalog", "albedo", "known_planets", "tab
 """Parameters that take a file."""
 
 
-@dataclass(frozen=True)
-class Submission:
+class Submission(Record):
     """A posted question.
 
     Attributes

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import resources
 from typing import Any, Literal, get_args, get_origin
 
-from cpic_core import InputError
+from cpic_core import InputError, Record
 from cpic_planner.queries import Option, spelled
 from cpic_planner.web.addresses import ETC, IMAGES, RANK, Addresses, parameter
 from simulator.config import load_instrument, preset_names, unit_of
@@ -23,8 +23,7 @@ _HINTS: dict[str, str] = _WORDS["hints"]
 """Where the help of the option speaks of files, which requests do not name, or of options that are repeated."""
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(Record):
     """One field of a form.
 
     Attributes
@@ -55,8 +54,7 @@ class Field:
     check: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(Record):
     """Fields that belong together; ``folded`` ones show when asked for, or where one of them says something."""
 
     title: str
@@ -69,8 +67,7 @@ class Group:
         return any(field.values or field.error for field in self.fields)
 
 
-@dataclass(frozen=True)
-class Form:
+class Form(Record):
     """A form: where it leads, its groups, and what is wrong beside its fields."""
 
     action: str

@@ -8,14 +8,13 @@ import hashlib
 import json
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 
-from cpic_core import InputError, dump_json
+from cpic_core import InputError, Record, dump_json
 from cpic_planner import report
 from cpic_planner.results import Result
 from cpic_planner.version import __version__
@@ -63,8 +62,7 @@ class Problem(BaseModel):
         return cls(parameter=error.key, value=str(error.value)[:200], message=str(error), **texts)
 
 
-@dataclass(frozen=True, eq=False)
-class Answer:
+class Answer(Record, eq=False):
     """The answer of a page to its parameters.
 
     Attributes
@@ -89,8 +87,7 @@ class Answer:
         return report.form_text(form, self.result, table)
 
 
-@dataclass(frozen=True, eq=False)
-class Page:
+class Page(Record, eq=False):
     """A page that answers a question.
 
     Attributes

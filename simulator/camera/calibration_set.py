@@ -13,7 +13,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from enum import IntFlag
 from pathlib import Path
 from types import MappingProxyType
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, element_name, stream, write_bytes
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Record, element_name, stream, write_bytes
 from simulator.config import AnyDetector, Section
 from simulator.detectors import Switches
 from simulator.effects import unit_factor
@@ -283,8 +283,7 @@ def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice])
     return mask
 
 
-@dataclass(frozen=True, eq=False)
-class CalibrationSet:
+class CalibrationSet(Record, eq=False):
     """Maps over the frame, with everything switched on; read-only arrays ``[y, x]``.
 
     Attributes

@@ -12,11 +12,13 @@ ramp are reduced by sums and differences, so the sum of ``n`` frames has the law
 Limits, curves and memories of earlier frames do not add up: where they matter, frames are drawn one by one.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +32,7 @@ from cpic_core import (
     Outcome,
     PathPart,
     Reason,
+    Record,
     Status,
     checked_array,
     checked_scalar,
@@ -79,8 +82,7 @@ def checked_rates(rate_map_e_s: ArrayLike) -> tuple[FloatArray, int]:
     return np.clip(rates, 0.0, MOST_E_S), int(np.count_nonzero(rates < 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(Record, eq=False):
     """One raw frame and its bookkeeping.
 
     Attributes

@@ -3,18 +3,17 @@
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, checked_array, checked_scalar, special
+from cpic_core import ArrayLike, FloatArray, Record, checked_array, checked_scalar, special
 from simulator.config import AnyDetector, CosmicRayConfig, Detector, Instrument
 from simulator.detectors import MOST, FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
 from simulator.effects import TemplateSet, cosmic_ray_rate, generated_projection_um, read_templates
 
 
-@dataclass(frozen=True)
-class FrameNoise:
+class FrameNoise(Record):
     """Variance of a pixel of one frame, referred to the register input.
 
     Attributes

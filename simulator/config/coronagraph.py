@@ -17,7 +17,7 @@ import logging
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     NDArray,
+    Record,
     digest_of,
     file_state,
     is_file,
@@ -126,8 +127,7 @@ _IN_LAMBDA_D = re.compile(
 _SUFFIXES = {"mas": "mas", "mas2": "mas2", "percent": "%", "pct": "%", "uas": "uas"}
 
 
-@dataclass(frozen=True, eq=False)
-class CoronagraphTable:
+class CoronagraphTable(Record, eq=False):
     """A coronagraph in one band, by separation from the star; see `COLUMNS` for what the columns mean.
 
     Attributes

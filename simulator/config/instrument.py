@@ -7,7 +7,6 @@ import functools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import date, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args
@@ -20,6 +19,7 @@ from cpic_core import (
     ArrayLike,
     ComplexArray,
     InputError,
+    Record,
     by_line,
     check_number,
     check_word,
@@ -387,8 +387,7 @@ WINDOW_TURNS = 0.46  # of an orbit in which a star is seen: 43 of 93 minutes, be
 ReferenceScheme = Literal["interleaved", "half", "swapped", "other_star"]
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(Record):
     """The dates of the visits of a programme: how far apart, and where in the orbit their light is taken.
 
     A star is seen for a window of every orbit. A visit begins with a window and goes on in those of the next orbits.
@@ -465,8 +464,7 @@ class Timing:
 CameraName = Literal["VIS", "NIR"]
 
 
-@dataclass(frozen=True)
-class Channel:
+class Channel(Record):
     """One camera and its optics.
 
     Attributes

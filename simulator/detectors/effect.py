@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, load_kernels
+from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record, load_kernels
 from simulator.config import FrozenModel
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.variance import FrameTerm
@@ -33,8 +33,7 @@ Case: TypeAlias = Any
 KERNELS = "simulator.detectors.kernels"
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(Record):
     """The place of an array of pixels on the detector.
 
     Attributes
@@ -54,8 +53,7 @@ class Place:
     whole: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Exposure:
+class Exposure(Record, eq=False):
     """The noise-free part of a frame: made once, exposed many times.
 
     Attributes
@@ -172,8 +170,7 @@ class Work:
         self.charge[step] = self.charge.get(step, 0.0) + float(electrons)
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(Record):
     """A setting that decides whether an effect exists, for its row in the ledger.
 
     Attributes

@@ -11,9 +11,10 @@ mean gain is ``g = (1 + p)^N``. Mean and variance of the output follow in closed
 give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 """
 
+from __future__ import annotations
+
 import functools
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from cpic_core import (
     IntArray,
     NDArray,
     Outcome,
+    Record,
     checked_array,
     element_name,
     load_kernels,
@@ -383,8 +385,7 @@ FITTED_TEMPERATURE_K = (223.0, 293.0)
 FITTED_GAIN = (5.0, 300.0)
 
 
-@dataclass(frozen=True, eq=False)
-class GainSetting:
+class GainSetting(Record, eq=False):
     """Gain, voltage and temperature that belong together; arrays of one shape.
 
     Attributes

@@ -8,13 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, NDArray, checked_array, checked_scalar, element_name
+from cpic_core import (
+    ArrayLike,
+    BoolArray,
+    FloatArray,
+    InputError,
+    NDArray,
+    Record,
+    checked_array,
+    checked_scalar,
+    element_name,
+)
 from simulator.config import FrozenModel
 from simulator.detectors.effect import Case, Effect, Exposure, PastExposure, Sizes, Work, counted, sizes
 from simulator.detectors.variance import FrameTerm
@@ -56,8 +65,7 @@ class Coupling(Protocol):
         """Return the signal after coupling, of the same shape and sum."""
 
 
-@dataclass(frozen=True)
-class ExponentialPersistence:
+class ExponentialPersistence(Record):
     """Traps that catch ``fraction`` of the charge and release it with one decay time.
 
     A charge ``Q`` that ended ``a`` seconds before an exposure of ``t`` adds
@@ -98,8 +106,7 @@ class ExponentialPersistence:
         return rate
 
 
-@dataclass(frozen=True, eq=False)
-class InterpixelKernel:
+class InterpixelKernel(Record, eq=False):
     """Coupling to the eight neighbours by a 3 x 3 kernel of sum 1; what would leave the array stays in its edge.
 
     ``kernel[1 + dy, 1 + dx]`` is the part of a pixel's signal that appears ``dy`` rows up and ``dx`` columns right.
@@ -153,8 +160,7 @@ class InfraredHits(CosmicRayHits):
         work.counts["n_cosmic_rays"] = found.n_events
 
 
-@dataclass(frozen=True, eq=False)
-class Persistence(Effect):
+class Persistence(Effect, Record, eq=False):
     """Mean charge of earlier frames that comes out late, drawn as counts.
 
     Attributes
@@ -227,8 +233,7 @@ class PixelCurve(Effect):
         return sizes(pixel + 2.0 * case.struck() * loss * case.hits.typical_e, case.over_planets(slope))
 
 
-@dataclass(frozen=True, eq=False)
-class InterpixelCapacitance(Effect):
+class InterpixelCapacitance(Effect, Record, eq=False):
     """The signal of a pixel appears in its neighbours.
 
     Attributes

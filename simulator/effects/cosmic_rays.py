@@ -9,18 +9,20 @@ random (`TemplateModel`). Such a file is a FITS image or npz file, never pickle:
 Values are the share of the charge in every sample, on any scale: finite, not negative, not all 0 in any template.
 """
 
+from __future__ import annotations
+
 import functools
 import itertools
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, load_kernels, stream
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Record, load_kernels, stream
 from simulator.config import CosmicRayConfig, PaperTracks, PhysicalTracks, TemplateTracks
 from simulator.effects.sky import decimal_year
 from simulator.imaging import array_number, header_number, read_maps
@@ -71,8 +73,7 @@ _MAX_WIDTH_SIGMA = 3.0
 _LEAST_WEIGHT = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Tracks:
+class Tracks(Record, eq=False):
     """Shapes of tracks before they are placed; arrays of one length.
 
     Attributes
@@ -93,12 +94,11 @@ class Tracks:
     half_pixels: FloatArray
     kind: IntArray
 
-    def __getitem__(self, chosen: BoolArray | slice) -> "Tracks":
+    def __getitem__(self, chosen: BoolArray | slice) -> Tracks:
         return replace(self, **{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
 
-@dataclass(frozen=True, eq=False)
-class Points:
+class Points(Record, eq=False):
     """Points of tracks: ``start[i]`` to ``start[i + 1]`` are those of track i; offsets in pixels from its middle."""
 
     start: IntArray
@@ -138,8 +138,7 @@ def _line(tracks: Tracks, pixel_um: float) -> tuple[IntArray, IntArray, FloatArr
     return start, owner, fraction, fraction * (tracks.projected_um / pixel_um)[owner]
 
 
-@dataclass(frozen=True)
-class _Streaks:
+class _Streaks(Record):
     """Straight tracks along the chords of a layer: a line of points, one a sigma, each with a Gaussian around it."""
 
     config: Any
@@ -328,8 +327,7 @@ _SIDES = (0.1, 1000.0)  # um
 _BLEND = 0.5  # sigma around a sample, in samples: neighbours blend
 
 
-@dataclass(frozen=True, eq=False)
-class TemplateSet:
+class TemplateSet(Record, eq=False):
     """Samples of every template that hold charge, in um from the centre of the charge.
 
     Attributes
@@ -353,8 +351,7 @@ class TemplateSet:
     pixel_um: float
 
 
-@dataclass(frozen=True)
-class TemplateModel:
+class TemplateModel(Record):
     """Tracks from a set of templates; the charge follows the law of the paper's streaks."""
 
     set: TemplateSet
@@ -549,8 +546,7 @@ _CHUNK_POINTS = 1_000_000
 _CM_PER_UM = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class CosmicRays:
+class CosmicRays(Record, eq=False):
     """The charge that cosmic rays leave in one exposure.
 
     Events are those that left charge in the array, in the order in which they were drawn. Their middles may lie
@@ -598,7 +594,7 @@ class CosmicRays:
         return dense.reshape(self.shape)
 
 
-def track_model(config: CosmicRayConfig, pixel_um: float) -> "TrackModel":
+def track_model(config: CosmicRayConfig, pixel_um: float) -> TrackModel:
     """Return the model of tracks that a configuration names, on pixels of a given size.
 
     Parameters

@@ -27,12 +27,12 @@ mask by a loop of its own. Left free, a one-sided search pushes the star away fr
 lambda/D, and the hole seems to begin closer to the star than it does.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from cpic_core import ComplexArray, FloatArray, NDArray, announce, stream
+from cpic_core import ComplexArray, FloatArray, NDArray, Record, announce, stream
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.imager import Imager
@@ -42,8 +42,7 @@ from simulator.imaging.zones import HoleMode, HoleSide, HoleZone
 HoleMethod = Literal["relinearised", "single_jacobian"]
 
 
-@dataclass(frozen=True)
-class ControlSettings:
+class ControlSettings(Record):
     """The settings of the search.
 
     Attributes
@@ -94,8 +93,7 @@ class ControlSettings:
     sensing_seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
+class Search(Record, eq=False):
     """The result of the search.
 
     Attributes
@@ -379,8 +377,7 @@ SINGLE_LIMIT = 5e-8
 KICK_NM, KICK_SEED = 1.0, 1
 
 
-@dataclass(frozen=True)
-class HoleScore:
+class HoleScore(Record):
     """Contrast over the zone: intensity over the peak of the unmasked PSF with the same apodizer and mirror.
 
     Attributes
@@ -401,8 +398,7 @@ class HoleScore:
     core_throughput: float
 
 
-@dataclass(frozen=True, eq=False)
-class DarkHole:
+class DarkHole(Record, eq=False):
     """The state of the mirror that a search found; a dark hole only where it was `reached`.
 
     Attributes

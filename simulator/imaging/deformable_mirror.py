@@ -8,6 +8,8 @@ controls ``a / (2 x 0.875)`` cycles per diameter instead of ``a / 2``. Light is 
 difference is twice the surface.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

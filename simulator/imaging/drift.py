@@ -19,12 +19,12 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, Record
 from simulator.config import Drift, Timing
 from simulator.imaging.imager import FocalGrid, Imager
 
@@ -83,8 +83,7 @@ class Screens(Protocol):
         """The `low_order_map`, nm."""
 
 
-@dataclass(frozen=True, eq=False)
-class ScreenModel:
+class ScreenModel(Record, eq=False):
     """Generator of phase screens on an ``n x n`` pupil grid.
 
     Attributes
@@ -260,8 +259,7 @@ def spectrum(psd_slope: float) -> tuple[FloatArray, FloatArray]:
     return STEP_CYCLES * np.arange(-LAST_INDEX, LAST_INDEX + 1.0), np.asarray(power)
 
 
-@dataclass(frozen=True, eq=False)
-class SharedTerms:
+class SharedTerms(Record, eq=False):
     """The wavefront that a visit shares with the other visits of its programme; nothing by default.
 
     Attributes

@@ -4,7 +4,6 @@ import functools
 import hashlib
 import io
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     NDArray,
+    Record,
     as_path,
     check_number,
     check_word,
@@ -119,8 +119,7 @@ NEGATIVE = 1e-9
 """Largest negative pixel, relative to the peak, that counts as rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class ExternalPsf:
+class ExternalPsf(Record, eq=False):
     """Point-spread functions of one band, known on star-centred stamps only; centre pixel ``n // 2``.
 
     Attributes

@@ -13,12 +13,11 @@ in its own plane, whose light is known in closed form; those of an image are equ
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Keyed, NDArray, compute_once
+from cpic_core import FloatArray, InputError, Keyed, NDArray, Record, compute_once
 from simulator.config import DiscSource, ExtendedSource, ImageSource, Instrument, RingSource, content_hash
 from simulator.config.map_files import SCALE_TOLERANCE, pixel_scale, read_maps, real_map
 from simulator.imaging.build import build_imager
@@ -284,8 +283,7 @@ N_KEPT = 4  # images of field stars, up to 9 MB each
 _LADDER = (5, 8, 12, 17, 24, 33)
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
+class Window(Record, eq=False):
     """Pixels to fill: centres of rows and columns in arcsec from the centre of the mask.
 
     Attributes

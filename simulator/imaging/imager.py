@@ -16,12 +16,11 @@ holds both together to 1e-12 of the peak.
 import functools
 import hashlib
 import math
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, load_quietly
+from cpic_core import FloatArray, InputError, NDArray, Record, load_quietly
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging import pupil_symmetry as parity
 from simulator.imaging.pupil import Aberrations
@@ -37,8 +36,7 @@ KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next o
 N_KEPT_GRIDS = 24
 
 
-@dataclass(frozen=True, eq=False)
-class Imager:
+class Imager(Record, eq=False):
     """Optical model of one band; made by `simulator.imaging.build.build_imager`.
 
     Attributes
@@ -287,8 +285,7 @@ class Imager:
         return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
 
 
-@dataclass(frozen=True, eq=False)
-class FocalGrid:
+class FocalGrid(Record, eq=False):
     """The transforms of an imager to a grid of the focal plane, one pair a wavelength.
 
     Attributes

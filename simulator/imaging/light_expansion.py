@@ -17,17 +17,19 @@ seed gives the same images but for rounding, whatever library solves the linear 
 The field is band-limited: a Gauss-Legendre rule over each open side of an axis holds it, and its light.
 """
 
+from __future__ import annotations
+
 import functools
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from cpic_core import ArrayLike, FloatArray, NDArray, announce, compute_once, stream
+from cpic_core import ArrayLike, FloatArray, NDArray, Record, announce, compute_once, stream
 from simulator.config import Drift, content_hash
 from simulator.imaging.drift import LAST_INDEX, ScreenModel, low_order_map, screen_model
 from simulator.imaging.imager import Imager
@@ -69,12 +71,12 @@ class _Axis(NamedTuple):
     length: float
     n_pixels: int
 
-    def at(self, index: int) -> "_Axis":
+    def at(self, index: int) -> _Axis:
         """Return the same for one wavelength alone, as it is."""
         return self._replace(sides=tuple(side._replace(sums=side.bare[index : index + 1]) for side in self.sides))
 
     @classmethod
-    def of(cls, axis: PixelAxis, imager: Imager, middle_m: float) -> "_Axis":
+    def of(cls, axis: PixelAxis, imager: Imager, middle_m: float) -> _Axis:
         """Return the rules of an axis of pixels."""
         scales = middle_m / imager.wavelengths_m
         at, owners = axis.nodes_arcsec, axis.owners
@@ -133,8 +135,7 @@ def _reader(low: float, high: float, count: int, at: FloatArray) -> FloatArray:
     return read
 
 
-@dataclass(frozen=True, eq=False)
-class VisitLight:
+class VisitLight(Record, eq=False):
     """Light of the unit star on a grid of pixels for wavefronts told by few numbers; made by `visit_light`.
 
     Attributes
@@ -263,7 +264,7 @@ def waves_of(imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> Si
 
 
 @functools.lru_cache(maxsize=4)
-def _kept(builder: "_Builder") -> VisitLight:
+def _kept(builder: _Builder) -> VisitLight:
     def made() -> dict[str, Any]:
         announce(f"finding the waves that move the light in {builder.imager.band}, once: some seconds")
         return builder.arrays(builder.waves())
@@ -277,8 +278,7 @@ def _kept(builder: "_Builder") -> VisitLight:
     return compute_once(f"light-{builder.key}", made, read)
 
 
-@dataclass(frozen=True)
-class _Builder:
+class _Builder(Record):
     """The transforms from screens to nodes of the field, and back; equal to any other of its key."""
 
     key: str
@@ -290,7 +290,7 @@ class _Builder:
     screens: ScreenModel = field(compare=False)
 
     @classmethod
-    def of(cls, imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> "_Builder":
+    def of(cls, imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float) -> _Builder:
         """Return those of a grid of pixels."""
         digest = hashlib.sha256(imager.content_key.encode())
         for axis in (y, x):

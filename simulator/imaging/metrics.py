@@ -2,20 +2,19 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, NDArray, overlap_weights
+from cpic_core import ArrayLike, FloatArray, InputError, NDArray, Record, overlap_weights
 from simulator.detectors import aperture_noise_pixels
 from simulator.imaging.aperture import core_from_table
 from simulator.imaging.sampling import bilinear
 from simulator.imaging.zones import BandGeometry, HoleSide, HoleStatus, Zone, ZoneMode, zone_from
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StampMetrics:
+class StampMetrics(Record, eq=False, kw_only=True):
     """Figures of merit of one band that follow from two stamps: the star behind the mask, and an unmasked source.
 
     Every fraction is of the energy that the clear pupil disc collects. Positions are arcsec from the star on the
@@ -130,8 +129,7 @@ TINY = 1e-300  # for logarithms of what may be 0
 NEARBY_ARCSEC = 1.5
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PsfMetrics(StampMetrics):
+class PsfMetrics(StampMetrics, eq=False, kw_only=True):
     """Figures of merit of one band whose optics are known.
 
     Attributes

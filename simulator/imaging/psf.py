@@ -2,13 +2,12 @@
 
 import functools
 import math
-from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
 
 from catalogs import Spectrum
-from cpic_core import FloatArray, InputError, Keyed, check_word, numeric_context, overlap_weights
+from cpic_core import FloatArray, InputError, Keyed, Record, check_word, numeric_context, overlap_weights
 from simulator.config import Instrument, InstrumentLike, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
@@ -25,8 +24,7 @@ N_KEPT = 12  # of optical models with their stamps, some 3 MB each
 KEPT_PUPIL = 256**2  # most samples of a pupil that is kept
 
 
-@dataclass(frozen=True)
-class PsfError:
+class PsfError(Record):
     """Estimated numerical error of a PSF: its difference from the reference settings.
 
     Attributes
@@ -48,8 +46,7 @@ class PsfError:
     hole_rms: float
 
 
-@dataclass(frozen=True, eq=False)
-class Psf:
+class Psf(Record, eq=False):
     """Point-spread functions of one band on star-centred stamps, ``[y, x]``, star at pixel ``n // 2``.
 
     Attributes

@@ -7,18 +7,19 @@ wide, so that opposite edges of the pupil are independent, and scaled to the exa
 (`simulator.imaging.pupil.upsample`) and sees the same optics.
 """
 
+from __future__ import annotations
+
 import functools
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, check_word, is_file, stream
+from cpic_core import FloatArray, InputError, NDArray, Record, check_word, is_file, stream
 from simulator.config import Instrument
 from simulator.config.map_files import MapFile, read_maps, real_map
 
@@ -191,8 +192,7 @@ def upsample(transmission: FloatArray, samples: int) -> FloatArray:
 FLAT_BELOW_CYCLES = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Aberrations:
+class Aberrations(Record, eq=False):
     """Static wavefront of the instrument on an ``n x n`` pupil grid, ``[y, x]``.
 
     Attributes
@@ -224,11 +224,11 @@ class Aberrations:
         field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)
         return field
 
-    def plus_opd(self, opd_nm: FloatArray) -> "Aberrations":
+    def plus_opd(self, opd_nm: FloatArray) -> Aberrations:
         """Return these aberrations with a mirror (twice its surface) or a screen added for good."""
         return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
 
-    def pointed(self, transmission: FloatArray) -> "Aberrations":
+    def pointed(self, transmission: FloatArray) -> Aberrations:
         """Return the same with the star brought to the centre: no tip and tilt where light is transmitted.
 
         To first order in the phase the image of a point peaks where the slope of the wavefront, weighted with the
@@ -242,7 +242,7 @@ class Aberrations:
         tilt = np.tensordot(content[1:], planes[1:], axes=1)
         return _frozen(self.opd_nm - tilt, self.amplitude.copy())
 
-    def upsampled(self, samples: int) -> "Aberrations":
+    def upsampled(self, samples: int) -> Aberrations:
         """Return the same optics on a finer pupil grid: every sample repeated.
 
         Add the mirror first (`plus_opd`): sampled anew on the finer grid it would be another surface, and a hole solved

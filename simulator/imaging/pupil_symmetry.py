@@ -9,12 +9,11 @@ on one side only), half of them where they are not. Nothing is approximated.
 import functools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray
+from cpic_core import FloatArray, NDArray, Record
 
 RealArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -24,8 +23,7 @@ SYMMETRIC = 1e-14  # of the farthest node: equal but for rounding
 SERIES_BELOW = 0.25  # rad; beyond, the power series takes longer than the library's cosine and sine
 
 
-@dataclass(frozen=True, eq=False)
-class HalfWaves:
+class HalfWaves(Record, eq=False):
     """Transform of one axis, from the pupil samples on its upper side.
 
     Attributes

@@ -9,18 +9,16 @@ completely, and Fourier interpolation of the pixel values is exact but for the c
 """
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray
+from cpic_core import FloatArray, NDArray, Record
 from simulator.passbands import gauss_rule
 
 BOX_POINTS, GAUSS_POINTS = 24, 24  # of the discrete measure behind a rule: exact for its first moments
 
 
-@dataclass(frozen=True, eq=False)
-class PixelAxis:
+class PixelAxis(Record, eq=False):
     """Quadrature along one detector axis: nodes only where the focal-plane mask is open.
 
     Attributes

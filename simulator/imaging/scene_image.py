@@ -27,12 +27,11 @@ is misplaced by up to 2 mas per axis (up to 5 % of its peak), and a source behin
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, Keyed, NDArray
+from cpic_core import ArrayLike, ComplexArray, FloatArray, InputError, Keyed, NDArray, Record
 from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
 from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of, unfolded
@@ -46,8 +45,7 @@ SHORTEST_CYCLES = 20.0  # of the cutoff frequency: beyond the core, where the wi
 JITTER_REACH = 7.0  # standard deviations
 
 
-@dataclass(frozen=True, eq=False)
-class FrequencyAxis:
+class FrequencyAxis(Record, eq=False):
     """Harmonics ``k / period``, ``|k| <= count // 2``, of one axis.
 
     Attributes
@@ -86,8 +84,7 @@ class FrequencyAxis:
         return _bell_integral((flat + bell - np.abs(self.samples_arcsec)) / bell)
 
 
-@dataclass(frozen=True, eq=False)
-class BandTransfer:
+class BandTransfer(Record, eq=False):
     """Transfer function of the optics of a band, pointing jitter included, pixel not.
 
     Attributes
@@ -163,8 +160,7 @@ class BandTransfer:
         return spectrum
 
 
-@dataclass(frozen=True, eq=False)
-class KernelTransfer:
+class KernelTransfer(Record, eq=False):
     """Transfer function of a pixel-integrated point-spread function, for example one from a file.
 
     Sources between pixels see the band-limited interpolation of the kernel, which is exact for a kernel sampled
@@ -323,8 +319,7 @@ TILES = (1.0, 2.0, 4.0, 8.0)  # times the smallest
 GROUP_SAMPLES = 10_000.0  # of the transfer function that take as long as what a group costs besides
 
 
-@dataclass(frozen=True, eq=False)
-class PointSources:
+class PointSources(Record, eq=False):
     """Point sources at any position.
 
     Attributes
@@ -411,8 +406,7 @@ def scene_image(
     return image
 
 
-@dataclass(frozen=True, eq=False)
-class _Window:
+class _Window(Record, eq=False):
     """Open intervals of the pixels, and the first and last centre of each axis."""
 
     rows: PixelAxis

@@ -7,7 +7,7 @@ Its separations are in lambda/D, its brightness is the fraction of the collected
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -109,8 +109,7 @@ _GAIN, _FIFTHS, _SQUARE, _TAILS = 1.15, (0.3, 0.55, 0.8, 1.2, 2.0), 1.6, 0.8
 _POSITIONS, _ROUGH = 2.4, 1.25
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TableMetrics(PsfMetrics):
+class TableMetrics(PsfMetrics, eq=False, kw_only=True):
     """Figures of merit of one band of which a table is known.
 
     Attributes

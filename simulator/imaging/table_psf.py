@@ -10,10 +10,11 @@ variance of the table.
 `write_coronagraph_table` writes the coronagraph of an instrument as a table that `coronagraph.table` reads.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import functools
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -43,8 +44,7 @@ _MOST = 4.0  # rms of a Gaussian field that hardly any speckle passes
 _RINGS = 30  # of a stamp, over each of which the pattern of static speckles has the mean 1
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TablePsf(ExternalPsf):
+class TablePsf(ExternalPsf, eq=False, kw_only=True):
     """Point-spread functions of a table, with speckles that change from visit to visit; made by `psf_of_table`.
 
     Attributes

@@ -7,12 +7,12 @@ Whoever asks where a planet may stand asks the zone, and needs not know which it
 
 import functools
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray, Record
 from simulator.config import Instrument
 from simulator.imaging.sampling import centred_axis, separations
 
@@ -21,8 +21,7 @@ HoleSide = Literal["right", "left", "top", "bottom"]
 HoleStatus = Literal["reached", "not_reached", "none", "table"]
 
 
-@dataclass(frozen=True)
-class HoleZone:
+class HoleZone(Record):
     """The zone in which light is to be removed. In both modes it is a product of two sets of intervals.
 
     Attributes
@@ -138,6 +137,31 @@ class HoleZone:
             inside &= np.any(within, axis=0)
         return inside
 
+    def reaches(self, x: FloatArray, y: FloatArray, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest factor with which offsets are points that `contains` finds in the zone.
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Offsets from the star in any unit; the factors are arcsec of it.
+        margin_arcsec : float
+            Distance kept from the edges.
+
+        Returns
+        -------
+        least, largest : ndarray
+            The least is above the largest where no factor leads into the zone.
+        """
+        margin = margin_arcsec - _ROUNDING * self.outer_arcsec
+        least, largest = np.zeros(np.shape(x)), np.full(np.shape(x), np.inf)
+        with np.errstate(divide="ignore"):
+            for offset, parts in zip((y, x), self.intervals(), strict=True):
+                sides = [np.sign(low + high) for low, high in parts]
+                distance = np.where(np.isin(np.sign(offset), sides), np.abs(offset), 0.0)
+                least = np.maximum(least, (self.inner_arcsec + margin) / distance)
+                largest = np.minimum(largest, (self.outer_arcsec - margin) / distance)
+        return least, largest
+
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
         """Return whether an aperture that does not lie in the zone crosses its inner edge.
 
@@ -209,8 +233,7 @@ class HoleZone:
         return self.axes(np.asarray(points, dtype=np.float64))
 
 
-@dataclass(frozen=True)
-class RingZone:
+class RingZone(Record):
     """A ring around the star: where a coronagraph that is known by tables of separation shows planets.
 
     It has what `HoleZone` tells whoever looks for planets. Separations of its edges are the same in all directions.
@@ -262,6 +285,12 @@ class RingZone:
         separation = np.hypot(x_arcsec, y_arcsec)
         inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
         return np.asarray((separation >= inner) & (separation <= (self.outer_arcsec - margin_arcsec) * (1 + _ROUNDING)))
+
+    def reaches(self, x: FloatArray, y: FloatArray, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest factor that takes offsets into the ring; parameters as of `HoleZone`."""
+        separation = np.hypot(x, y)
+        inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
+        return inner / separation, (self.outer_arcsec - margin_arcsec) * (1.0 + _ROUNDING) / separation
 
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
         """Return whether an aperture not in the zone crosses its inner edge; parameters as of `HoleZone`."""
@@ -317,8 +346,7 @@ def zone_of(instrument: Instrument, band: str) -> Zone:
     return zone_from(*edges, "ring" if instrument.coronagraph.is_ring else hole.mode, hole.side)
 
 
-@dataclass(frozen=True)
-class BandGeometry:
+class BandGeometry(Record):
     """Geometry of one band on a stamp, star at pixel ``stamp_pixels // 2``; the same at all numerical settings.
 
     Attributes

@@ -7,10 +7,10 @@ left out first.
 import dataclasses
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, get_args
 
-from cpic_core import InputError, Outcome, Reason, Status
+from cpic_core import InputError, Outcome, Reason, Record, Status
 from simulator.config import Instrument, Scene
 from simulator.detectors import VISIBLE, Sizes, rows_of
 from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
@@ -51,8 +51,7 @@ SUM_EPOCHS = 6
 _NEEDS = {effect.switch: effect.hides for effect in rows_of(VISIBLE)}
 
 
-@dataclass(frozen=True)
-class Shortcuts:
+class Shortcuts(Record):
     """Everything that makes a model of an observation cheaper.
 
     Attributes
@@ -93,8 +92,7 @@ class Shortcuts:
         return scene.model_copy(update=kept) if self.left_out else scene
 
 
-@dataclass(frozen=True, kw_only=True)
-class Choice(Shortcuts):
+class Choice(Shortcuts, kw_only=True):
     """The way in which an observation is modelled; made by `choose`.
 
     Attributes
@@ -149,8 +147,7 @@ def error_of(quantity: Quantity, total: float) -> float:
     return 1.0 / math.sqrt(1.0 - 2.0 * total) - 1.0 if total < 0.5 else math.inf
 
 
-@dataclass(frozen=True)
-class _Item:
+class _Item(Record):
     """Something to leave out, or a setting to lower to a value."""
 
     key: str

@@ -2,18 +2,17 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, Record
 from simulator.config import Instrument, Scene
 from simulator.detectors import Effect, Setting, rows_of
 from simulator.effects import SKY_PLACE_UNKNOWN, SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
 
 
-@dataclass(frozen=True)
-class EffectRow:
+class EffectRow(Record):
     """One effect: kept or skipped, and why.
 
     Attributes

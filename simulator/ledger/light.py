@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, compute_once, stream
+from cpic_core import BoolArray, FloatArray, Record, compute_once, stream
 from simulator.camera import load_calibration_set
 from simulator.config import AnyDetector, CosmicRayConfig, Instrument, content_hash
 from simulator.detectors import aperture_noise_pixels
@@ -42,8 +41,7 @@ _FAR_POINTS = 16
 _NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even over a few pixels
 
 
-@dataclass(frozen=True, eq=False)
-class SourceLight:
+class SourceLight(Record, eq=False):
     """The light that a source other than the central star leaves on the window.
 
     Attributes
@@ -70,8 +68,7 @@ class SourceLight:
     least_e_s: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class _Aperture:
+class _Aperture(Record, eq=False):
     """Aperture of a measured planet: its place, the part of the stamp under it and the weights there, none off it."""
 
     x_arcsec: float
@@ -97,8 +94,7 @@ class _Aperture:
         return rate_e_s * float(wing(metrics, self.x_arcsec - x, self.y_arcsec - y)) * metrics.aperture_pixels
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlanetPlace(_Aperture):
+class PlanetPlace(_Aperture, eq=False, kw_only=True):
     """A measured planet in its aperture; electrons per second.
 
     Attributes

@@ -23,13 +23,12 @@ import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from catalogs import luminosity_from_v, radius_from_luminosity, stellar_parameters
-from cpic_core import BoolArray, FloatArray, InputError, NDArray, Outcome, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, NDArray, Outcome, Reason, Record, Status
 from simulator.camera import FrameNoise, aperture_loss_per_s
 from simulator.config import Drift, Instrument, Scene, SceneStar, Timing
 from simulator.detectors import INFRARED, VISIBLE, FrameTerm, Sizes, in_sums, rows_of, sizes
@@ -713,8 +712,7 @@ def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
     return np.minimum(power, LARGEST)
 
 
-@dataclass(frozen=True)
-class Optics:
+class Optics(Record):
     """The properties that the quadratures of a band depend on.
 
     Attributes
@@ -1006,8 +1004,7 @@ WAVELENGTHS, PIXEL_NODES = (1, 2, 3, 4, 5, 6, 7), (1, 2, 3, 4, 5)
 EPOCHS = (1, 2, 3, 4, 6, 8, 12)
 
 
-@dataclass(frozen=True)
-class Forecast:
+class Forecast(Record):
     """Sizes of effects; made by `forecast`.
 
     Attributes

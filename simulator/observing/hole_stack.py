@@ -13,12 +13,11 @@ by the settings of the reference.
 
 import dataclasses
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Status, check_whole
+from cpic_core import FloatArray, InputError, NDArray, Outcome, Reason, Record, Status, check_whole
 from simulator.camera import stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, Smear, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, TablePsf, VisitLight, centred_axis, expands, visit_light
@@ -38,8 +37,7 @@ from simulator.observing.sequence import MAX_REALISATION
 _MARGIN_SIGMA = 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class HoleStacks:
+class HoleStacks(Record, eq=False):
     """Sums of frames over the dark hole; made by `hole_stacks`.
 
     Attributes

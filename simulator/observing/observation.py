@@ -6,7 +6,7 @@ the star at the epochs of a visit of a programme.
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -17,6 +17,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     PathPart,
+    Record,
     check_number,
     check_pair,
     check_whole,
@@ -73,8 +74,7 @@ MAX_VISIT = 999_999
 _ANNULUS_LAMBDA_D = 1.5  # half width of the ring whose mean a table's estimate of drift refers to
 
 
-@dataclass(frozen=True)
-class Visit:
+class Visit(Record):
     """The visit of a programme that a sequence is; its random streams are named by it.
 
     Attributes
@@ -339,8 +339,7 @@ SkyKind = Literal["SCI", "DSF", "CALS"]
 MAX_OFFSET_ARCSEC = 8.0
 
 
-@dataclass(frozen=True, eq=False)
-class Observation(FrameSequence):
+class Observation(FrameSequence, eq=False):
     """Frames of a scene, made one at a time; made by `observe`.
 
     Attributes

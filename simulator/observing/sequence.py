@@ -5,7 +5,7 @@ Calibration sequences: bias, dark, flat field, sky background, laser.
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -15,6 +15,7 @@ from cpic_core import (
     InputError,
     NDArray,
     PathPart,
+    Record,
     check_number,
     check_pair,
     check_whole,
@@ -55,8 +56,7 @@ def checked_exposure(exposure_s: float) -> float:
     return float(exposure_s)
 
 
-@dataclass(frozen=True, eq=False)
-class Stamps:
+class Stamps(Record, eq=False):
     """The central star as it changes during a sequence.
 
     Attributes
@@ -75,8 +75,7 @@ class Stamps:
     part: tuple[slice, slice]
 
 
-@dataclass(frozen=True, eq=False)
-class Light:
+class Light(Record, eq=False):
     """Mean electrons per second on the pixels: a part that stays, and stamps of the star that change.
 
     ``beyond_e_s`` is the light of the frame beyond a window, summed over each of its columns: none of it is on the
@@ -106,8 +105,7 @@ class Light:
         return whole
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(Record):
     """The point sources that are really there, with their places in the frame counted from 0.
 
     Attributes
@@ -123,8 +121,7 @@ class Truth:
     y_pixel: tuple[float, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class FrameSequence:
+class FrameSequence(Record, eq=False):
     """Frames of one sequence, made one at a time.
 
     Attributes
@@ -399,8 +396,7 @@ _NEEDS_BAND = ("FLAT", "BKG", "LASER")
 _LASER_ARCSEC = (0.5, 0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class Calibration(FrameSequence):
+class Calibration(FrameSequence, eq=False):
     """Frames of a calibration sequence; made by `calibrate`."""
 
 

@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeGuard
 
 import numpy as np
 
-from cpic_core import InputError, as_path, bounded_fits, open_file, parse_json, parse_yaml, read_file, read_text
+from cpic_core import InputError, Record, as_path, bounded_fits, open_file, parse_json, parse_yaml, read_file, read_text
 from simulator.config import SKY_KINDS, checked_utc
 from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
 from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Keyword, Profile, load_keywords, ones_sum
@@ -41,8 +41,7 @@ class Header(dict[str, Any]):
         return load_keywords().value(self, name)
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(Record):
     """One thing that is wrong.
 
     Attributes

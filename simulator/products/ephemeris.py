@@ -10,17 +10,15 @@ import math
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, load_quietly
+from cpic_core import ArrayLike, FloatArray, Record, load_quietly
 from simulator.config import OrbitConfig, checked_utc
 
 
-@dataclass(frozen=True, eq=False)
-class SequenceTimes:
+class SequenceTimes(Record, eq=False):
     """Begin and end of every exposure of a sequence.
 
     Attributes
@@ -157,8 +155,7 @@ _GM_KM3_S2 = 398600.4418
 _J2 = 1.08262668e-3
 
 
-@dataclass(frozen=True)
-class CircularOrbit:
+class CircularOrbit(Record):
     """A circular orbit whose node drifts.
 
     Position in the equatorial inertial frame, ``R_z(node) R_x(inclination) (a cos u, a sin u, 0)`` with the angle ``u``
@@ -240,8 +237,7 @@ def earth_radius_deg(distance_km: ArrayLike) -> FloatArray:
     return np.rad2deg(np.arcsin(EARTH_RADIUS_KM / np.asarray(distance_km, dtype=np.float64)))
 
 
-@dataclass(frozen=True, eq=False)
-class Ephemeris:
+class Ephemeris(Record, eq=False):
     """State of the telescope and angles of the target at several times, all from a modelled orbit.
 
     Attributes

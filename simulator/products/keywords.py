@@ -10,13 +10,12 @@ import gzip
 import io
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, load_yaml
+from cpic_core import InputError, NDArray, Record, load_yaml
 
 Value = str | int | float | bool
 KEYWORD_FILE = Path(__file__).parent / "data" / "keywords.yaml"
@@ -24,8 +23,7 @@ _RULE_FILE = KEYWORD_FILE.with_name("rules.yaml")
 _TYPES: Mapping[str, type] = {"str": str, "int": int, "float": float, "bool": bool}
 
 
-@dataclass(frozen=True)
-class Keyword:
+class Keyword(Record):
     """One keyword of the table.
 
     Attributes
@@ -98,8 +96,7 @@ Profile: TypeAlias = Mapping[str, tuple[str, ...]]
 """The spellings in which a keyword is written, by its name."""
 
 
-@dataclass(frozen=True)
-class KeywordTable:
+class KeywordTable(Record):
     """The table.
 
     Attributes

@@ -10,13 +10,12 @@ import math
 import re
 import shutil
 from collections import defaultdict
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError
+from cpic_core import ArrayLike, FloatArray, InputError, Record
 from simulator.config import (
     SKY_KINDS,
     AnyDetector,
@@ -108,8 +107,7 @@ def _parity_of(sequence: FrameSequence) -> int:
 _ROUNDING_S = 1e-6
 
 
-@dataclass(frozen=True)
-class VisitPart:
+class VisitPart(Record):
     """The part of a visit that is taken in one window of the orbit: the frames of one sequence.
 
     Attributes
@@ -220,8 +218,7 @@ def visit_parts(entry: SequenceConfig, paces_s: Sequence[float]) -> list[VisitPa
     return sorted(parts, key=lambda part: part.start_s)
 
 
-@dataclass(frozen=True)
-class PartOfVisit:
+class PartOfVisit(Record):
     """The frames of a visit that one window of the orbit holds; everything else is that of the visit.
 
     Attributes
@@ -310,8 +307,7 @@ _NAME = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class ProductName:
+class ProductName(Record):
     """Parts of the name of one Level-0 file, and the places of what belongs to it.
 
     Attributes

@@ -12,11 +12,10 @@ the planet; what is left of it after a subtraction is their scatter.
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, InputError, Keyed, checked_array, checked_scalar
+from cpic_core import ArrayLike, FloatArray, InputError, Keyed, Record, checked_array, checked_scalar
 from simulator.config import DiscSource
 from simulator.imaging import (
     APART_RADII,
@@ -249,8 +248,7 @@ _ROUGH_STEP_PIXELS = 6.0
 _MOST_KEPT = 10_000
 
 
-@dataclass(frozen=True)
-class CompanionLight:
+class CompanionLight(Record):
     """Light of unit companions around planets; arrays ``(k, ...)`` in the shape of the planets' places.
 
     Attributes
@@ -269,8 +267,7 @@ class CompanionLight:
     left: FloatArray
 
 
-@dataclass(frozen=True)
-class CompanionTables:
+class CompanionTables(Record):
     """Light of ``k`` unit companions for planets on the diagonals of the quadrants.
 
     Attributes

@@ -7,12 +7,11 @@ saturate (its own cap is known as well, for those who want none of it to).
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
+from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Outcome, Reason, Record, Status, checked_array
 from simulator.config import AnyDetector
 
 _NAMES = {Reason.PIXEL_FULL_WELL.value: "pixel full well", Reason.REGISTER_FULL_WELL.value: "register full well"}
@@ -20,8 +19,7 @@ _NAMES |= {Reason.ADC_RANGE.value: "range of the converter"}
 _LIMITS = np.array(list(_NAMES))
 
 
-@dataclass(frozen=True, eq=False)
-class GainCap:
+class GainCap(Record, eq=False):
     """Largest usable EM gain.
 
     Attributes
@@ -135,8 +133,7 @@ def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: AnyDetector,
 N_SIGMA = 5.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Wells:
+class Wells(Record, kw_only=True):
     """The limits of a camera; electrons at the register input unless said.
 
     Attributes

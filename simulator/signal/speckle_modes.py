@@ -9,9 +9,11 @@ least noise that is possible if the covariance is right. It takes for granted th
 instrument: most of the covariance is the static field in the dark hole, crossed with the errors of the wavefront.
 """
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -23,6 +25,7 @@ from cpic_core import (
     FloatArray,
     InputError,
     IntArray,
+    Record,
     announce,
     check_finite,
     check_whole,
@@ -38,8 +41,7 @@ N_VISITS, SEED = 1500, 101
 _NEAR_LAMBDA_D, _N_APERTURES, _N_PLANETS = 1.5, 300, 48
 
 
-@dataclass(frozen=True)
-class OpticalBand:
+class OpticalBand(Record):
     """A band that counts as equal to any other of its key."""
 
     instrument: Instrument = field(compare=False)
@@ -217,7 +219,8 @@ MOST_REFERENCES = int(_MOST_SHARE * N_VISITS)
 """Most reference visits whose modes are known; more change nothing."""
 # Numbers of references that are drawn: between them factors are power laws.
 _EVERY = 24
-_REFERENCES = np.unique([*range(1, _EVERY + 1), *np.round(np.geomspace(_EVERY, MOST_REFERENCES, 16)).astype(int)])
+_FURTHER = np.geomspace(_EVERY, MOST_REFERENCES, 16).round().astype(int).tolist()
+_REFERENCES = np.array(sorted({*range(1, _EVERY + 1), *_FURTHER}))
 
 
 class ModeFactors(NamedTuple):
@@ -239,7 +242,7 @@ class ModeFactors(NamedTuple):
     white: FloatArray
     throughput: FloatArray
 
-    def at(self, n_modes: ArrayLike) -> "ModeFactors":
+    def at(self, n_modes: ArrayLike) -> ModeFactors:
         """Return those of so many modes, or of as many as there are, for each of the first axes."""
         wanted = np.minimum(np.asarray(n_modes, int), self.n_modes.max(axis=-1))
         index = np.broadcast_to(wanted, self.n_modes.shape[:-1])[..., None]
@@ -410,8 +413,7 @@ def _nodes_around(place: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         yield low + step, 1.0 - np.abs(place - low - step)
 
 
-@dataclass(frozen=True, eq=False)
-class BandModes:
+class BandModes(Record, eq=False):
     """The factors of modes anywhere in the hole of a band, for visits whose wavefronts are off by so much.
 
     Attributes

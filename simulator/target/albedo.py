@@ -44,7 +44,6 @@ stays positive, and smooth in wavelength. f_sed above 6 is taken as 6 and never 
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,7 +51,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs import Albedo, load_albedo
-from cpic_core import ArrayLike, InputError, file_state, numeric_context, read_npz, real_array
+from cpic_core import ArrayLike, InputError, Record, file_state, numeric_context, read_npz, real_array
 from simulator import config
 from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase, lambert_phase
@@ -176,8 +175,7 @@ _ALKALI = ((589.3, 15.0, 1.0), (768.0, 15.0, 0.5))
 _WATER = ((725.0, 10.0, 0.1), (820.0, 12.0, 0.1), (940.0, 25.0, 1.0), (1135.0, 35.0, 1.0), (1380.0, 50.0, 10.0))
 
 
-@dataclass(frozen=True, eq=False)
-class ParametricGrid:
+class ParametricGrid(Record, eq=False):
     """The fitted table.
 
     Attributes

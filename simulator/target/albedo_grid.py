@@ -18,14 +18,13 @@ import itertools
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from catalogs import Albedo, read_curve
-from cpic_core import NPZ_ERRORS, ArrayLike, InputError, at_home, open_file, open_npz, read_file, refuse_sent
+from cpic_core import NPZ_ERRORS, ArrayLike, InputError, Record, at_home, open_file, open_npz, read_file, refuse_sent
 from simulator.knobs import AlbedoFamily, model_corners
 from simulator.target.contrast import checked_phase
 
@@ -52,8 +51,7 @@ class Model(NamedTuple):
         return f"log10_mh {self.log10_mh:g}, {clouds}, {self.insolation_au:g} au, phase {self.phase_deg:g} deg"
 
 
-@dataclass(frozen=True, eq=False)
-class Axes:
+class Axes(Record, eq=False):
     """Increasing values that the models of a grid take; the meaning of each is that of `Model`."""
 
     log10_mh: np.ndarray
@@ -79,8 +77,7 @@ class Models(Protocol):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class SqliteModels:
+class SqliteModels(Record, eq=False):
     """Models in a database, read when asked for, without a lock on it.
 
     Attributes
@@ -138,8 +135,7 @@ class SqliteModels:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class NpzModels:
+class NpzModels(Record, eq=False):
     """Models in one array.
 
     Attributes
@@ -373,8 +369,7 @@ def _opened(path: Path, _mtime_ns: int, _size: int) -> "AlbedoGrid":
     return AlbedoGrid(path, models)
 
 
-@dataclass(frozen=True, eq=False)
-class AlbedoGrid:
+class AlbedoGrid(Record, eq=False):
     """A grid of models in a file; offers what `simulator.target.albedo` does.
 
     Attributes

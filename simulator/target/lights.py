@@ -4,13 +4,12 @@ The light of a scene's stars, worked out when it is asked for.
 """
 
 import functools
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from catalogs import Albedo, Band, Spectrum, load_stellar_grid, luminosity_from_v, stellar_parameters
-from cpic_core import InputError
+from cpic_core import InputError, Record
 from simulator.config import STAR_MODELS, Place, Planet, SceneStar, SpectrumTable, inside, true_distance_au
 from simulator.passbands import band_integral, band_projection, product_samples
 from simulator.target.albedo import albedo_notes, albedo_table, needs_insolation, phase_value
@@ -25,8 +24,7 @@ from simulator.target.star_spectrum import (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class LitPlanet:
+class LitPlanet(Record, eq=False):
     """A planet of a scene.
 
     Attributes
@@ -187,8 +185,7 @@ def table_spectrum(table: SpectrumTable) -> Spectrum:
     return photon_flux("spectrum", np.array(table.wavelength_nm), np.array(flux), unit)
 
 
-@dataclass(frozen=True, eq=False)
-class LitStar:
+class LitStar(Record, eq=False):
     """A star of a scene.
 
     Attributes

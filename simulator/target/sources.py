@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, check_finite, check_number, numeric_context
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_number, numeric_context
 from simulator import config
 from simulator.config import Instrument, InstrumentLike, Scene, StarColumns
 from simulator.passbands import Passbands
@@ -32,8 +31,7 @@ _NUMBERS |= dict.fromkeys(("distance_au", "insolation_au"), "AU")
 _COLUMNS = ("name", "kind", *_NUMBERS, "flags", "spectrum")
 
 
-@dataclass(frozen=True, eq=False)
-class SpectralSource:
+class SpectralSource(Record, eq=False):
     """One source: where it stands and its spectrum at the telescope.
 
     Attributes
@@ -104,8 +102,7 @@ class SpectralSource:
         return getattr(self, column)
 
 
-@dataclass(frozen=True, eq=False)
-class SourceTable(Sequence[SpectralSource]):
+class SourceTable(Record, Sequence[SpectralSource], eq=False):
     """Sources of one scene, the central star first.
 
     ``table[0]`` and ``table["planet 1"]`` are rows, iteration goes over rows, and the names of the columns are
@@ -174,8 +171,7 @@ class SourceTable(Sequence[SpectralSource]):
         return _qtable([self])
 
 
-@dataclass(frozen=True, eq=False)
-class SourceBatch(Sequence[SourceTable]):
+class SourceBatch(Record, Sequence[SourceTable], eq=False):
     """Source tables of many scenes, one after the other.
 
     Attributes
@@ -351,8 +347,7 @@ def _parity(parity: int) -> int:
 SceneLike: TypeAlias = Scene | Mapping[str, Any] | str | Path
 
 
-@dataclass(frozen=True)
-class Source:
+class Source(Record):
     """One point source in one band.
 
     Attributes

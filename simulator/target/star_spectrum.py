@@ -13,7 +13,6 @@ import functools
 import os
 import re
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -29,7 +28,17 @@ from catalogs import (
     read_curve,
     stellar_parameters,
 )
-from cpic_core import InputError, bounded_fits, check_number, file_state, is_file, numeric_context, open_file, read_file
+from cpic_core import (
+    InputError,
+    Record,
+    bounded_fits,
+    check_number,
+    file_state,
+    is_file,
+    numeric_context,
+    open_file,
+    read_file,
+)
 from simulator.passbands import check_table, v_photon_rate, vega_v_photon_rate
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 
@@ -196,8 +205,7 @@ _FILE_AND_COLUMN = re.compile(r"\s*([^\[\]]+?)\s*\[\s*(\w+)\s*\]\s*")
 _AXES = (("teff_k", "K"), ("metallicity", "dex"), ("log_g", "dex"))
 
 
-@dataclass(frozen=True, eq=False)
-class _Catalogue:
+class _Catalogue(Record, eq=False):
     """Teff, [M/H] and log g of each model, shape (n, 3), and the file and column that hold it."""
 
     parameters: np.ndarray
@@ -437,8 +445,7 @@ _NEUTRAL = {"metallicity": 0.0}
 _ALLOWED_MODELS = f"{', '.join(STAR_MODELS)}, a Spectrum, or the path of a file or of a tree of models"
 
 
-@dataclass(frozen=True, eq=False)
-class StarSpectrum(Spectrum):
+class StarSpectrum(Spectrum, eq=False):
     """A stellar spectrum at the telescope and what it was made from.
 
     Attributes
@@ -461,8 +468,7 @@ class StarSpectrum(Spectrum):
     model: str = "grid"
 
 
-@dataclass(frozen=True)
-class _Parameters:
+class _Parameters(Record):
     teff_k: float | None
     log_g: float | None
     metallicity: float | None

@@ -8,7 +8,7 @@ import pytest
 from catalogs import open_catalogue
 from cpic_core import InputError
 from cpic_planner import load_targets
-from cpic_planner.targets import find_target, rank_sample, sample_text
+from cpic_planner.targets import find_target, find_targets, rank_sample, sample_text
 from simulator.config import content_hash
 
 TABLE = """name,plx,V,SpT,ra,dec,companion_sep_arcsec,companion_v_mag,close_companion
@@ -113,6 +113,19 @@ def test_companions_stand_where_they_are_at_the_date(star, arcsec):
     assert "companion_position_old" not in there.flags[0]
     earlier, _ = find_target(star, date_utc="1975-07-01")
     assert abs(earlier.companion_separation_arcsec[0] - arcsec) > 0.3
+
+
+@pytest.mark.parametrize("companions", ["on", "off"])
+def test_stars_that_are_named_together_are_those_that_are_named_alone(companions):
+    names = ["alf Cen A", "alpha Cen B", "tau Cet", "61 Cyg", "61 Cyg B", "tau Cet", "HIP 8102"]
+    found = find_targets(names, companions=companions, date_utc="2030-01-01")
+    for name, (star, note) in zip(names, found, strict=True):
+        alone, said = find_target(name, companions=companions, date_utc="2030-01-01")
+        assert star.content() == alone.content()
+        assert (note, star.hd, star.gj) == (said, alone.hd, alone.gj)
+    assert find_targets([]) == []
+    with pytest.raises(InputError, match="star = no star"):
+        find_targets(["tau Cet", "no star", "nor this"])
 
 
 def test_the_date_is_the_start_of_the_mission_unless_given():

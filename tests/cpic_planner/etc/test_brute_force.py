@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import FrameCamera, best_in_visit, least_time
+from cpic_planner.etc import FrameCamera, best_in_visit, build_model, cases_of, least_time, planets_of
+from cpic_planner.queries import Strategy
+from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
@@ -124,3 +126,30 @@ def test_brute_force_finds_what_a_hand_finds(oracles):
     assert found.exposure_s[0] == pytest.approx(50.0, rel=0.006)
     assert (found.n_frames[0], found.em_gain[0]) == (1.0, 1.0)
     assert least_time(simple, 10.0).exposure_s[0] == pytest.approx(50.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("search", ["blind", "known_place"])
+@pytest.mark.parametrize(("star", "visits"), [("tau Cet", 1), ("alf CMi A", 2), ("61 Cyg A", 3)])
+def test_no_frames_reach_sooner_a_level_that_follows_them(star, visits, search):
+    """The level of a detection depends on the frames themselves: every number of them and 4000 exposures are tried."""
+    model, bands = build_model(load_instrument(), None, Strategy(search=search)), ("F520", "F720")
+    cases = cases_of(model, find_target(star)[0], bands, planets_of([0.42, 0.6]), objective="significance")
+    many = np.full(cases.shape, float(visits))
+    found = cases.at_level(many)
+    programme, problem = found.cases.programme, found.problem
+    level, camera = cases.level(programme, problem), problem.camera
+    exposure = np.geomspace(camera.exposure_min_s, camera.exposure_max_s, 4000).reshape(-1, 1, 1, 1)
+    allowed = exposure <= problem.longest_s
+    shape = np.broadcast_shapes(exposure.shape, cases.shape)
+    best = np.full(cases.shape, np.inf)
+    frames = np.unique(np.concatenate([np.arange(1.0, 200.0), np.round(np.geomspace(200.0, 2e4, 200))]))
+    some = found.choice.n_frames >= 1
+    for n in (*frames, *found.choice.n_frames[some]):
+        visit = np.broadcast_to(n * (exposure + camera.readout_s), shape)
+        inverse = problem.inverse_snr2(np.broadcast_to(exposure, shape), np.array(n))
+        reached = allowed & (inverse * level(visit, inverse) ** 2 <= 1.0)
+        best = np.minimum(best, np.where(reached, visit, np.inf).min(axis=0))
+    np.testing.assert_array_equal(some | np.isinf(best), True)  # what the grid reaches the solver reaches, too
+    assert some.any()
+    np.testing.assert_allclose(found.choice.inverse_snr2[some] * found.level[some] ** 2, 1.0, rtol=1e-9)
+    assert np.all(found.choice.visit_s[some] <= best[some] * (1.0 + 1e-9))

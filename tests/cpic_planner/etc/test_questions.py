@@ -122,6 +122,15 @@ def test_round_trips(setup):
     assert back_again > 8
 
 
+def test_a_detection_in_a_narrow_range_of_visits_is_found_by_every_question():
+    """In two visits to Procyon the level is reached in a valley that is flat: its time stands beside a short visit."""
+    model = build_model(INSTRUMENT, None, Strategy(visits=2))
+    asked = {"separation_arcsec": 0.42, "bands": ["F720"]}
+    detected = exposure_time(model, find_target("alf CMi A")[0], detect=True, **asked)[0]
+    short = exposure_time(model, find_target("alf CMi A")[0], snr=5.0, **asked)[0]
+    assert short.required_time_s == pytest.approx(detected.value, rel=1e-4)
+
+
 def test_unreachable_both_ways():
     """What no time reaches has no contrast limit that would say otherwise."""
     limit = contrast_limit(MODEL, TAU_CET, time_s=1e9, **PLACE)[0]

@@ -530,7 +530,7 @@ def test_two_rolls_show_a_planet_half_the_angle_to_either_side():
     np.testing.assert_allclose((x, y), first, rtol=1e-12, atol=1e-14)
     radius = metrics.aperture_radius_arcsec
     apart = np.hypot(first[0] - second[0], first[1] - second[1]) >= 2.0 * radius
-    seen = detection.inside_zone(metrics.zone, *first, radius) & detection.inside_zone(metrics.zone, *second, radius)
+    seen = metrics.zone.contains(*first, radius) & metrics.zone.contains(*second, radius)
     assert 0 < usable.sum() < usable.size
     assert np.array_equal(usable, seen & apart)
 
