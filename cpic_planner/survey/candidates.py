@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Generic, TypeVar
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -58,7 +59,6 @@ from simulator.config import content_hash
 
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_PLANETS_BYTES, _PAIRS_BYTES, _CHANCES_BYTES = 40_000_000, 15_000_000, 150_000_000
 
 
 class Host(Record, eq=False):
@@ -138,30 +138,6 @@ class Shown(Record, eq=False):
 
 
 _T = TypeVar("_T")
-
-
-class _Latest(Generic[_T]):
-    """The latest values by a key, up to some number of bytes of their arrays."""
-
-    def __init__(self, most_bytes: int) -> None:
-        self._most, self._bytes = most_bytes, 0
-        self._kept: dict[Hashable, _T] = {}
-
-    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
-        """Return what is kept under a key; what is not is made."""
-        if key not in self._kept:
-            self._kept[key] = made = make()
-            self._bytes += _size(made)
-            while self._bytes > self._most and len(self._kept) > 1:
-                self._bytes -= _size(self._kept.pop(next(iter(self._kept))))
-        return self._kept[key]
-
-
-def _size(made: Any) -> int:
-    parts = made if isinstance(made, tuple) else vars(made).values()
-    return sum(part.nbytes if isinstance(part, np.ndarray) else _size(part) for part in parts)
-
-
 _Seen = tuple[IntArray, NDArray[np.float32]]
 """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
 Ways = list[list[_Seen]]
@@ -172,7 +148,7 @@ class PlanningSky:
     """Planets with which schedules are made, and what visits show of them.
 
     What the same visits show of the same planets is worked out once, for all strategies and for all states of what is
-    known (`cpic_planner.survey.outcome`).
+    known (`cpic_planner.survey.outcome`); where planets stand is kept for the star that was asked for last.
 
     Parameters
     ----------
@@ -184,13 +160,11 @@ class PlanningSky:
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self.seed = seed
         self._reach = reach_arcsec
-        self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
-        self._pairs = _Latest[Pairs](_PAIRS_BYTES)
-        self._chances = _Latest[_Seen](_CHANCES_BYTES)
         self._once: dict[Hashable, Any] = {}
+        self._star, self._pairs = "", dict[Hashable, Pairs]()
 
     def once(self, key: Hashable, make: Callable[[], _T]) -> _T:
-        """Return what was made under a key, made when first asked for; for what is small."""
+        """Return what was made under a key, made when first asked for."""
         if key not in self._once:
             self._once[key] = make()
         found: _T = self._once[key]
@@ -236,6 +210,9 @@ class PlanningSky:
         epoch_mjd : float
             Start of the survey.
         """
+        if (name := str(host.star.name[0])) != self._star:
+            self._star = name
+            self._pairs.clear()
         rule = strategy.detection
         faintest = [
             functools.cache(functools.partial(faintest_of, model, host.star, [option], rule, errors=False))
@@ -246,7 +223,7 @@ class PlanningSky:
         keys = [(rules[option.band], option, epoch_mjd, *when) for option in looks.options]
         return [
             [
-                self._chances.get(
+                self.once(
                     (*key, part.content, looks.open[o].tobytes()),
                     functools.partial(self._of_way, strategy, model, part, looks, o, epoch_mjd, faintest[o]),
                 )
@@ -295,20 +272,10 @@ class PlanningSky:
         pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
         zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
         rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
-        some, signals = pair_signals(
-            model,
-            part.star,
-            option,
-            planets,
-            albedos_of(part.population),
-            pairs,
-            looks.roll_deg[open_],
-            zodis,
-            faintest()[0],
-            looks_at_place(rule, placed),
-            least=least_factor(rule, errors=False),
-            margins=rule.rule == "expected",
-        )
+        who = model, part.star, option, planets, albedos_of(part.population), pairs, looks.roll_deg[open_]
+        how = zodis, faintest()[0], looks_at_place(rule, placed)
+        least = least_factor(rule, errors=False)
+        some, signals = pair_signals(*who, *how, least=least, margins=rule.rule == "expected")
         odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
         likely = odds >= LEAST_PROBABILITY
         visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
@@ -332,7 +299,9 @@ class PlanningSky:
         orbits = hashlib.sha256(b"".join(getattr(planets, name).tobytes() for name in (*ORBIT, "period_days")))
         reach = [edge * distance_pc for edge in self._reach]
         key = orbits.hexdigest(), days.tobytes(), *reach
-        return self._pairs.get(key, lambda: Pairs.between(planets.places(days), *reach))
+        if key not in self._pairs:
+            self._pairs[key] = Pairs.between(planets.places(days), *reach)
+        return self._pairs[key]
 
     def _of_part(self, part: Host, epoch_mjd: float) -> PlanetSample:
         """Return the planets of one of the parts of a star."""
@@ -354,10 +323,10 @@ class PlanningSky:
             distance = float(star.distance_pc[0])
             return planets.select(planets.within(*(edge * distance for edge in self._reach)))
 
-        return self._planets.get((part.content, epoch_mjd), drawn)
+        return self.once((part.content, epoch_mjd), drawn)
 
 
-N_SCREEN = 2000
+N_SCREEN, _FRAMES = 2000, ("exposure_s", "n_frames", "em_gain")
 
 
 class Candidate(Record, eq=False):
@@ -528,29 +497,6 @@ class Screened(Case, eq=False):
         return Screened(self.strategy, self.model, *chosen)
 
 
-def _shows(
-    model: EtcModel,
-    targets: Targets,
-    band: str,
-    settings: tuple[Setting, ...],
-    population: PopulationConfig,
-    seed: int,
-) -> BoolArray:
-    """Return which stars can show a planet of a population by one visit each."""
-    counted = completeness(
-        model,
-        targets,
-        band,
-        draw_population(population, N_SCREEN, seed),
-        exposure_s=np.array([item.exposure_s for item in settings]),
-        n_frames=np.array([item.n_frames for item in settings]),
-        em_gain=np.array([item.em_gain for item in settings]),
-        visits=float(model.strategy.visits or 1),
-    )
-    # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
-    return np.asarray(counted.completeness_known_place > 0.5 / N_SCREEN)
-
-
 def screen(
     strategy: SurveyStrategy,
     model: EtcModel,
@@ -581,8 +527,11 @@ def screen(
             own = sky.settings(model, targets, band, strategy.visit, time_s)
             settings.append(own)
             if population is not None:
-                look = functools.partial(_shows, model, targets, band, own, population, seed)
-                promising |= sky.once((id(own), _digest(population)), look)
+                frames = dict(zip(_FRAMES, np.array([item.frames for item in own]).T, strict=True))
+                drawn = draw_population(population, N_SCREEN, seed)
+                counted = completeness(model, targets, band, drawn, **frames, visits=float(model.strategy.visits or 1))
+                # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
+                promising |= counted.completeness_known_place > 0.5 / N_SCREEN
     return Screened(strategy, model, targets, known_rows, tuple(settings), promising)
 
 
@@ -613,7 +562,18 @@ class Outlook(Record, eq=False):
 def outlooks(
     screened: Screened, calendar: Calendar, known: KnownPlanetTable | None, log: ObservationLog | None = None
 ) -> list[Outlook]:
-    """Return the stars that a strategy may visit; parameters as of `candidates`."""
+    """Return the stars that a strategy may visit.
+
+    Parameters
+    ----------
+    screened : Screened
+    calendar : Calendar
+        Of the stars ``screened.rows``, in that order.
+    known : KnownPlanetTable or None
+    log : ObservationLog, optional
+        What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
+        would have been seen count for less.
+    """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
     found, every_slot = [], np.arange(calendar.n_slots)
     for place, i in enumerate(screened.rows):
@@ -644,11 +604,10 @@ def outlooks(
 def candidates(
     screened: Screened,
     calendar: Calendar,
-    known: KnownPlanetTable | None,
     sky: PlanningSky,
     limits: StarLimits,
-    log: ObservationLog | None = None,
-    stars: Sequence[tuple[Outlook, Ways | None]] | None = None,
+    stars: Sequence[Outlook],
+    ways: Mapping[int, Ways] = MappingProxyType({}),
 ) -> list[Candidate]:
     """Return the stars worth a visit, best first, at most as many as the strategy wants.
 
@@ -660,24 +619,19 @@ def candidates(
         The strategy, its model and its stars.
     calendar : Calendar
         Of the stars ``screened.rows``, in that order.
-    known : KnownPlanetTable or None
     sky : PlanningSky
         Planets that schedules are made with.
     limits : StarLimits
         Of all stars of ``screened``: planets that they exclude count for less.
-    log : ObservationLog, optional
-        What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
-        would have been seen count for less.
-    stars : sequence of (Outlook, Ways), optional
-        What `outlooks` returns of these, and what the visits show.
+    stars : sequence of Outlook
+    ways : mapping of int to Ways
+        What `PlanningSky.ways` returned of these, where it was asked already, by their index.
     """
     strategy, model, targets = screened.strategy, screened.model, screened.targets
     found = []
-    if stars is None:
-        stars = [(star, None) for star in outlooks(screened, calendar, known, log)]
-    for star, ways in stars:
+    for star in stars:
         i, host, done = star.index, star.host, star.done
-        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd, ways)
+        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd, ways.get(i))
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new

@@ -10,29 +10,23 @@ from numba import njit
 
 from cpic_core import BoolArray, FloatArray, IntArray
 
+_Shown = tuple[IntArray, IntArray, FloatArray, FloatArray]
+_Limits = tuple[FloatArray, FloatArray, BoolArray, FloatArray, float]
+
 
 @njit(cache=True)
 def best_plans(
-    start: IntArray,
-    planet: IntArray,
-    chance: FloatArray,
-    weight: FloatArray,
-    charge: FloatArray,
-    cost_h: FloatArray,
-    near: BoolArray,
-    ratios: FloatArray,
-    budget_h: float,
-    known: float,
-    nodes: int,
-    every: bool,
+    shown: _Shown, limits: _Limits, known: float, nodes: int, every: bool
 ) -> tuple[list[IntArray], float, bool]:
     """Return better plans of a star than a known one, what no other passes, and whether the search ended.
 
-    Visit ``c`` shows the planets ``planet[start[c]]`` to ``planet[start[c + 1] - 1]`` with these chances; ``near`` says
-    which exclude each other. A branch is a set of visits that are made, with the first of the others from a place on
-    and any after it; these are in falling order of what they add at most. See
-    `cpic_planner.survey.schedule._Star.searched`, whose other arguments these are.
+    ``shown``: visit ``c`` shows the planets ``planet[start[c]]`` to ``planet[start[c + 1] - 1]`` with these chances;
+    ``limits``: what visits pay and take, which of them exclude each other, ratios, and the time. A branch is a set of
+    visits that are made, with the first of the others from a place on and any after it; these are in falling order of
+    what they add at most. See `cpic_planner.survey.schedule._Star.searched`, whose other arguments these are.
     """
+    start, planet, chance, weight = shown
+    charge, cost_h, near, ratios, budget_h = limits
     needed, most = ratios.shape[0], ratios.shape[1]
     counts, each = np.empty((needed, weight.size)), np.empty(weight.size)
     made = [np.zeros(0, np.int64)]
@@ -70,10 +64,9 @@ def best_plans(
             heapq.heappush(heap, (-bound, number, branch, place + 1))
         if left < 1:
             continue
-        for q in range(weight.size):
-            each[q] = 0.0
-            for i in range(needed):
-                each[q] += weight[q] * counts[i, q] * ratios[needed - 1 - i, left - 1, q] / (needed - i)
+        each[:] = 0.0
+        for i in range(needed):
+            each += weight * counts[i] * ratios[needed - 1 - i, left - 1] / (needed - i)
         rest = others[branch][place + 1 :]
         own, adds, n = np.empty(rest.size, np.int64), np.empty(rest.size), 0
         for c in rest:

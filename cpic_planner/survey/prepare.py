@@ -413,8 +413,7 @@ def _scheduled(plan: _Looked, sky: PlanningSky, *, bounded: bool) -> Survey:
     ground, item, calendar = plan.ground, plan.screened, plan.calendar
     strategy, model, names = item.strategy, item.model, item.targets.name
     limits = StarLimits.of(names.tolist(), ground.universe.exclusions, ground.known)
-    stars = [(star, plan.ways[star.index]) for star in plan.stars]
-    found = candidates(item, calendar, ground.known, sky, limits, ground.log, stars)
+    found = candidates(item, calendar, sky, limits, plan.stars, plan.ways)
     problem = Problem(strategy, tuple(found), calendar.slot_h)
     schedule = make_schedule(problem, bounded=bounded)
     rows = np.array([star.index for star in found], np.int64)

@@ -876,7 +876,7 @@ class _Star(Record, eq=False):
         shown = start, planet, self.chance[column, planet], item.weight
         limits = self.charge, self.cost_h, near, self.ratios, self.room.budget_h + ROUNDING
         kernel = load_kernels("cpic_planner.survey.plan_search").best_plans
-        plans, bound, ended = kernel(*shown, *limits, known, nodes, every)
+        plans, bound, ended = kernel(shown, limits, known, nodes, every)
         return _Found(bound, [[(int(o), int(s)) for o, s in self.columns[visits]] for visits in plans], ended)
 
     def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
