@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, Record, check_finite, check_word
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_word, read_npz
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
@@ -415,8 +415,7 @@ def load_zodi_table() -> ZodiacalLight:
 
 @functools.cache
 def _arrays(file_name: str) -> dict[str, np.ndarray]:
-    with np.load(_DATA / file_name, allow_pickle=False) as archive:
-        return {name: _read_only(archive[name]) for name in archive.files}
+    return {name: _read_only(array) for name, array in read_npz(_DATA / file_name).items()}
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

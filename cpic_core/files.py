@@ -627,20 +627,22 @@ _WANTED = "a whole npz file of plain arrays"
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
 
-def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays, sorted by name, deflated, under fixed dates.
+def write_npz(path: str | Path, arrays: Mapping[str, Any], *, deflated: bool = True) -> None:
+    """Write arrays, sorted by name, under fixed dates.
 
     Parameters
     ----------
     path : str or Path
     arrays : mapping
         Arrays by name.
+    deflated : bool
+        Whether the file is small rather than quick to read.
     """
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(buffer, "w", compresslevel=9) as archive:
         for name in sorted(arrays):
             entry = zipfile.ZipInfo(f"{name}.npy", FIXED_DATE)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = zipfile.ZIP_DEFLATED if deflated else zipfile.ZIP_STORED
             entry.external_attr = 0o644 << 16
             body = io.BytesIO()
             np.lib.format.write_array(body, np.asanyarray(arrays[name]), allow_pickle=False)
@@ -695,7 +697,7 @@ def _array_of(data: bytes) -> NDArray[Any]:
     if kind.hasobject:
         raise ValueError("it holds Python objects")
     found = np.frombuffer(data, kind, math.prod(shape), end).reshape(shape, order="F" if by_column else "C")
-    return found.copy()
+    return found.copy("K")
 
 
 def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:

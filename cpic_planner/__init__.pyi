@@ -1,22 +1,20 @@
 from catalogs.known_planets import load_known_planets as load_known_planets
 from cpic_core.errors import InputError as InputError
-from cpic_planner.api.one_star import (
-    contrast_limit as contrast_limit,
-    exposure_time as exposure_time,
-    optimise as optimise,
-    signal_to_noise as signal_to_noise,
-)
-from cpic_planner.api.runs import (
+from cpic_planner.api.keywords import (
     compare_ranks as compare_ranks,
     compare_strategies as compare_strategies,
     confirm_scene as confirm_scene,
     confirm_targets as confirm_targets,
     contrast_curve as contrast_curve,
+    contrast_limit as contrast_limit,
     explain_rank as explain_rank,
+    exposure_time as exposure_time,
     make_plan as make_plan,
+    optimise as optimise,
     rank_sensitivity as rank_sensitivity,
     rank_targets as rank_targets,
     roc_curve as roc_curve,
+    signal_to_noise as signal_to_noise,
     simulate_products as simulate_products,
     star_visibility as star_visibility,
 )

@@ -65,7 +65,8 @@ def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
         key, arrays = metrics_key(instrument, band), measure(instrument, band)
         exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
         written.append(Path(folder) / shipped_file("metrics", key, band).name)
-        write_npz(written[-1], _packed(arrays, EXACT_DIGITS if exact else DIGITS) | {"key": np.asarray(key)})
+        packed = _packed(arrays, EXACT_DIGITS if exact else DIGITS) | {"key": np.asarray(key)}
+        write_npz(written[-1], packed, deflated=not exact)  # those that most questions wait for
     return written
 
 

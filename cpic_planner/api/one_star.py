@@ -1,4 +1,4 @@
-"""Questions to the exposure-time calculator, by star names and plain numbers, and ``cpic etc`` whole about one star.
+"""Questions to the exposure-time calculator, and ``cpic etc`` whole about one star.
 
 Known planets asked for by name: their place and light at a date, and what the errors of both mean for an answer.
 """
@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -17,15 +17,14 @@ import numpy as np
 from catalogs import Catalogue, open_catalogue, resolve_star
 from cpic_core import Advance, FloatArray, InputError, Record, untold
 from cpic_planner import etc, report
-from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named, takes
+from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
-from cpic_planner.queries import MAX_VISITS, EtcQuestion, OptimiseQuestion, ReferencePlanet, called, observed_utc
+from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
 from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
 from cpic_planner.targets import Targets, find_target
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from cpic_planner.planets import Planets
@@ -225,7 +224,6 @@ def _open(answers: Sequence[EtcAnswer]) -> OpenQuantiles:
 
 
 _ENDLESS_S = 1e12
-_VISITS = ("visits", "reference_visits")
 
 
 def as_asked(question: EtcQuestion, star: Targets) -> Targets:
@@ -411,7 +409,7 @@ def _closed_forms_of(
     return question, star, model_of(question), planet.answers(question, star)
 
 
-def _answered(question: EtcQuestion) -> list[EtcAnswer]:
+def answers_of(question: EtcQuestion) -> list[EtcAnswer]:
     """Return the answers about all stars of a question."""
     model, plain = model_of(question), question.fidelity is None and question.tolerance is None
     try:
@@ -432,142 +430,6 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
     groups = [Targets.joined(stars)] if together else stars
     answers = [answer for group in groups for answer in closed_forms(question, model, group)]
     return answers if plain else checked(question, model, stars, answers)
-
-
-def _timed(question: EtcQuestion) -> EtcQuestion:
-    """Return the question; it is refused where it gives no time."""
-    if question.time_s is None and None in (question.strategy.visits, question.visit_time_s):
-        raise InputError("time_s", "missing", allowed="a wall time, or visits and visit_time_s")
-    return question
-
-
-@takes(
-    EtcQuestion,
-    first=("target",),
-    needs=("target",),
-    without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
-    of_strategy=_VISITS,
-)
-def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
-    """Return the SNR of a planet in a given wall time, which ``visits`` of ``visit_time_s`` give as well.
-
-    Without a number of visits the best one is chosen. How firm the answers have to be is said by ``fidelity``:
-    ``quick`` closed forms alone (the default), ``standard`` each checked in sums of simulated frames, ``reference``
-    frame by frame; or by ``tolerance``, the largest error of planet flux and SNR, for which images are made only where
-    the stated error of the closed forms is larger. ``answer.fidelity`` then holds errors and checks; values stay those
-    of the closed forms.
-
-    Returns
-    -------
-    list of EtcAnswer
-        Targets in the given order, bands in theirs within each (by wavelength if none are given), then planets.
-
-    Raises
-    ------
-    InputError
-        For an unknown star, band or a value out of range.
-
-    Examples
-    --------
-    >>> from cpic_planner import signal_to_noise
-    >>> answer = signal_to_noise("tau Cet", time_s=36000, separation_arcsec=0.5, bands=["F520"])[0]
-    >>> answer.status.value
-    'ok'
-    """
-    return _answered(_timed(question))
-
-
-@takes(
-    EtcQuestion,
-    first=("target",),
-    needs=("target",),
-    without=("time_s", "contrast_limit", "n_frames", "exact"),
-    of_strategy=_VISITS,
-)
-def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
-    """Return the least wall time of a programme that reaches a level: an SNR, a plain significance, or a detection.
-
-    Returns
-    -------
-    list of EtcAnswer
-        As `signal_to_noise`.
-
-    Raises
-    ------
-    InputError
-        As `signal_to_noise`; and where no level is given.
-    """
-    if not question.asks_time:
-        raise InputError("snr", "missing", allowed="one of snr, sigma, detect")
-    return _answered(question)
-
-
-@takes(
-    EtcQuestion,
-    first=("target",),
-    needs=("target",),
-    without=("detect", "contrast", "contrast_limit", "planet", "n_frames"),
-    defaults={"contrast_limit": True},
-    of_strategy=_VISITS,
-)
-def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
-    """Return the faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
-
-    Returns
-    -------
-    list of EtcAnswer
-        As `signal_to_noise`.
-
-    Raises
-    ------
-    InputError
-        As `signal_to_noise`.
-    """
-    return _answered(_timed(question))
-
-
-@takes(OptimiseQuestion, first=("target",), of_strategy=_VISITS)
-def optimise(question: OptimiseQuestion) -> pd.DataFrame:
-    """Return the best band, separation, exposure, number of frames and EM gain per target.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per target; columns of `cpic_planner.ranking.optimiser.OptimalSetting`, units in their names, and
-        ``verdict`` of the planet (``detected``, ``measured_not_detected``, ``unreachable``); with
-        ``time_s`` also ``limited_by`` (`cpic_planner.etc.budget`), and with ``n_modes`` the flag ``modes_not_counted``
-        in ``flags``.
-
-    Raises
-    ------
-    InputError
-        For an unknown star or band, a value out of range, or more than one goal.
-    """
-    import pandas as pd
-
-    from cpic_core import Status
-    from cpic_planner.etc import MODES_NOT_COUNTED, programme_days, verdict_of
-    from cpic_planner.ranking import detection_statuses, limits_of, optimise as best_of, timed_model
-
-    model, time_s = model_of(question), None
-    if question.snr is None and not question.detect:
-        model, time_s = timed_model(model, question)
-    stars = Targets.joined(stars_named(question))
-    names = ("snr", "detect", "separation_arcsec", "planet")
-    goal: dict[str, Any] = {name: getattr(question, name) for name in names}
-    best = best_of(model, stars, time_s=time_s, **goal)
-    standings = detection_statuses(best, model)
-    statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
-    verdicts = [verdict_of(*pair) for pair in zip(statuses, best.detected.tolist(), strict=True)]
-    said: dict[str, Any] = {"verdict": verdicts}
-    if time_s is not None:
-        said["limited_by"] = limits_of(standings, best)
-    if model.strategy.n_modes:
-        said["flags"] = MODES_NOT_COUNTED
-    shown = [item.name for item in fields(best) if not item.name.startswith(("without_", "moves"))]
-    columns = {name: getattr(best, name) for name in shown}
-    columns["span_days"] = programme_days(model, best.visits, best.time_s)
-    return pd.DataFrame({"name": stars.name} | columns | said)
 
 
 class Answered(Record, eq=False):

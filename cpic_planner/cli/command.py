@@ -510,7 +510,7 @@ def _options(model: Any) -> tuple[tuple[Option, ...], dict[str, str]]:
     """Return the options of a model, and the option of each of its fields."""
     from cpic_planner.queries import option_names, options_of
 
-    return tuple(options_of(model)), option_names(model)
+    return options_of(model), option_names(model)
 
 
 def _parameter(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:

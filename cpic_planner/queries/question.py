@@ -173,11 +173,16 @@ class Option(Record):
         return "__".join(self.path)
 
 
-def options_of(model: type[config.FrozenModel], above: tuple[str, ...] = ()) -> Iterator[Option]:
-    """Yield the options of a question, those of models inside it in the place of these.
+@functools.cache
+def options_of(model: type[config.FrozenModel]) -> tuple[Option, ...]:
+    """Return the options of a question, those of models inside it in the place of these.
 
     What a question itself declares comes before what it shares with others, and what decides no number comes last.
     """
+    return tuple(_below_of(model, ()))
+
+
+def _below_of(model: type[config.FrozenModel], above: tuple[str, ...]) -> Iterator[Option]:
     for name in sorted(model.model_fields, key=functools.partial(_distance, model)):
         info = model.model_fields[name]
         own = asked_of(info)
@@ -185,9 +190,9 @@ def options_of(model: type[config.FrozenModel], above: tuple[str, ...] = ()) -> 
             continue
         inner = None if own.option else group_of(info)
         if own.parts is not None:
-            yield from (replace(item, parts=own.parts) for item in options_of(own.parts, (*above, name)))
+            yield from (replace(item, parts=own.parts) for item in _below_of(own.parts, (*above, name)))
         elif inner is not None:
-            yield from options_of(inner, (*above, name))
+            yield from _below_of(inner, (*above, name))
         else:
             yield _option(name, info, own, above)
 

@@ -5,7 +5,6 @@ from cpic_planner.ranking.completeness import (
     asked_stars as asked_stars,
     counted_planets as counted_planets,
     faintest_contrast as faintest_contrast,
-    inside_zone as inside_zone,
     ring_of as ring_of,
 )
 from cpic_planner.ranking.explain import explain_star as explain_star

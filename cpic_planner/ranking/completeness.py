@@ -49,8 +49,7 @@ from simulator.products import mjd_of
 from simulator.signal import programme_law
 from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
 
-# Arrays of one step stay below 10 MB each: numbers of star-planet pairs to place, and to work out together.
-_PLACED = 1_000_000
+# Arrays of one step stay below 10 MB each: numbers of planets to place, and of pairs with stars to work out together.
 _TOGETHER = 50_000
 _PLANETS = 20_000
 _IDLE = 6_000
@@ -61,14 +60,12 @@ _SURE = 0.95
 
 
 class Placed(Record, eq=False):
-    """Planets around some of the stars whose whole aperture lies in the zone: ``k`` pairs, star by star.
+    """Planets around ``n`` stars whose whole aperture lies in the zone: ``k`` pairs, star by star.
 
     Attributes
     ----------
-    rows : slice
-        The stars that were looked at.
-    in_zone, observable : ndarray, shape (len(rows),)
-        Number of planets in the zone, and of those whose whole aperture is.
+    in_zone, observable : ndarray, shape (n,)
+        Number of planets in the zone around each star, and of those whose whole aperture is.
     star, planet : ndarray of int, shape (k,)
         Of each pair.
     x_arcsec, y_arcsec : ndarray, shape (k,)
@@ -77,7 +74,6 @@ class Placed(Record, eq=False):
         Ring of `faintest_contrast` in which it stands.
     """
 
-    rows: slice
     in_zone: IntArray
     observable: IntArray
     star: IntArray
@@ -105,7 +101,7 @@ class ZonePlanets:
         self._kept: dict[tuple[Zone, float, int], list[Placed]] | None = {} if keep else None
 
     def of(self, model: etc.EtcModel, band: str) -> Iterator[Placed]:
-        """Yield the planets in the zone of a band, a part of the stars and of the planets at a time.
+        """Yield the planets in the zone of a band, a part of the planets at a time.
 
         Raises
         ------
@@ -123,28 +119,30 @@ class ZonePlanets:
 
     def _placed(self, zone: Zone, radius_arcsec: float, parity: int) -> Iterator[Placed]:
         """Return the places on the detector: a map from sky to detector is linear in the offset, whatever its unit."""
-        planets, targets = self.planets, self.targets
-        arcsec_au = planets.scale(targets.luminosity_lsun) / targets.distance_pc
+        planets, n_stars = self.planets, len(self.targets)
+        arcsec_au = planets.scale(self.targets.luminosity_lsun) / self.targets.distance_pc
+        order = np.argsort(arcsec_au, kind="stable")
+        ascending = arcsec_au[order]
         for part in _slices(len(planets), _PLANETS):
             east, north = planets.east_au[part], planets.north_au[part]
             pa_deg = np.rad2deg(np.arctan2(east, north))
             x_au, y_au = sky_to_detector(np.hypot(east, north), pa_deg, parity=parity)
-            for rows in _slices(len(targets), _PLACED // len(x_au)):
-                x, y = arcsec_au[rows, None] * x_au, arcsec_au[rows, None] * y_au
-                in_zone = np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
-                usable = inside_zone(zone, x, y, radius_arcsec)
-                star, planet = np.nonzero(usable)
-                x, y = x[star, planet], y[star, planet]
-                yield Placed(
-                    rows=rows,
-                    in_zone=in_zone,
-                    observable=np.count_nonzero(usable, axis=1),
-                    star=star + rows.start,
-                    planet=planet + part.start,
-                    x_arcsec=x,
-                    y_arcsec=y,
-                    ring=ring_of(zone, np.hypot(x, y)),
-                )
+            # A planet is in the zone around stars of a range of scales: those that follow each other in their order.
+            found = []
+            for margin in (0.0, radius_arcsec):
+                least, most = zone.reaches(x_au, y_au, margin)
+                first = np.searchsorted(ascending, least)
+                end = np.maximum(first, np.searchsorted(ascending, most, "right"))
+                begun, over = (np.bincount(some, minlength=n_stars + 1)[:n_stars] for some in (first, end))
+                number = np.empty(n_stars, np.int64)
+                number[order] = np.cumsum(begun - over)
+                found.append(number)
+            planet = np.repeat(np.arange(part.start, part.stop), end - first)
+            star = order[np.arange(len(planet)) + np.repeat(end - np.cumsum(end - first), end - first)]
+            by_star = np.argsort(star, kind="stable")
+            star, planet = star[by_star], planet[by_star]
+            x, y = (arcsec_au[star] * offset[planet - part.start] for offset in (x_au, y_au))
+            yield Placed(found[0], found[1], star, planet, x, y, ring_of(zone, np.hypot(x, y)))
 
 
 def ring_of(zone: Zone, separation_arcsec: FloatArray) -> IntArray:
@@ -295,11 +293,6 @@ def _slices(length: int, step: int) -> Iterator[slice]:
     """Yield the slices of at most ``step`` that cover a length."""
     for start in range(0, length, step):
         yield slice(start, min(start + step, length))
-
-
-def inside_zone(zone: Zone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
-    """Return which points lie in the zone, at least ``margin`` from its edges; parameters as of `HoleZone.contains`."""
-    return zone.contains(x_arcsec, y_arcsec, margin_arcsec)
 
 
 class BandCompleteness(Record, eq=False):
@@ -471,8 +464,7 @@ class _Counts:
 
     def add(self, placed: Placed) -> None:
         """Add some of the planets."""
-        self.found[0, placed.rows] += placed.in_zone
-        self.found[1, placed.rows] += placed.observable
+        self.found += placed.in_zone, placed.observable
         pairs = np.flatnonzero(self.setting.n_frames[placed.star] > 0.0)
         contrast = np.empty(len(pairs))
         for stars, pair, filled in rectangles(placed.star[pairs]):

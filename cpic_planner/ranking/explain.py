@@ -11,7 +11,7 @@ from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import CountedPlanets
-from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, detection_statuses, limits_of, setting_fields
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, setting_columns
 from cpic_planner.ranking.order import RankSetting, rank_targets
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, under_others
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
@@ -117,7 +117,6 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
     model, planet = setting.model, setting.planet
     best = best_in_band(model, star, band, setting.time_s, planet)
     counted = counts.completeness(model, band, best)
-    standing = detection_statuses(best, model)[0]
     own = replace(model, strategy=model.strategy.model_copy(update={"visits": int(best.visits[0])}))
     place = etc.planets_of(float(best.separation_arcsec[0]), planet)
     cases = etc.cases_of(own, star, [band], place)
@@ -131,10 +130,10 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
         told["budget"] = {name: float(term[_ONLY]) for name, term in noise.terms.items()}
         told["remedies"] = {name: float(term[_ONLY]) for name, term in etc.remedies(cases, choice, noise).items()}
     return BandStanding.of(
+        setting_columns(model, best),
         best,
         counted,
         at=0,
-        **setting_fields(model, best, 0, standing, limits_of([standing], best)[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
         **told,
     )

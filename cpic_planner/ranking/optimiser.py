@@ -10,17 +10,20 @@ little; they are made whole at the chosen place.
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, fields, replace
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner import etc
+from cpic_planner.etc.searches import last_true
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
+from cpic_planner.results.base import ProgrammeColumns
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_factor2
 from simulator.signal import ProgrammeLaw, SpeckleLaw, frame_limit, programme_parts
@@ -31,10 +34,10 @@ VISITS = etc.whole_steps(MAX_VISITS, 24)
 _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
-_ROUNDS, _NEWTON_STEPS, _BISECTIONS = 8, 3, 14
-_LEAST_FACTOR, _SAME = 1e-4, 1e-10
+_ROUNDS, _NEWTON_STEPS, _BITS = 8, 3, 14
+_LEAST_FACTOR, _CLOSE_FACTOR, _SAME = 1e-4, 0.1, 1e-10
 _RUNAWAY = 0.02
-_TOGETHER = 20_000  # programmes that are worked out at once: they stay in the cache
+_TOGETHER = 80_000  # programmes that are worked out at once: they stay in the cache
 
 
 class Outlook(etc.CaseArrays, Record):
@@ -205,17 +208,19 @@ class Outlook(etc.CaseArrays, Record):
         visit_s : ndarray, shape (n,)
             For one place of each star.
         """
-        low, high = np.zeros(len(visit_s)), np.full(len(visit_s), float(MAX_VISITS))
 
-        def reached(visits: FloatArray) -> BoolArray:
-            return self.cost(visits[:, None, None], visit_s[:, None, None])[:, 0, 0] <= 1.0
+        def reached(visits: FloatArray, some: Any) -> BoolArray:
+            return self.select(some).cost(visits[:, None, None], visit_s[some, None, None])[:, 0, 0] <= 1.0
 
-        possible = reached(high)
+        fewest = np.full(len(visit_s), np.nan)
+        some = np.flatnonzero(reached(np.full(len(visit_s), float(MAX_VISITS)), slice(None)))
+        low, high = np.zeros(len(some)), np.full(len(some), float(MAX_VISITS))
         while np.any(high - low > 1.0):
             middle = np.floor(0.5 * (low + high))
-            good = reached(np.maximum(middle, 1.0))
+            good = reached(np.maximum(middle, 1.0), some)
             low, high = np.where(good, low, middle), np.where(good, middle, high)
-        return np.where(possible, high, np.nan)
+        fewest[some] = high
+        return fewest
 
     def endless(self) -> FloatArray:
         """Return the least cost of any number of visits of any length, ``(n, k)``, of planets that stand still."""
@@ -231,15 +236,15 @@ class Outlook(etc.CaseArrays, Record):
         time_s : float
             Wall time.
         """
-        every, factor = np.arange(len(self.white)), np.full(len(self.white), _LEAST_FACTOR)
+        every, factor = np.arange(len(self.white)), np.full(len(self.white), _CLOSE_FACTOR)
         while True:
             cost, *programme = self.drifting(factor[:, None, None]).in_time(time_s)
             place = np.argmin(cost, axis=1)[:, None]
             visits, visit_s = (np.take_along_axis(part, place, axis=1)[..., None] for part in programme)
             found = self.picked(every, place).planned(visits, visit_s).most_drift(visit_s)
-            if not np.any(found > factor):
+            last, factor = factor, np.where(np.isnan(found), _LEAST_FACTOR, found)
+            if np.array_equal(factor, last):
                 return np.where(np.isnan(found), np.nan, factor)
-            factor = np.fmax(found, factor)
 
 
 class _Planned(etc.CaseArrays, Record):
@@ -264,17 +269,16 @@ class _Planned(etc.CaseArrays, Record):
         visit_s : ndarray, shape (n, 1, 1)
             Of one programme for each star.
         """
-        low, high = np.full(visit_s.shape, np.log(_LEAST_FACTOR)), np.zeros(visit_s.shape)
+        least = math.log(_LEAST_FACTOR)
 
-        def reached(log_factor: FloatArray) -> BoolArray:
-            return replace(self, outlook=self.outlook.drifting(np.exp(log_factor))).cost(visit_s) <= 1.0
+        def reached(share: FloatArray) -> BoolArray:
+            factor = np.exp(least * (1.0 - np.moveaxis(share, 0, -1)[:, None]))
+            costs = replace(self, outlook=self.outlook.drifting(factor)).cost(visit_s)
+            return np.moveaxis(costs[:, 0], -1, 0) <= 1.0
 
-        some = reached(low)
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            good = reached(middle)
-            low, high = np.where(good, middle, low), np.where(good, high, middle)
-        return np.where(some, np.exp(low), np.nan)[:, 0, 0]
+        some = reached(np.zeros((1, len(visit_s))))[0]
+        share = last_true(reached, (len(visit_s),), _BITS)
+        return np.where(some, np.exp(least * (1.0 - share)), np.nan)
 
     @property
     def whole(self) -> SpeckleLaw:
@@ -617,68 +621,64 @@ def no_frame_status(best: OptimalSetting, i: int, camera: etc.FrameCamera) -> tu
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
-def setting_fields(
-    model: etc.EtcModel, best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
-) -> dict[str, Any]:
-    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
+def setting_columns(model: etc.EtcModel, best: OptimalSetting) -> SimpleNamespace:
+    """Return what rows say of stars' best settings: frames, and whether they detect the reference planet; NaN for null.
 
     Parameters
     ----------
     model : EtcModel
     best : OptimalSetting
-    i : int
-        Number of the star.
-    standing : tuple
-        Its status and reason, of `detection_statuses`.
-    limited_by : str
-        What limits it, of `limits_of`.
     """
-    return {
-        "status": standing[0].value,
-        "reason": standing[1].value,
-        "verdict": etc.verdict_of(standing[0], detected=True),
-        "verdict_mode": model.strategy.search,
-        "detection_probability": finite(best.chance_blind[i]),
-        "detection_probability_known_place": finite(best.chance_known_place[i]),
-        "detection_margin": float(best.margin[i]),
-        "limited_by": limited_by,
-        **etc.programme_fields(model, vars(best), i),
-        "required_visits": int(n) if math.isfinite(n := best.required_visits[i]) else None,
-        "required_drift_factor": finite(best.required_drift_factor[i]),
-        "required_contrast_factor": finite(best.required_contrast_factor[i]),
-    }
+    standings = detection_statuses(best, model)
+    status, reason = (objects([word.value for word in words]) for words in zip(*standings, strict=True))
+    some = best.n_frames >= 1
+    names = (name for name in ProgrammeColumns.model_fields if hasattr(best, name))
+    columns = {name: np.where(some, getattr(best, name), np.nan) for name in names}
+    span_days = etc.programme_days(model, *(np.where(some, columns[name], 1.0) for name in ("visits", "time_s")))
+    return SimpleNamespace(
+        **columns,
+        integration_s=columns["n_frames"] * columns["exposure_s"],
+        span_days=np.where(some, span_days, np.nan),
+        status=status,
+        reason=reason,
+        verdict=objects([etc.verdict_of(standing[0], detected=True) for standing in standings]),
+        verdict_mode=np.full(len(status), model.strategy.search),
+        detection_probability=best.chance_blind,
+        detection_probability_known_place=best.chance_known_place,
+        detection_margin=best.margin,
+        limited_by=objects(limits_of(standings, best)),
+    )
+
+
+def objects(cells: Sequence[Any]) -> NDArray[np.object_]:
+    """Return a column of texts or other objects."""
+    found = np.empty(len(cells), object)
+    found[:] = cells
+    return found
 
 
 QUICK, CALM, FAINT = 10.0, 0.1, 10.0
 """Most time over that given, and least factor on the drift, of tier 2; most factor on the planet's light of tier 3."""
 
 
-def tier_of(setting: Mapping[str, Any], required_time_s: float | None, time_s: float) -> int:
-    """Return the tier of a star's priority, 1 to 4, by what its reference planet lacks.
+def tiers_of(setting: SimpleNamespace, best: OptimalSetting, required_time_s: FloatArray, time_s: float) -> IntArray:
+    """Return the tiers of stars' priorities, 1 to 4, by what their reference planets lack.
 
     1: it is detected in the given time. 2: it would be in at most `QUICK` times the time, or with at least `CALM` times
     the drift, one of the two changed alone. 3: a planet at most `FAINT` times as bright there would be. 4: the others.
 
     Parameters
     ----------
-    setting : mapping
-        Of `setting_fields`.
-    required_time_s : float or None
-        Least wall time that detects it.
+    setting : SimpleNamespace
+        Of `setting_columns`.
+    best : OptimalSetting
+    required_time_s : ndarray
+        Least wall time that detects it; NaN for none.
     time_s : float
         Given wall time.
     """
-    if setting["verdict"] == "detected":
-        return 1
-    drift, contrast = setting["required_drift_factor"], setting["required_contrast_factor"]
-    if (required_time_s or math.inf) <= QUICK * time_s or (drift or 0.0) >= CALM:
-        return 2
-    return 3 if (contrast or math.inf) <= FAINT else 4
-
-
-def finite(value: float) -> float | None:
-    """Return a number as results hold it: null for one that is not finite."""
-    return float(value) if math.isfinite(value) else None
+    near = (required_time_s <= QUICK * time_s) | (best.required_drift_factor >= CALM)
+    return np.select([setting.verdict == "detected", near, best.required_contrast_factor <= FAINT], [1, 2, 3], 4)
 
 
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same

@@ -3,8 +3,9 @@
 import functools
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
@@ -19,15 +20,14 @@ from cpic_planner.ranking.optimiser import (
     OptimalSetting,
     Search,
     best_of,
-    detection_statuses,
-    finite,
-    limits_of,
+    objects,
     quickest,
-    setting_fields,
-    tier_of,
+    setting_columns,
+    tiers_of,
 )
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import RankedTarget, RankResult, ReferencePlanetRecord
+from cpic_planner.results.base import DetectionMode, OwnCells, Rows
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -53,7 +53,8 @@ def selected(whole: RankResult, targets: Targets, chosen: BoolArray, sample: str
     kept = [row for row in whole.targets if row.name in names]
     rows = [row.model_copy(update={"rank": rank}) for rank, row in enumerate(kept, start=1)]
     said = {"config_hash": digest_of(whole.config_hash, chosen), "sample": sample, "targets": rows}
-    return whole.model_copy(update=said | counts_of(rows))
+    told = ([getattr(row, name) for row in rows] for name in ("status", "reason", "limited_by"))
+    return whole.model_copy(update=said | counts_of(*told))
 
 
 def digest_of(whole: str, chosen: BoolArray) -> str:
@@ -61,13 +62,10 @@ def digest_of(whole: str, chosen: BoolArray) -> str:
     return content_hash({"kind": "rank", "rank": whole, "stars": np.flatnonzero(chosen).tolist()})
 
 
-def counts_of(rows: Iterable[RankedTarget]) -> dict[str, dict[str, int]]:
+def counts_of(status: Iterable[str], reason: Iterable[str], limited_by: Iterable[str | None]) -> dict[str, Any]:
     """Return how many rows have which outcome, and how many are limited by what, by the names of the fields."""
-    listed = list(rows)
-    return {
-        "counts": _counts(row.reason or row.status for row in listed),
-        "counts_limited_by": _counts(row.limited_by or "none" for row in listed),
-    }
+    outcomes = (why or what for what, why in zip(status, reason, strict=True))
+    return {"counts": _counts(outcomes), "counts_limited_by": _counts(what or "none" for what in limited_by)}
 
 
 def _counts(words: Iterable[str]) -> dict[str, int]:
@@ -95,18 +93,16 @@ def with_own(rank: RankResult, table: StarTable, names: Collection[str] = ()) ->
         return rank
     headings = {f"{OWN_PREFIX * (text in RankedTarget.model_fields)}{visible(text)}": text for text in table.own}
     taken = {
-        name: table.own[text].tolist()
+        name: table.own[text]
         for number, (name, text) in enumerate(headings.items())
         if number < MOST_OWN or name in names or "help" in names
     }
-    row_of = {name: row for row, name in enumerate(table.column("name").tolist())}
-    rows = [
-        row.model_copy(update={"own": {name: cells[row_of[row.name]] for name, cells in taken.items()}})
-        for row in rank.targets
-    ]
-    return rank.model_copy(update={"targets": rows})
+    rows, row_of = Rows.held(rank.targets), {name: row for row, name in enumerate(table.column("name").tolist())}
+    own = OwnCells(taken)[[row_of[name] for name in rows.columns["name"].tolist()]]
+    return rank.model_copy(update={"targets": rows.having(own=own)})
 
 
+_TOGETHER = 1200  # stars that are ranked at once
 _SLACK = 1.2  # by how much a finer grid of separations may beat the coarse one of floors
 
 
@@ -162,6 +158,11 @@ class RankSetting(Record):
             population=population or PopulationChoice.default(),
             score=score,
         )
+
+    @property
+    def search(self) -> DetectionMode:
+        """How the planets that completeness counts are looked for."""
+        return "known_place" if isinstance(self.population, KnownChoice) else self.model.strategy.search
 
     def limits(self, targets: Targets) -> StarLimits | None:
         """Return what is known of the stars and excludes planets; None where the planets are the known ones."""
@@ -300,11 +301,6 @@ def _numbers(
     )
 
 
-def ranked_order(found: Ranked, targets: Targets) -> list[int]:
-    """Return the stars from best to worst: by score, ties by the reference planet's margin, then by name."""
-    return sorted(range(len(targets)), key=lambda i: (-found.score[i], -found.best.margin[i], str(targets.name[i])))
-
-
 def rank_targets(
     model: etc.EtcModel,
     targets: Targets,
@@ -352,23 +348,18 @@ def rank_targets(
     InputError
     """
     setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
-    announce(f"ranking {len(targets)} stars")
-    found = ranked(setting, targets)
-    standings = detection_statuses(found.best, model)
-    said = zip(standings, limits_of(standings, found.best), strict=True)
-    settings = [setting_fields(model, found.best, i, *standing) for i, standing in enumerate(said)]
-    bloom_in = {band: etc.companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
-    blooms = [bool(bloom_in[str(band)][i]) for i, band in enumerate(found.best.band)]
-    velocities = reference_velocities(targets, found.best.separation_arcsec, found.setting.planet)
-    clamped = model.passbands.grid_flags(targets.teff_k, targets.log_g, targets.metallicity).any.tolist()
-    digest, order = setting.digest(targets), list(enumerate(ranked_order(found, targets), start=1))
+    blocks = [_rows(setting, targets.select(some)) for some in parts_of(len(targets), "ranking {} stars")]
+    rows = Rows(
+        RankedTarget, {name: np.concatenate([part.columns[name] for part in blocks]) for name in blocks[0].columns}
+    )
+    order = np.lexsort((targets.name, -rows.columns["detection_margin"], -rows.columns["score"]))
+    place, digest = np.arange(1, len(order) + 1), setting.digest(targets)
     if chosen is not None and not chosen.all():
         digest = digest_of(digest, chosen)
-        order = [(place, i) for place, i in order if chosen[i]]
-    rows = [
-        _row(found, targets, i, (rank, place), settings[i], velocities, blooms[i], clamped[i])
-        for rank, (place, i) in enumerate(order, start=1)
-    ]
+        order, place = order[chosen[order]], place[chosen[order]]
+    ranks = {"rank": np.arange(1, len(order) + 1), "rank_in_catalogue": place}
+    rows = rows.at(order).having(**ranks)
+    told = (rows.columns[name].tolist() for name in ("status", "reason", "limited_by"))
     return RankResult(
         fingerprint=str(fingerprint()),
         config_hash=digest,
@@ -380,68 +371,86 @@ def rank_targets(
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
         annulus_lambda_d=model.strategy.annulus_lambda_d,
-        search=found.counted[0].search,
+        search=setting.search,
         visits=model.strategy.visits,
         drift_nm=model.instrument.drift.visit_nm,
         reference_planet=ReferencePlanetRecord.of(setting.planet, albedo=setting.planet.albedo.label),
         population=setting.population.record(),
         score_name=score,
-        **counts_of(rows),
+        **counts_of(*told),
         n_in_catalogue=len(targets),
-        targets=rows,
+        targets=rows.listed,
     )
 
 
-def _row(
-    found: Ranked,
-    targets: Targets,
-    i: int,
-    ranks: Sequence[int],
-    setting: dict[str, Any],
-    velocities: tuple[FloatArray, FloatArray, BoolArray],
-    companion_blooms: bool,
-    clamped: bool,
-) -> RankedTarget:
-    best, model, planet = found.best, found.setting.model, found.setting.planet
-    band = str(best.band[i])
-    separation = float(best.separation_arcsec[i])
-    distance, amplitude, excluded = (part[i].item() for part in velocities)
-    luminosity = finite(targets.luminosity_lsun[i])
-    flags = [*targets.flags[i], *model.library_flags]
-    flags += [etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []
-    flags += etc.reference_notes(model, targets, band, separation, planet, i) + etc.hole_notes(model, band)
-    if clamped and "stellar_grid_clamped" not in flags:
-        flags.append("stellar_grid_clamped")
-    flags += filter(None, [str(best.inherited[i])])
-    if companion_blooms:
-        flags.append("companion_saturates")
-    if excluded:
-        flags.append("excluded_by_rv")
-    counted = found.counted[found.picked[i]]
-    time_s = float(found.completeness_time_s[i])
-    share, quickest_s = float(counted.counted[i]), finite(found.quickest_s[i])
-    return RankedTarget.of(
+def parts_of(n_stars: int, text: str) -> Iterator[IntArray]:
+    """Yield the numbers of stars that are ranked together, as few as memory holds, and announce each with the text."""
+    for start in range(0, max(n_stars, 1), _TOGETHER):
+        announce(text.format(n_stars if n_stars <= _TOGETHER else f"{start} of {n_stars}"))
+        yield np.arange(start, min(start + _TOGETHER, n_stars))
+
+
+def _rows(setting: RankSetting, targets: Targets) -> Rows[RankedTarget]:
+    """Return the rows of stars in their own order, without ranks."""
+    found, model, planet = ranked(setting, targets), setting.model, setting.planet
+    best, counted, every = found.best, found.counted, np.arange(len(targets))
+    said, quickest_s, luminosity = setting_columns(model, best), found.quickest_s, targets.luminosity_lsun
+    distance, amplitude, excluded = reference_velocities(targets, best.separation_arcsec, planet)
+    time_s = np.where(found.completeness_time_s > 0.0, found.completeness_time_s, np.nan)
+    of_band = {
+        name: np.stack([getattr(part, name) for part in counted])[found.picked, every]
+        for name, column in vars(counted[0]).items()
+        if isinstance(column, np.ndarray)
+    }
+    further = {name: getattr(targets, name) for name in ("hip", "hd", "gj")}
+    names = {
+        name: objects([cell or None for cell in part.tolist()]) for name, part in further.items() if part is not None
+    }
+    share = np.stack([part.counted for part in counted])[found.picked, every]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        insolation_au = np.where(luminosity > 0.0, distance / np.sqrt(luminosity), np.nan)
+    return Rows.of(
+        RankedTarget,
+        said,
+        SimpleNamespace(**of_band),
         best,
         targets,
-        counted,
-        at=i,
-        rank=ranks[0],
-        rank_in_catalogue=ranks[1],
-        tier=tier_of(setting, quickest_s, found.setting.time_s),
-        score=float(found.score[i]),
-        hip=int(targets.hip[i]) if targets.hip[i] else None,
-        hd=None if targets.hd is None else str(targets.hd[i]) or None,
-        gj=None if targets.gj is None else str(targets.gj[i]) or None,
+        tier=tiers_of(said, best, quickest_s, setting.time_s),
+        score=found.score,
+        **names,
         detection_time_s=quickest_s,
-        detection_visits=None if quickest_s is None else int(found.quickest_visits[i]),
-        required_time_s=None if setting["verdict"] == "detected" else quickest_s,
-        completeness_error=float(counted.standard_error[i]),
-        completeness_band=counted.band,
-        completeness_time_s=time_s if time_s > 0 else None,
-        completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
+        detection_visits=found.quickest_visits,
+        required_time_s=np.where(said.verdict == "detected", np.nan, quickest_s),
+        completeness_error=of_band["standard_error"],
+        completeness_band=np.array(setting.bands)[found.picked],
+        completeness_time_s=time_s,
+        completeness_per_hour=np.nan_to_num(share / time_s * 3600.0),
         ref_planet_distance_au=distance,
         rv_amplitude_m_s=amplitude,
-        ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
-        flags=flags,
-        **setting,
+        ref_planet_insolation_au=insolation_au,
+        flags=objects(_flags(model, targets, best, planet, excluded)),
     )
+
+
+def _flags(
+    model: etc.EtcModel, targets: Targets, best: OptimalSetting, planet: ReferencePlanet, excluded: BoolArray
+) -> list[tuple[str, ...]]:
+    """Return the caveats of each star; equal ones are one object."""
+    bloom_in = {band: etc.companion_saturates(model, targets, band, best.exposure_s) for band in model.bands}
+    clamped = model.passbands.grid_flags(targets.teff_k, targets.log_g, targets.metallicity).any
+    of_all = (*model.library_flags, *([etc.MODES_NOT_COUNTED] if model.strategy.n_modes else []))
+    of_band = {band: etc.hole_notes(model, band) for band in model.bands}
+    found, known = [], dict[tuple[str, ...], tuple[str, ...]]()
+    columns = best.band.tolist(), best.separation_arcsec.tolist(), best.inherited.tolist(), clamped, excluded
+    for i, (band, separation, inherited, beyond, shown) in enumerate(zip(*columns, strict=True)):
+        flags = [*targets.flags[i], *of_all, *etc.reference_notes(model, targets, band, separation, planet, i)]
+        flags += of_band[band]
+        if beyond and "stellar_grid_clamped" not in flags:
+            flags.append("stellar_grid_clamped")
+        flags += filter(None, [inherited])
+        if bloom_in[band][i]:
+            flags.append("companion_saturates")
+        if shown:
+            flags.append("excluded_by_rv")
+        found.append(known.setdefault(tuple(flags), tuple(flags)))
+    return found

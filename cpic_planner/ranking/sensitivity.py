@@ -51,6 +51,7 @@ from cpic_planner.results import (
     StarInRanking,
     rows_from_csv,
 )
+from cpic_planner.results.base import Rows
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, ParametricAlbedo, at, content_hash, load_instrument
 from simulator.imaging import PsfMetrics, at_contrast, measured_states, metrics_key, published_bands
@@ -848,27 +849,26 @@ def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, ch
     """
     drawn = choice.draws()
     draws = [{key: float(values[i]) for key, values in drawn.items()} for i in range(choice.n_instruments)]
-    row_of = {row.name: row for row in result.targets}
-    rows = [row_of[str(name)] for name in targets.name]
-    found, whole = _ranked_by_all(setting, targets, choice, draws, _first(rows, MOST_RANKED))
-    index = {str(name): i for i, name in enumerate(targets.name)}
-    pool = np.array([index[str(name)] for name in found.names])
-    columns = _columns(found, whole, pool)
-    named = {row.name: {name: values[i] for name, values in columns.items()} for i, row in enumerate(rows)}
+    rows, row_of = Rows.held(result.targets), {name: i for i, name in enumerate(targets.name.tolist())}
+    order = np.array([row_of[name] for name in rows.columns["name"].tolist()])
+    first = np.zeros(len(targets), bool)
+    first[order] = _first(rows.columns["rank"], rows.columns["detection_margin"], MOST_RANKED)
+    found, whole = _ranked_by_all(setting, targets, choice, draws, first)
+    pool = np.array([row_of[name] for name in found.names.tolist()])
+    columns = {name: np.array(values)[order] for name, values in _columns(found, whole, pool).items()}
     record = _record(setting, targets.select(pool), choice, found)
-    shown = [row.model_copy(update=named[row.name]) for row in result.targets]
+    shown = rows.having(**columns)
     asked = {"rank": result.config_hash, "ensemble": choice.ensemble.model_dump(mode="json"), "seed": choice.seed}
     digest = content_hash(asked | {"n_instruments": choice.n_instruments})
     return result.model_copy(update={"targets": shown, "ensemble": record, "config_hash": digest})
 
 
-def _first(rows: Sequence[RankedTarget], most: int) -> BoolArray:
+def _first(rank: IntArray, margin: FloatArray, most: int) -> BoolArray:
     """Return the stars that come first by nominal rank or by the reference planet's margin."""
-    by_margin = np.empty(len(rows), np.int64)
-    by_margin[np.argsort([-row.detection_margin for row in rows], kind="stable")] = np.arange(1, len(rows) + 1)
-    nearest = np.minimum(by_margin, [row.rank for row in rows])
-    order = np.argsort(nearest, kind="stable")[:most]
-    chosen = np.zeros(len(rows), bool)
+    by_margin = np.empty(len(rank), np.int64)
+    by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)
+    order = np.argsort(np.minimum(by_margin, rank), kind="stable")[:most]
+    chosen = np.zeros(len(rank), bool)
     chosen[order] = True
     return chosen
 

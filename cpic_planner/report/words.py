@@ -12,10 +12,8 @@ from importlib import resources
 from typing import Any
 
 from catalogs import ADDED_FLAGS, CONSTELLATIONS, GREEK
-from cpic_planner import results
-from cpic_planner.queries import LIBRARIES, SimulatorOverrides
+from cpic_planner import queries, results
 from cpic_planner.registry import SCORES
-from cpic_planner.results import ProgrammeColumns
 from simulator.detectors import noise_terms
 from simulator.knobs import Quantity
 
@@ -381,7 +379,7 @@ def limit_text(limit: str) -> str:
 
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
-    of_library = next((item.caveats[flag] for item in LIBRARIES.values() if flag in item.caveats), "")
+    of_library = next((item.caveats[flag] for item in queries.LIBRARIES.values() if flag in item.caveats), "")
     return of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _spelled(_catalogue_flags(), flag)
 
 
@@ -408,7 +406,7 @@ def overrides_text(overrides: Mapping[str, Any]) -> str:
     overrides : mapping
         ``simulator_overrides`` of a result.
     """
-    return SimulatorOverrides.of(overrides).text().replace(" x", " ×") if overrides else ""
+    return queries.SimulatorOverrides.of(overrides).text().replace(" x", " ×") if overrides else ""
 
 
 def score_number(value: float, score: str) -> str:
@@ -425,7 +423,7 @@ def cap_sentence(name: str, gain: float) -> str:
     return f"EM gain up to {significant(gain)} {what}" if gain >= 1.0 else f"no EM gain {what}"
 
 
-def orbits_text(rows: Iterable[ProgrammeColumns]) -> str:
+def orbits_text(rows: Iterable[results.ProgrammeColumns]) -> str:
     """Return how many orbits blind searches go through and what their threshold pays for them, for a sentence.
 
     Parameters

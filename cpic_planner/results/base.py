@@ -17,9 +17,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from html import escape
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
+from operator import eq
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar, Union, cast, get_args, get_origin, overload
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, WrapSerializer, WrapValidator
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticUndefined
 
@@ -46,6 +47,7 @@ LimitText = Literal[
 
 
 _ABSENT = object()
+_AT_ONCE = 500  # rows that are made together
 _MOST_FIELDS, _MOST_ROWS, _MOST_COLUMNS, _LONGEST = 8, 20, 12, 60
 _ABOUT = ("fingerprint", "schema_version", "kind")
 
@@ -161,7 +163,7 @@ class Result(BaseModel):
         for name, value in vars(self).items():
             if name in _ABOUT or value is None or value == "" or isinstance(value, dict | Result):
                 continue
-            if isinstance(value, list | tuple):
+            if isinstance(value, list | tuple | Rows):
                 if value:
                     yield name, _Count(value)
             elif told < _MOST_FIELDS:
@@ -179,7 +181,7 @@ class Result(BaseModel):
 class _Count:
     """Stands for a list in a short ``repr``."""
 
-    def __init__(self, items: list[Any] | tuple[Any, ...]) -> None:
+    def __init__(self, items: Sequence[Any]) -> None:
         self._items = items
 
     def __repr__(self) -> str:
@@ -191,7 +193,7 @@ class _Count:
 
 def _plain(value: Any, at: int | None, annotation: Any) -> Any:
     if hasattr(value, "tolist"):
-        value = (value if at is None else value[at]).tolist()
+        value = value.tolist() if at is None else value[[at]].tolist()[0]
     if isinstance(value, float) and not math.isfinite(value) and type(None) in get_args(annotation):
         return None
     return value
@@ -199,6 +201,109 @@ def _plain(value: Any, at: int | None, annotation: Any) -> Any:
 
 class Row(Result):
     """Base of rows: every field is a column of the tables that show it."""
+
+
+R = TypeVar("R", bound=Result)
+
+
+class Rows(Sequence[R]):
+    """Rows that are made of columns once they are looked at: of many stars they would take a hundred times the room.
+
+    Parameters
+    ----------
+    kind : type
+        Of the rows.
+    columns : mapping of str to ndarray or OwnCells
+        By names of fields, of one length; numbers that are not finite are null where the field may be.
+    """
+
+    def __init__(self, kind: type[R], columns: Mapping[str, Any]) -> None:
+        self.kind = kind
+        self.columns = columns
+
+    @classmethod
+    def of(cls, kind: type[R], *sources: Any, **given: Any) -> Self:
+        """Return rows of the columns of other objects; as `Result.of`."""
+        found = dict(given)
+        for name in (name for name in kind.model_fields if name not in given):
+            column = next((own for own in (getattr(source, name, None) for source in sources) if own is not None), None)
+            if column is not None:
+                found[name] = column
+        return cls(kind, found)
+
+    @classmethod
+    def held(cls, rows: Sequence[R]) -> Rows[R]:
+        """Return rows that are made late, as a field has them."""
+        assert isinstance(rows, Rows)
+        return rows
+
+    @property
+    def listed(self) -> list[R]:
+        """The same, as fields are declared."""
+        return cast("list[R]", self)
+
+    def at(self, index: Any) -> Self:
+        """Return some of the rows: those of a mask or of numbers."""
+        return type(self)(self.kind, {name: column[index] for name, column in self.columns.items()})
+
+    def having(self, **columns: Any) -> Self:
+        """Return the rows with other columns too."""
+        return type(self)(self.kind, {**self.columns, **columns})
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __iter__(self) -> Iterator[R]:
+        for start in range(0, len(self), _AT_ONCE):
+            yield from self[start : start + _AT_ONCE]
+
+    @overload
+    def __getitem__(self, index: int) -> R: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[R]: ...
+    def __getitem__(self, index: int | slice) -> R | Sequence[R]:
+        numbers = range(len(self))[index]
+        if isinstance(numbers, int):
+            return self[numbers : numbers + 1][0]
+        cells = []
+        for name, column in self.columns.items():
+            found = column[index].tolist()
+            if type(None) in get_args(self.kind.model_fields[name].annotation):
+                found = [None if isinstance(cell, float) and not math.isfinite(cell) else cell for cell in found]
+            cells.append(found)
+        return [self.kind(**dict(zip(self.columns, row, strict=True))) for row in zip(*cells, strict=True)]
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and len(self) == len(other) and all(map(eq, self, other))
+
+
+class OwnCells:
+    """Columns of a user's table, of which rows hold a mapping each."""
+
+    def __init__(self, columns: Mapping[str, Any]) -> None:
+        self.columns = columns
+
+    def __getitem__(self, index: Any) -> OwnCells:
+        return OwnCells({name: column[index] for name, column in self.columns.items()})
+
+    def tolist(self) -> list[dict[str, Any]]:
+        """Return the mappings."""
+        cells = (column.tolist() for column in self.columns.values())
+        return [dict(zip(self.columns, row, strict=True)) for row in zip(*cells, strict=True)]
+
+
+def _kept(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return value if isinstance(value, Rows) else handler(value)
+
+
+def _written(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return handler(list(value))
+
+
+MADE_LATE = WrapValidator(_kept), WrapSerializer(_written)
+"""Says of a field that holds rows that they may be `Rows`."""
 
 
 class Document(Result):
@@ -610,8 +715,6 @@ def _dtype(annotation: Any) -> str:
     plain = {bool: "bool", int: "int64", float: "float64"}
     return plain.get(annotation, "string" if isinstance(annotation, type) and issubclass(annotation, str) else "")
 
-
-R = TypeVar("R", bound=Result)
 
 FLAG_SEPARATOR = "|"
 """What stands between the flags of a ranked star in a file."""

@@ -7,6 +7,7 @@ from pydantic import Field
 from cpic_planner.registry import ScoreName
 from cpic_planner.results.answers import EtcResult, Quantiles
 from cpic_planner.results.base import (
+    MADE_LATE,
     DetectionMode,
     Document,
     LimitColumns,
@@ -315,7 +316,7 @@ class RankResult(RankedSample, OfTables, RunResult):
     population: PopulationRecord
     score_name: ScoreName = column("what the ranking is by")
     ensemble: EnsembleRecord | None = optional("the same under many instruments, where asked")
-    targets: list[RankedTarget]
+    targets: Annotated[list[RankedTarget], *MADE_LATE]
 
     @property
     def filtered(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from catalogs import OrbitPlaces
 from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record
 from cpic_planner import etc
-from cpic_planner.ranking import faintest_contrast, inside_zone, ring_of
+from cpic_planner.ranking import faintest_contrast, ring_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
@@ -295,7 +295,7 @@ def on_detector(
     metrics, parity, half = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg[-1]
     radius, turns = metrics.aperture_radius_arcsec, (0.0,) if len(model.strategy.rolls_deg) < 2 else (-half, half)
     places = [sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in turns]
-    usable = np.logical_and.reduce([inside_zone(metrics.zone, *place, radius) for place in places])
+    usable = np.logical_and.reduce([metrics.zone.contains(*place, radius) for place in places])
     if len(turns) > 1:
         usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
     return *places[0], usable
@@ -455,7 +455,7 @@ def background_alarms(
     metrics, camera = model.metrics[band], model.camera(band)
     axis = (np.arange(-_STEPS, _STEPS) + 0.5) / _STEPS * metrics.hole_outer_arcsec
     x, y = (part.ravel() for part in np.meshgrid(axis, axis))
-    inside = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
+    inside = metrics.zone.contains(x, y, metrics.aperture_radius_arcsec)
     x, y = x[inside], y[inside]
     if not x.size:
         return expected

@@ -11,7 +11,6 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, Record, Status, announce, stream
 from cpic_planner.etc import diagonal
-from cpic_planner.ranking import inside_zone
 from cpic_planner.validation.measure import (
     PlanetTemplate,
     SpeckleModel,
@@ -126,7 +125,7 @@ def azimuths_inside(geometry: BandGeometry, separation_arcsec: float) -> FloatAr
     """
     angle = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
     x, y = separation_arcsec * np.cos(angle), separation_arcsec * np.sin(angle)
-    return angle[inside_zone(geometry.zone, x, y, geometry.aperture_radius_arcsec)]
+    return angle[geometry.zone.contains(x, y, geometry.aperture_radius_arcsec)]
 
 
 def azimuth_share(geometry: BandGeometry, separation_arcsec: float) -> float:

@@ -57,7 +57,7 @@ class Addresses(Record, Generic[Q], eq=False):
     @cached_property
     def options(self) -> tuple[queries.Option, ...]:
         """All options of the question."""
-        return tuple(queries.options_of(self.model))
+        return queries.options_of(self.model)
 
     @cached_property
     def by_name(self) -> dict[str, queries.Option]:

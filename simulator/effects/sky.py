@@ -396,6 +396,7 @@ def zodiacal_photlam_arcsec2(radiance_500nm_w_m2_sr_um: float, elongation: float
 SOLAR_AVOIDANCE = "solar_avoidance"
 SKY_PLACE_UNKNOWN = "sky_place_unknown"
 _MIDDLE_LATITUDE_DEG = 30.0  # half of the sky lies nearer to the ecliptic, and is brighter
+_BELT_DEG = 10.0
 
 
 class SkyLevel(Record):
@@ -514,10 +515,13 @@ def _parts(
     if sky.model == "uniform":
         brightness["uniform"] = sky.brightness_v_mag_arcsec2
     elif sky.season == "median":
-        latitudes, medians = season_medians_e_s_arcsec2(passbands, area, sky.sun_limit_deg)
         latitude = np.abs(ecliptic_deg(ra_deg, dec_deg)[1])
         known = np.where(np.isfinite(latitude), latitude, _MIDDLE_LATITUDE_DEG)
-        parts["zodiacal"] = np.interp(known, latitudes, medians[:, column])
+        belt, parts["zodiacal"] = np.minimum(known // _BELT_DEG, 90.0 / _BELT_DEG - 1.0), np.empty(known.shape)
+        for lowest in sorted(set((_BELT_DEG * belt).tolist())):
+            latitudes, medians = season_medians_e_s_arcsec2(passbands, area, sky.sun_limit_deg, lowest)
+            there = _BELT_DEG * belt == lowest
+            parts["zodiacal"][there] = np.interp(known[there], latitudes, medians[:, column])
     else:
         longitude, latitude = _place(ra_deg, dec_deg, start_utc)
         rates, near_sun = _zodiacal(passbands, area, longitude, latitude)
@@ -550,11 +554,11 @@ def _rates_of_unit_radiance(passbands: Passbands, area_cm2: float) -> list[Float
     return [passbands.spectrum_rate_e_s(light.wavelength_nm, light.photlam, area_cm2) for light in lights]
 
 
-@functools.lru_cache(maxsize=16)
+@functools.lru_cache(maxsize=144)
 def season_medians_e_s_arcsec2(
-    passbands: Passbands, area_cm2: float, sun_limit_deg: float
+    passbands: Passbands, area_cm2: float, sun_limit_deg: float, lowest_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the median rates of the zodiacal light over a year, against ecliptic latitude.
+    """Return the median rates of the zodiacal light over a year, against ecliptic latitude in a belt.
 
     The Sun passes every longitude once a year, so that the median hangs on the latitude alone; its uneven speed, left
     out, would move it by 1.2 % at most.
@@ -566,14 +570,16 @@ def season_medians_e_s_arcsec2(
         Collecting area.
     sun_limit_deg : float
         Days on which the place is nearer to the Sun do not count.
+    lowest_deg : float
+        Lowest latitude of the belt: one star needs one of nine.
 
     Returns
     -------
     latitude_deg : ndarray, shape (n,)
-        0 to 90.
+        Every degree of the belt.
     rate_e_s_arcsec2 : ndarray, shape (n, band)
     """
-    latitude, radiance, elongation = _year()
+    latitude, radiance, elongation = _year(lowest_deg)
     hidden = elongation < sun_limit_deg - 1e-9  # the pole is 90 degrees from the Sun all the year
     rates = np.where(hidden[..., None], np.inf, _zodiacal_rates(passbands, area_cm2, radiance, elongation))
     middle = (np.count_nonzero(~hidden, axis=1)[:, None, None] - [[1], [0]]) // 2
@@ -581,9 +587,9 @@ def season_medians_e_s_arcsec2(
 
 
 @functools.cache
-def _year() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the latitudes, and the zodiacal light and elongation of each at every place of the Sun."""
-    latitude = np.arange(91.0)
+def _year(lowest_deg: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the latitudes of a belt, and the zodiacal light and elongation of each at every place of the Sun."""
+    latitude = lowest_deg + np.arange(_BELT_DEG + 1.0)
     places = np.broadcast_arrays(np.arange(180.0) + 0.5, latitude[:, None])
     return latitude, zodiacal_radiance(*places)[0], elongation_deg(*places)
 

@@ -241,7 +241,9 @@ def _error_map(metrics: PsfMetrics, psd_slope: float) -> tuple[float, FloatArray
     hole = int(np.ceil(metrics.owa_arcsec / step)) + 1
     middle, half = len(source) // 2, min(hole + reach, len(source) // 2)
     near = source[middle - half : middle + half + 1, middle - half : middle + half + 1]
-    shape = (-(-(len(near) + len(images)) // 32) * 32,) * 2  # transforms of products of small primes are quick
+    # Where all that is near is known, sums that go around meet nothing; products of small primes are quick.
+    least = len(near) + (0 if half == hole + reach else len(images))
+    shape = (-(-least // 16) * 16,) * 2
     light = np.fft.irfft2(np.fft.rfft2(near, shape) * np.fft.rfft2(images, shape), shape)
     seen = slice(half + reach - hole, half + reach + hole + 1)
     return step, light[seen, seen]

@@ -5,10 +5,10 @@ wavefront, mirror and its control, jitter, pixel scale, band edges and spectral 
 optical transmission or the size of the drift. Presets whose optics are the same share a file.
 
 The visible bands of the default instrument are stored exactly, but for the map of the wings, whose values are rounded
-by less than 6e-8 of themselves. To keep the package small, the maps and profiles of all others are rounded, each value
-by less than 4e-6 of itself (1.3e-4 in the map of the wings), and the map of apertures around a source is in all files,
-by less than 0.8 %, which averages over the many apertures that are ever asked for: far below the difference between
-this optical model and any real instrument.
+by less than 6e-8 of themselves, and not deflated. To keep the package small, the maps and profiles of all others are
+rounded, each value by less than 4e-6 of itself (1.3e-4 in the map of the wings), and the map of apertures around a
+source is in all files, by less than 0.8 %, which averages over the many apertures that are ever asked for: far below
+the difference between this optical model and any real instrument.
 
 Between measured states of the mirror there are the figures of a band for any mean raw contrast. The mirror of a state
 is set from a field that is sensed with errors, from none to ten times those that leave the contrast which is published

@@ -137,6 +137,31 @@ class HoleZone(Record):
             inside &= np.any(within, axis=0)
         return inside
 
+    def reaches(self, x: FloatArray, y: FloatArray, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest factor with which offsets are points that `contains` finds in the zone.
+
+        Parameters
+        ----------
+        x, y : ndarray
+            Offsets from the star in any unit; the factors are arcsec of it.
+        margin_arcsec : float
+            Distance kept from the edges.
+
+        Returns
+        -------
+        least, largest : ndarray
+            The least is above the largest where no factor leads into the zone.
+        """
+        margin = margin_arcsec - _ROUNDING * self.outer_arcsec
+        least, largest = np.zeros(np.shape(x)), np.full(np.shape(x), np.inf)
+        with np.errstate(divide="ignore"):
+            for offset, parts in zip((y, x), self.intervals(), strict=True):
+                sides = [np.sign(low + high) for low, high in parts]
+                distance = np.where(np.isin(np.sign(offset), sides), np.abs(offset), 0.0)
+                least = np.maximum(least, (self.inner_arcsec + margin) / distance)
+                largest = np.minimum(largest, (self.outer_arcsec - margin) / distance)
+        return least, largest
+
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
         """Return whether an aperture that does not lie in the zone crosses its inner edge.
 
@@ -260,6 +285,12 @@ class RingZone(Record):
         separation = np.hypot(x_arcsec, y_arcsec)
         inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
         return np.asarray((separation >= inner) & (separation <= (self.outer_arcsec - margin_arcsec) * (1 + _ROUNDING)))
+
+    def reaches(self, x: FloatArray, y: FloatArray, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest factor that takes offsets into the ring; parameters as of `HoleZone`."""
+        separation = np.hypot(x, y)
+        inner = (self.inner_arcsec + margin_arcsec) * (1.0 - _ROUNDING)
+        return inner / separation, (self.outer_arcsec - margin_arcsec) * (1.0 + _ROUNDING) / separation
 
     def crosses_inner(self, x_arcsec: float, y_arcsec: float, radius_arcsec: float) -> bool:
         """Return whether an aperture not in the zone crosses its inner edge; parameters as of `HoleZone`."""

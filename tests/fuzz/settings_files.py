@@ -133,14 +133,14 @@ def _read(kind: str, path: Path) -> Any:
             return signal_to_noise("tau Cet", instrument=ours, bands=["F520"], time_s=36000, separation_arcsec=0.5)
         return ours
     if kind == "question":
-        from cpic_planner.api.one_star import _answered
+        from cpic_planner.api.one_star import answers_of
 
         question = EtcQuestion.of(EtcQuestion.load(path))
         same = question.instrument.model_copy(
             update={name: getattr(load_instrument(), name) for name in _QUIET_SECTIONS}
         )
         slow = question.fidelity is not None or question.tolerance is not None or same != load_instrument()
-        return None if slow else _answered(question)
+        return None if slow else answers_of(question)
     readers: dict[str, Callable[[Any], Any]] = {
         "simulation": load_simulation,
         "strategies": load_strategies,

@@ -99,7 +99,6 @@ def peer() -> dict[str, Any]:
 def rows(recorded: dict[str, Any]) -> list[Row]:
     """Return completeness of both."""
     from cpic_planner.planets import draw_population, load_population
-    from cpic_planner.ranking.completeness import inside_zone
     from simulator import lambert_phase, load_instrument, planet_contrast
     from simulator.imaging.zones import zone_of
     from simulator.target import sky_to_detector
@@ -158,7 +157,7 @@ def rows(recorded: dict[str, Any]) -> list[Row]:
             if most:
                 for words, margin in (("in the squares", 0.0), ("aperture in the squares", None)):
                     part = instrument.aperture_radius_arcsec(BAND) if margin is None else margin
-                    inside = bright & inside_zone(zone, x / distance, y / distance, part)
+                    inside = bright & zone.contains(x / distance, y / distance, part)
                     why = "an annulus is no dark hole of four squares"
                     what = f"{words}, {where}"
                     found.append(Row(what, case["counted"], float(inside.mean()), tolerance, why, expected=False))

@@ -10,7 +10,7 @@ import pytest
 import cpic_planner
 from catalogs import band_from_file, open_catalogue
 from cpic_core import InputError
-from cpic_planner.api.functions import takes
+from cpic_planner.api.keywords import takes
 from cpic_planner.cli.command import command_of
 from cpic_planner.cli.main import main
 from cpic_planner.queries import (

@@ -16,7 +16,7 @@ from cpic_planner.etc import (
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
 from cpic_planner.ranking import optimise
-from cpic_planner.ranking.optimiser import _Planned, best_of
+from cpic_planner.ranking.optimiser import Search, _Planned, best_of
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 
@@ -177,6 +177,31 @@ def test_more_time_never_loses_a_detection():
     assert np.all(many >= few * (1 - 1e-12))
     few, many = (optimise(MODEL, STARS, time_s=t).margin for t in (3000.0, 48000.0))
     assert np.all(many >= few * (1 - 1e-3))
+
+
+@pytest.mark.parametrize("strategy", [{}, {"search": "known_place"}, {"visit_gap_h": 20.0}], ids=str)
+def test_every_place_and_number_of_visits_beside_the_chosen_ones(strategy):
+    """All places and all whole numbers of visits, at exact exposures, against the search of a few of them."""
+    model = replace(MODEL, strategy=Strategy(**strategy))
+    every, many = np.arange(len(STARS)), np.unique(np.rint(np.geomspace(1.0, 1000.0, 300)))
+    for band in ("F520", "F850"):
+        search = Search(model, STARS, band, ReferencePlanet())
+        whole = search.outlook(every, np.arange(len(search.grid))[None, :])
+        for time_s in (7200.0, 360000.0):
+            cost, visits, length_s = whole.in_time(time_s, many)
+            least = cost.min(axis=1)
+            chosen = search.lowest(every, search.rough.in_time(time_s), lambda item, n, t=time_s: item.in_time(t, n))
+            assert np.all(chosen[2][0][:, 0] <= least * (1 + 1e-3))
+            best = np.argmin(cost, axis=1)
+            assert np.ptp(visits[every, best]) > 0
+            assert np.all(length_s[every, best] > 0.0)
+        least_s = whole.for_level(many)[0].min(axis=1)
+        programme = search.least_programmes(every)
+        found_s = np.where(programme[2].n_frames > 0, programme[3].visits * model.time_s(programme[2].visit_s), np.inf)
+        some = np.isfinite(least_s)
+        assert np.array_equal(some, np.isfinite(found_s[:, 0]))
+        # Whole frames take longer than frames that need not be whole, where visits are of few.
+        assert np.all(found_s[some, 0] <= least_s[some] * (1 + 5e-3))
 
 
 @pytest.mark.parametrize("band", BANDS)

@@ -529,7 +529,7 @@ def test_two_rolls_show_a_planet_half_the_angle_to_either_side():
     assert (x, y) == (pytest.approx(first[0], rel=1e-12), pytest.approx(first[1], rel=1e-12))
     radius = metrics.aperture_radius_arcsec
     apart = np.hypot(first[0] - second[0], first[1] - second[1]) >= 2.0 * radius
-    seen = detection.inside_zone(metrics.zone, *first, radius) & detection.inside_zone(metrics.zone, *second, radius)
+    seen = metrics.zone.contains(*first, radius) & metrics.zone.contains(*second, radius)
     assert 0 < usable.sum() < usable.size
     assert np.array_equal(usable, seen & apart)
 

@@ -13,7 +13,6 @@ import pytest
 
 import cpic_planner.survey.simulate as module
 from cpic_planner.planets import draw_population, load_population
-from cpic_planner.ranking import inside_zone
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.candidates import N_DRAWS
 from cpic_planner.survey.detection import expected_signals
@@ -575,7 +574,7 @@ def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
     waited = 0
     for row in alone:
         x, y = sky_to_detector(found["separation_arcsec"][row], found["pa_deg"][row] - turns, parity=parity)
-        open_slots = slots[inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)]
+        open_slots = slots[metrics.zone.contains(x, y, metrics.aperture_radius_arcsec)]
         waited += len(open_slots) < len(slots)
         ways = np.concatenate([[0.0], np.cumsum(cost[open_slots[:2]])])
         assert np.abs(ways[1:] - spent[found["universe"][row]]).min(initial=np.inf) < 1e-9 or not len(open_slots)
