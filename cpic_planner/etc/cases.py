@@ -647,15 +647,16 @@ class Cases(Record, eq=False):
     def _excluded(self) -> list[BoolArray]:
         """Planets that velocities exclude, whatever their orientation, by band."""
         limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
-        found: dict[int, BoolArray] = {}
-        for planets in self.planets:
-            if id(planets) not in found:
+        found: dict[tuple[Any, ...], BoolArray] = {}
+        every = [(planets.separation_arcsec.tobytes(), *map(id, planets.models)) for planets in self.planets]
+        for alike, planets in zip(every, self.planets, strict=True):
+            if alike not in found:  # bands have other planets only where places follow the band
                 places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
                 each = zip(places, planets.models, strict=True)
                 distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
                 mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
-                found[id(planets)] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
-        return [found[id(planets)] for planets in self.planets]
+                found[alike] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
+        return [found[alike] for alike in every]
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
