@@ -294,12 +294,8 @@ def _kept(value: Any, handler: Callable[[Any], Any]) -> Any:
     return value if isinstance(value, Rows) else handler(value)
 
 
-def _written(value: Any, handler: Callable[[Any], Any]) -> Any:
-    return handler(list(value))
-
-
-MADE_LATE = WrapValidator(_kept), WrapSerializer(_written)
-"""Says of a field that holds rows that they may be `Rows`."""
+MADE_LATE = WrapValidator(_kept), WrapSerializer(lambda rows, handler: handler(list(rows)))
+"""Says of a field that holds rows that they may be `Rows`; schemas say what a function says that it returns."""
 
 
 class Document(Result):
