@@ -74,11 +74,13 @@ def shipped_objects(name: str, kind: type[T]) -> tuple[T, ...]:
 def parsed(name: str) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
     """Return the columns of a table that ships as arrays, and the texts about it.
 
-    Numbers lie by column, and of texts, which repeat themselves, the places among words.
+    Numbers lie by column as whole ones of their last decimal, which are small, the least of all for nan; and of texts,
+    which repeat themselves, the places among words.
     """
     stored = read_npz(PARSED / f"{name}.npz")
     head = json.loads(stored["head"].tobytes())
-    numbers, places = iter(stored["numbers"]), iter(stored["places"])
+    whole, places = stored["whole"], iter(stored["places"])
+    numbers = iter(np.where(whole == np.iinfo(whole.dtype).min, np.nan, whole / 10.0 ** stored["decimals"][:, None]))
     columns = {
         column: np.array(head["words"][column])[next(places)] if column in head["words"] else next(numbers).astype(kind)
         for column, kind in head["columns"].items()

@@ -348,7 +348,7 @@ class StarTable(FrozenTable):
             raise InputError("mask", str(chosen.dtype), allowed="booleans or integer row numbers")
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
-        parts = {name: values[chosen] for name, values in self.columns.items()}
+        parts = {name: once(values[chosen]) for name, values in self.columns.items()}
         return replace(self.with_columns(parts), own=self.own.select(chosen))
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
@@ -390,7 +390,15 @@ class StarTable(FrozenTable):
         return MappingProxyType({key: tuple(rows) for key, rows in found.items() if key})
 
 
-def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColumns | None = None) -> StarTable:
+def once(column: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return a column that takes the room of one cell where all cells are the same."""
+    equal = (column == column[:1]) | ((column != column) & (column[:1] != column[:1]))
+    return np.broadcast_to(column[:1].copy(), column.shape) if len(column) > 1 and equal.all() else column
+
+
+def star_table(
+    values: Mapping[str, Sequence[object] | NDArray[np.generic]], label: str, own: OwnColumns | None = None
+) -> StarTable:
     """Return a table with the columns and units of the embedded one.
 
     Parameters
@@ -414,9 +422,7 @@ def star_table(values: Mapping[str, Sequence[object]], label: str, own: OwnColum
     lengths = {len(cells) for cells in values.values()}
     if len(lengths) > 1:
         raise InputError(f"{label} columns", f"lengths {sorted(lengths)}", allowed="one length")
-    columns: dict[str, NDArray[np.generic]] = {
-        column.name: np.array(list(values[column.name]), _KINDS[column.kind]) for column in COLUMNS
-    }
+    columns = {column.name: once(np.asarray(values[column.name], _KINDS[column.kind])) for column in COLUMNS}
     units = {column.name: column.unit for column in COLUMNS}
     descriptions = {column.name: column.description for column in COLUMNS}
     descriptions |= shipped_words("star_columns_of_any_table")

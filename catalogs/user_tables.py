@@ -36,6 +36,7 @@ from catalogs.stars import (
     OwnColumns,
     StarTable,
     load_stars,
+    once,
     parallax_flags,
     star_table,
     type_flags,
@@ -143,6 +144,7 @@ _INSTEAD = {"ra_deg": (_SPLIT[0], "coordinates"), "dec_deg": (_SPLIT[4], "coordi
 ASSUMED_PC = 10.0
 """Distance of a star of which none is given, pc."""
 _NAN = float("nan")
+_TOGETHER = 2000  # rows that are turned into columns at once
 _DISTANCE_TOLERANCE = 0.05
 #: dex; as much as 3.75 mag in V. A parallax in arcsec that is read as mas is off by six.
 _GRAVITY_TOLERANCE = 1.5
@@ -189,8 +191,20 @@ def user_table(raw: RawTable, *, strict: bool = False) -> UserTable:
             row["name"] += f" {row['component']}"
     given.refuse_twins(lambda row: designation_key(row["name"]))
     _place_on_the_ecliptic(given.rows)
-    given.make(lambda where, row: _filled(row, where, raw.name))
-    table = _table(given.rows, raw.name, _own(raw, given))
+    made: list[Row] = []
+    parts: list[StarTable] = []
+
+    def filled(where: str, row: Row) -> Row:
+        made.append(_filled(row, where, raw.name))
+        if len(made) == _TOGETHER:
+            parts.append(_table(made, raw.name))
+            made.clear()
+        return row
+
+    given.make(filled)
+    parts += [_table(made, raw.name)] if made else []
+    columns = {name: once(np.concatenate([part.columns[name] for part in parts])) for name in parts[0].columns}
+    table = star_table(columns, raw.name, _own(raw, given))
     notes = given.remarks() + _companions_left_out(table)
     return UserTable(table, notes, given.uses, tuple(given.left_out))
 
@@ -294,14 +308,14 @@ def named_star(
     return _table([row], name)
 
 
-def _table(rows: list[Row], label: str, own: OwnColumns | None = None) -> StarTable:
+def _table(rows: list[Row], label: str) -> StarTable:
     """Return the table of filled rows, with a flag where the stellar grid ends."""
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     clamped = load_stellar_grid().flags(*(columns[name] for name in ("teff_k", "log_g", "metallicity"))).any
     for flags, beyond in zip(columns["quality_flags"], clamped.tolist(), strict=True):
         flags.update({"stellar_grid_clamped"} if beyond else ())
     columns["quality_flags"] = [";".join(sorted(flags)) for flags in columns["quality_flags"]]
-    return star_table(columns, label, own)
+    return star_table(columns, label)
 
 
 def _companions_left_out(table: StarTable) -> tuple[str, ...]:

@@ -60,6 +60,7 @@ from cpic_core.quantities import (
     FloatArray as FloatArray,
     IntArray as IntArray,
     NDArray as NDArray,
+    check_address as check_address,
     check_finite as check_finite,
     check_flag as check_flag,
     check_number as check_number,

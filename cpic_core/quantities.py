@@ -7,6 +7,7 @@ import sys
 from collections.abc import Collection
 from fractions import Fraction
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
@@ -162,6 +163,9 @@ def check_flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+_PROTOCOLS = ("tcp", "tls", "ws", "wss")
+
+
 def check_word(name: str, value: Any, words: Collection[str]) -> None:
     """Refuse what is none of some words.
 
@@ -174,6 +178,22 @@ def check_word(name: str, value: Any, words: Collection[str]) -> None:
     """
     if not isinstance(value, str) or value not in words:
         raise InputError(name, value, allowed=", ".join(words))
+
+
+def check_address(scheduler: str | None) -> str | None:
+    """Refuse what can be no address of a scheduler, before anything slow is done with it; returns what it got."""
+    if scheduler is None:
+        return None
+    good = isinstance(scheduler, str)
+    if good:
+        try:
+            parts = urlsplit(scheduler)
+            good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
+        except ValueError:  # no port
+            good = False
+    if not good:
+        raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
+    return scheduler
 
 
 def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str = "") -> tuple[float, float]:

@@ -15,8 +15,8 @@ from cpic_core.yaml_files import PARSED as FOLDER, digest
 from cpic_planner.etc.detection_law import TAILS_FILE, equivalents
 
 ROOT = Path(__file__).resolve().parents[1]
-STEPS = range(31)
-"""Steps of signal over noise that levels of 1.6 to 8 sigma need."""
+STEPS = range(5, 24)
+"""Steps of signal over noise that levels of 4 to 5 sigma need."""
 
 
 def packed(columns: Mapping[str, NDArray[Any]], about: Mapping[str, str]) -> dict[str, NDArray[Any]]:
@@ -29,8 +29,13 @@ def packed(columns: Mapping[str, NDArray[Any]], about: Mapping[str, str]) -> dic
         "words": {name: found[0].tolist() for name, found in texts.items()},
         "about": dict(about),
     }
+    numbers = np.array([column for name, column in columns.items() if name not in texts], float)
+    tens = 10.0 ** np.arange(16)[:, None]
+    exact = [np.nonzero((np.round(tens * row) / tens == row)[:, np.isfinite(row)].all(axis=1))[0][0] for row in numbers]
+    whole = np.round(numbers * 10.0 ** np.array(exact)[:, None])
     return {
-        "numbers": np.array([column for name, column in columns.items() if name not in texts], float),
+        "whole": np.where(np.isfinite(whole), whole, np.iinfo(np.int64).min).astype(np.int64),
+        "decimals": np.array(exact),
         "places": np.array([found[1] for found in texts.values()], np.uint16),
         "head": np.frombuffer(json.dumps(head).encode(), np.uint8),
     }

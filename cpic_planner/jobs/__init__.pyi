@@ -10,7 +10,6 @@ from cpic_planner.jobs.job import (
     Runner as Runner,
     RunSettings as RunSettings,
     Task as Task,
-    check_address as check_address,
     estimate as estimate,
     in_this_process as in_this_process,
     pace as pace,

@@ -30,7 +30,6 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Generic, TypedDict, TypeVar
-from urllib.parse import urlsplit
 
 from pydantic import BaseModel
 
@@ -38,6 +37,7 @@ from cpic_core import (
     Advance,
     InputError,
     Record,
+    check_address,
     compute_once,
     digest_of,
     dump_json,
@@ -52,7 +52,6 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 
 T = TypeVar("T")
-_PROTOCOLS = ("tcp", "tls", "ws", "wss")
 
 
 def run_tasks(
@@ -136,22 +135,6 @@ def run_tasks(
 def in_this_process(n_tasks: int, workers: int, scheduler: str | None) -> bool:
     """Return whether `run_tasks` runs so many tasks one after the other where it is called."""
     return scheduler is None and (workers == 1 or n_tasks <= 1)
-
-
-def check_address(scheduler: str | None) -> str | None:
-    """Refuse what can be no address of a scheduler, before anything slow is done with it; returns what it got."""
-    if scheduler is None:
-        return None
-    good = isinstance(scheduler, str)
-    if good:
-        try:
-            parts = urlsplit(scheduler)
-            good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
-        except ValueError:  # no port
-            good = False
-    if not good:
-        raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
-    return scheduler
 
 
 RECORD = "run.json"

@@ -16,11 +16,7 @@ from cpic_planner.queries.changes import (
     with_unit as with_unit,
 )
 from cpic_planner.queries.etc import (
-    CurveQuestion as CurveQuestion,
     EtcQuestion as EtcQuestion,
-    OptimiseQuestion as OptimiseQuestion,
-    RocQuestion as RocQuestion,
-    SearchedQuestion as SearchedQuestion,
 )
 from cpic_planner.queries.question import (
     Option as Option,
@@ -66,6 +62,12 @@ from cpic_planner.queries.runs import (
     TradeoffQuestion as TradeoffQuestion,
     UniverseSettings as UniverseSettings,
     WhatIfQuestion as WhatIfQuestion,
+)
+from cpic_planner.queries.searches import (
+    CurveQuestion as CurveQuestion,
+    OptimiseQuestion as OptimiseQuestion,
+    RocQuestion as RocQuestion,
+    SearchedQuestion as SearchedQuestion,
 )
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S as DEFAULT_TIME_S,

@@ -18,9 +18,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs import Catalogue, checked_table_name, load_stars
-from cpic_core import FloatArray, InputError, Record, Registry, digest_of, is_file
+from cpic_core import FloatArray, InputError, Record, Registry, check_address, digest_of, is_file
 from cpic_planner import registry
-from cpic_planner.jobs import check_address
 from cpic_planner.queries.changes import SkyParts, read_instrument
 from cpic_planner.queries.question import Parts, Question, asked, called, check_visits
 from simulator import config

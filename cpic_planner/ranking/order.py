@@ -27,7 +27,7 @@ from cpic_planner.ranking.optimiser import (
 )
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import RankedTarget, RankResult, ReferencePlanetRecord
-from cpic_planner.results.base import DetectionMode, OwnCells, Rows
+from cpic_planner.results.base import DetectionMode, OwnCells, Rows, gathered
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -348,17 +348,17 @@ def rank_targets(
     InputError
     """
     setting = RankSetting.of(model, time_s=time_s, planet=planet, bands=bands, population=population, score=score)
-    blocks = [_rows(setting, targets.select(some)) for some in parts_of(len(targets), "ranking {} stars")]
-    rows = Rows(
-        RankedTarget, {name: np.concatenate([part.columns[name] for part in blocks]) for name in blocks[0].columns}
-    )
-    order = np.lexsort((targets.name, -rows.columns["detection_margin"], -rows.columns["score"]))
-    place, digest = np.arange(1, len(order) + 1), setting.digest(targets)
+    digest = setting.digest(targets)
+    parts = [_columns(setting, targets.select(some)) for some in parts_of(len(targets), "ranking {} stars")]
+    scores, margins = (np.concatenate([part[name] for part in parts]) for name in ("score", "detection_margin"))
+    order = np.lexsort((targets.name, -margins, -scores))
+    place = np.arange(1, len(order) + 1)
     if chosen is not None and not chosen.all():
         digest = digest_of(digest, chosen)
         order, place = order[chosen[order]], place[chosen[order]]
+    columns = {name: np.concatenate([part.pop(name) for part in parts])[order] for name in list(parts[0])}
     ranks = {"rank": np.arange(1, len(order) + 1), "rank_in_catalogue": place}
-    rows = rows.at(order).having(**ranks)
+    rows = Rows(RankedTarget, {**columns, **ranks})
     told = (rows.columns[name].tolist() for name in ("status", "reason", "limited_by"))
     return RankResult(
         fingerprint=str(fingerprint()),
@@ -390,8 +390,8 @@ def parts_of(n_stars: int, text: str) -> Iterator[IntArray]:
         yield np.arange(start, min(start + _TOGETHER, n_stars))
 
 
-def _rows(setting: RankSetting, targets: Targets) -> Rows[RankedTarget]:
-    """Return the rows of stars in their own order, without ranks."""
+def _columns(setting: RankSetting, targets: Targets) -> dict[str, Any]:
+    """Return the columns of rows of stars in their own order, without ranks."""
     found, model, planet = ranked(setting, targets), setting.model, setting.planet
     best, counted, every = found.best, found.counted, np.arange(len(targets))
     said, quickest_s, luminosity = setting_columns(model, best), found.quickest_s, targets.luminosity_lsun
@@ -409,7 +409,7 @@ def _rows(setting: RankSetting, targets: Targets) -> Rows[RankedTarget]:
     share = np.stack([part.counted for part in counted])[found.picked, every]
     with np.errstate(divide="ignore", invalid="ignore"):
         insolation_au = np.where(luminosity > 0.0, distance / np.sqrt(luminosity), np.nan)
-    return Rows.of(
+    return gathered(
         RankedTarget,
         said,
         SimpleNamespace(**of_band),

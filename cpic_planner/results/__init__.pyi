@@ -1,9 +1,6 @@
 from cpic_planner.registry import ScoreName as ScoreName
 from cpic_planner.results.answers import (
     AnswerFidelity as AnswerFidelity,
-    CompletenessMap as CompletenessMap,
-    CurveResult as CurveResult,
-    CurveRow as CurveRow,
     EffectRecord as EffectRecord,
     EtcAnswer as EtcAnswer,
     EtcFidelity as EtcFidelity,
@@ -14,12 +11,6 @@ from cpic_planner.results.answers import (
     OpenQuantiles as OpenQuantiles,
     Quantiles as Quantiles,
     Question as Question,
-    RecoveredRow as RecoveredRow,
-    RocProgramme as RocProgramme,
-    RocResult as RocResult,
-    RocRow as RocRow,
-    SearchedProgramme as SearchedProgramme,
-    SearchedResult as SearchedResult,
 )
 from cpic_planner.results.base import (
     FLAG_SEPARATOR as FLAG_SEPARATOR,
@@ -123,6 +114,17 @@ from cpic_planner.results.runs import (
     TradeoffScene as TradeoffScene,
     VisitRow as VisitRow,
     left_out_cells as left_out_cells,
+)
+from cpic_planner.results.searched import (
+    CompletenessMap as CompletenessMap,
+    CurveResult as CurveResult,
+    CurveRow as CurveRow,
+    RecoveredRow as RecoveredRow,
+    RocProgramme as RocProgramme,
+    RocResult as RocResult,
+    RocRow as RocRow,
+    SearchedProgramme as SearchedProgramme,
+    SearchedResult as SearchedResult,
 )
 from cpic_planner.results.surveyed import (
     AssumedInstrument as AssumedInstrument,

@@ -222,16 +222,6 @@ class Rows(Sequence[R]):
         self.columns = columns
 
     @classmethod
-    def of(cls, kind: type[R], *sources: Any, **given: Any) -> Self:
-        """Return rows of the columns of other objects; as `Result.of`."""
-        found = dict(given)
-        for name in (name for name in kind.model_fields if name not in given):
-            column = next((own for own in (getattr(source, name, None) for source in sources) if own is not None), None)
-            if column is not None:
-                found[name] = column
-        return cls(kind, found)
-
-    @classmethod
     def held(cls, rows: Sequence[R]) -> Rows[R]:
         """Return rows that are made late, as a field has them."""
         assert isinstance(rows, Rows)
@@ -241,10 +231,6 @@ class Rows(Sequence[R]):
     def listed(self) -> list[R]:
         """The same, as fields are declared."""
         return cast("list[R]", self)
-
-    def at(self, index: Any) -> Self:
-        """Return some of the rows: those of a mask or of numbers."""
-        return type(self)(self.kind, {name: column[index] for name, column in self.columns.items()})
 
     def having(self, **columns: Any) -> Self:
         """Return the rows with other columns too."""
@@ -279,6 +265,16 @@ class Rows(Sequence[R]):
         return isinstance(other, Sequence) and len(self) == len(other) and all(map(eq, self, other))
 
 
+def gathered(kind: type[Result], *sources: Any, **given: Any) -> dict[str, Any]:
+    """Return the columns of rows from those of other objects that bear the names of its fields; as `Result.of`."""
+    found = dict(given)
+    for name in (name for name in kind.model_fields if name not in given):
+        column = next((own for own in (getattr(source, name, None) for source in sources) if own is not None), None)
+        if column is not None:
+            found[name] = column
+    return found
+
+
 class OwnCells:
     """Columns of a user's table, of which rows hold a mapping each."""
 
@@ -298,12 +294,8 @@ def _kept(value: Any, handler: Callable[[Any], Any]) -> Any:
     return value if isinstance(value, Rows) else handler(value)
 
 
-def _written(value: Any, handler: Callable[[Any], Any]) -> Any:
-    return handler(list(value))
-
-
-MADE_LATE = WrapValidator(_kept), WrapSerializer(_written)
-"""Says of a field that holds rows that they may be `Rows`."""
+MADE_LATE = WrapValidator(_kept), WrapSerializer(lambda rows, handler: handler(list(rows)))
+"""Says of a field that holds rows that they may be `Rows`; schemas say what a function says that it returns."""
 
 
 class Document(Result):
