@@ -60,7 +60,7 @@ from cpic_planner.etc.rates import (
     reference_distance_au,
     reference_notes,
 )
-from cpic_planner.etc.searches import AllCases, around_lowest, first_root, lowest_whole, spread, taken
+from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, spread, taken
 from cpic_planner.planets import OrbitSearch, StarLimits, least_mass, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
@@ -647,15 +647,16 @@ class Cases(Record, eq=False):
     def _excluded(self) -> list[BoolArray]:
         """Planets that velocities exclude, whatever their orientation, by band."""
         limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
-        found: dict[int, BoolArray] = {}
-        for planets in self.planets:
-            if id(planets) not in found:
+        found: dict[tuple[Any, ...], BoolArray] = {}
+        every = [(planets.separation_arcsec.tobytes(), *map(id, planets.models)) for planets in self.planets]
+        for alike, planets in zip(every, self.planets, strict=True):
+            if alike not in found:  # bands have other planets only where places follow the band
                 places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
                 each = zip(places, planets.models, strict=True)
                 distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
                 mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
-                found[id(planets)] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
-        return [found[id(planets)] for planets in self.planets]
+                found[alike] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
+        return [found[alike] for alike in every]
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
@@ -880,13 +881,9 @@ class Cases(Record, eq=False):
             low, best, high = around_lowest(grid, values := excess(grid))
         least = values.min(axis=0)
         crossed = wanted & (least <= 0.0)
-
-        def value(_: Any, visit_s: FloatArray) -> FloatArray:
-            return np.where(crossed, np.exp(excess(np.log(visit_s.reshape(left.shape)))), 1.0).ravel()
-
-        start, end = np.exp(left), np.exp(np.where(crossed, best, left)) * (1.0 + 1e-15)
-        found = first_root(AllCases(), value, start.ravel(), end.ravel(), np.ones(left.size, bool), tolerance=1e-11)
-        return np.where(crossed, np.log(found.reshape(left.shape)), np.where(wanted, best, right))
+        ends = np.exp(left), np.exp(np.where(crossed, best, left))
+        found = first_root_of_all(lambda at: np.exp(excess(np.log(at))), *ends, crossed, tolerance=1e-11)
+        return np.where(crossed, np.log(found), np.where(wanted, best, right))
 
     def paying_s(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
         """Return the length of visits, at most the given one, that comes nearest to the level, or most above it.
@@ -1077,17 +1074,11 @@ def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wa
     ndarray
         The longest that there is where none reaches 1, and where none is wanted.
     """
-    low = start_s * 0.99
-
-    def value(_: Any, length_s: FloatArray) -> FloatArray:
-        found = missed(length_s.reshape(start_s.shape))
-        return np.where(wanted, np.clip(found, 1e-300, 1e300), 1.0).ravel()
-
     # A search asks for more the longer the visits are: a level may be reached in some range of lengths only.
-    high = start_s * np.where(value(None, start_s.ravel()).reshape(start_s.shape) <= 1.0, 1.0, 1.01)
+    low, high = start_s * 0.99, start_s * np.where(missed(start_s) <= 1.0, 1.0, 1.01)
     for factor, end in ((_WIDER, high), (1.0 / _WIDER, low)):
         while True:
-            off = value(None, end.ravel()).reshape(end.shape) > 1.0
+            off = missed(end) > 1.0
             off = wanted & (off if factor > 1.0 else ~off) & (end < _LONGEST_S) & (end > _SHORTEST_S)
             if not off.any():
                 break
@@ -1096,8 +1087,7 @@ def shortest(missed: Callable[[FloatArray], FloatArray], start_s: FloatArray, wa
             else:
                 high[off] = end[off]
             end[off] *= factor
-    found = first_root(AllCases(), value, low.ravel(), high.ravel(), np.ones(low.size, bool), tolerance=1e-11)
-    return np.where(wanted, found.reshape(start_s.shape), _LONGEST_S)
+    return np.where(wanted, first_root_of_all(missed, low, high, wanted, tolerance=1e-11), _LONGEST_S)
 
 
 class Solution(Record, eq=False):

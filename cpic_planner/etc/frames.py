@@ -21,7 +21,7 @@ from cpic_planner.etc.model import FrameCamera, Programme, best_gain
 from cpic_planner.etc.noise import PLAIN, Objective, own_noise, residuals, white_term
 from cpic_planner.etc.photon_counting import CountingLight, counting_probabilities, reference_pixel
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.searches import AllCases, CaseArrays, bracketed, first_root, lowest, spread, taken
+from cpic_planner.etc.searches import CaseArrays, bracketed, first_root, first_root_of_all, lowest, spread, taken
 from cpic_planner.queries import Strategy
 from simulator.detectors import FrameTerm, frame_variance_e2, frames_per_clean, noise_factor2
 from simulator.signal import largest_gain, longest_exposure_s
@@ -421,7 +421,7 @@ def least_time(
     possible = possible & (frames * (longest + camera.readout_s) >= lower)
 
     def over(exposure_s: FloatArray) -> FloatArray:
-        return _over_level(wide, exposure_s.reshape(shape), frames, wanted)
+        return _over_level(wide, exposure_s, frames, wanted)
 
     start = top = low
     reached = over(low) <= 1.0 + _ROUNDING
@@ -441,12 +441,7 @@ def least_time(
             high[near], least[near] = lowest(part.at(near), _over_level, *ends, n[near], aim[near], coarse=False)
         top[left], reached[left] = high, least <= 1.0 + _ROUNDING
     reached &= possible
-
-    def value(_: Any, exposure_s: FloatArray) -> FloatArray:
-        return np.where(reached, over(exposure_s), 1.0).ravel()
-
-    top = np.maximum(top, start * (1.0 + 1e-9)).ravel()
-    t = first_root(AllCases(), value, start.ravel(), top, np.ones(top.size, bool)).reshape(shape)
+    t = first_root_of_all(over, start, top, reached)
     visit = frames * (t + camera.readout_s)
     return _pick(problem, t, frames, np.where(reached, visit, np.inf), wide.inverse_snr2(t, frames))
 

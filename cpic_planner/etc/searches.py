@@ -115,11 +115,10 @@ class _Selectable(Protocol):
 Problem = TypeVar("Problem", bound=_Selectable)
 
 
-class AllCases:
+class _AllCases:
     """Cases that are never looked at apart."""
 
     def at(self, _: Any) -> Self:
-        """Return all of them."""
         return self
 
 
@@ -389,3 +388,27 @@ def first_root(
         new = x + share * (other - x)
     t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(np.where(fx <= 0.0, x, other)), high[mask]))
     return t
+
+
+def first_root_of_all(
+    function: Callable[[FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    wanted: NDArray[np.bool_],
+    tolerance: float = 2e-15,
+) -> FloatArray:
+    """Return what `first_root` does where the function knows all cases or none; ``low`` where none is wanted.
+
+    Parameters
+    ----------
+    function : callable
+        Of an array of the shape of ``low``.
+    low, high, wanted, tolerance
+        As of `first_root`.
+    """
+
+    def value(_: Any, t: FloatArray) -> FloatArray:
+        return np.where(wanted, np.clip(function(t.reshape(low.shape)), 1e-300, 1e300), 1.0).ravel()
+
+    ends = low.ravel(), np.maximum(high, low * (1.0 + 1e-15)).ravel()
+    return first_root(_AllCases(), value, *ends, np.ones(low.size, bool), tolerance=tolerance).reshape(low.shape)

@@ -11,6 +11,7 @@ from cpic_planner.jobs.job import (
     RunSettings as RunSettings,
     Task as Task,
     estimate as estimate,
+    in_this_process as in_this_process,
     pace as pace,
     run as run,
 )

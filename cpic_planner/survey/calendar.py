@@ -1,6 +1,5 @@
 """The calendar of a survey: when each star can be seen, and what a visit costs of the telescope's time."""
 
-import functools
 import math
 from dataclasses import replace
 
@@ -10,10 +9,10 @@ from cpic_core import FloatArray, IntArray, Record
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits, UniverseConfig
-from cpic_planner.survey.visibility import Visibility, VisibilityConfig, slew_s, visibility
+from cpic_planner.survey.visibility import Visibility, VisibilityConfig, bodies_km, slew_s, visibility
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
-from simulator.products import body_km, mjd_of, offline_time
+from simulator.products import mjd_of
 
 _SAMPLES = 6
 _MEAN_SLEW_DEG = 60.0
@@ -253,19 +252,10 @@ def sun_position_angle_deg(targets: Targets, mjd: FloatArray) -> FloatArray:
     Components of the Sun's direction along east and north at the star, ``atan2(s . e, s . n)``. Interpolated in the
     Cartesian place of the Sun over a grid of days, to 0.01 deg.
     """
-    grid, sun = _sun_km(math.floor(mjd.min()), math.ceil(mjd.max()) + 2)
+    grid = np.arange(math.floor(mjd.min()), math.ceil(mjd.max()) + 2, dtype=np.float64)
+    (sun,) = bodies_km(grid, "sun")
     ra, dec = np.deg2rad(targets.ra_deg)[:, None], np.deg2rad(targets.dec_deg)[:, None]
     x, y, z = (np.interp(mjd, grid, sun[:, axis]) for axis in range(3))
     east = -x * np.sin(ra) + y * np.cos(ra)
     north = -x * np.cos(ra) * np.sin(dec) - y * np.sin(ra) * np.sin(dec) + z * np.cos(dec)
     return np.rad2deg(np.arctan2(east, north))
-
-
-@functools.lru_cache(maxsize=8)
-def _sun_km(first_mjd: int, last_mjd: int) -> tuple[FloatArray, FloatArray]:
-    """Return the days, the last one left out, and where the Sun stands on each, shape ``(d, 3)``."""
-    from astropy.time import Time
-
-    days = np.arange(first_mjd, last_mjd, dtype=np.float64)
-    with offline_time():
-        return days, body_km("sun", Time(days, format="mjd", scale="utc"))

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Generic, TypeVar
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,10 +31,18 @@ from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar
-from cpic_planner.survey.detection import Pairs, Setting, detection_chance, faintest_of, looks_at_place, pair_signals
+from cpic_planner.survey.detection import (
+    Pairs,
+    Setting,
+    detection_chance,
+    faintest_of,
+    least_factor,
+    looks_at_place,
+    pair_signals,
+)
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.orbits import orbit_chance
-from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
+from cpic_planner.survey.strategy import DetectionRule, DustLaw, SurveyStrategy, VisitRule
 from cpic_planner.survey.universe import (
     NEW,
     PlanetSample,
@@ -50,8 +59,6 @@ from simulator.config import content_hash
 
 N_DRAWS, N_KNOWN = 2000, 1000
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
-_PLANETS_BYTES, _PAIRS_BYTES = 40_000_000, 250_000_000  # the default what-if has 190 MB of pairs
-_CHANCES_BYTES, _SHOWN_BYTES = 150_000_000, 100_000_000
 
 
 class Host(Record, eq=False):
@@ -131,39 +138,17 @@ class Shown(Record, eq=False):
 
 
 _T = TypeVar("_T")
-
-
-class _Latest(Generic[_T]):
-    """The latest values by a key, up to some number of bytes of their arrays."""
-
-    def __init__(self, most_bytes: int) -> None:
-        self._most, self._bytes = most_bytes, 0
-        self._kept: dict[Hashable, _T] = {}
-
-    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
-        """Return what is kept under a key; what is not is made."""
-        if key not in self._kept:
-            self._kept[key] = made = make()
-            self._bytes += _size(made)
-            while self._bytes > self._most and len(self._kept) > 1:
-                self._bytes -= _size(self._kept.pop(next(iter(self._kept))))
-        return self._kept[key]
-
-
-def _size(made: Any) -> int:
-    parts = made if isinstance(made, tuple) else vars(made).values()
-    return sum(part.nbytes if isinstance(part, np.ndarray) else _size(part) for part in parts)
-
-
 _Seen = tuple[IntArray, NDArray[np.float32]]
 """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
+Ways = list[list[_Seen]]
+"""The same by part of a star and way to visit it."""
 
 
 class PlanningSky:
     """Planets with which schedules are made, and what visits show of them.
 
     What the same visits show of the same planets is worked out once, for all strategies and for all states of what is
-    known (`cpic_planner.survey.outcome`).
+    known (`cpic_planner.survey.outcome`); where planets stand is kept for the star that was asked for last.
 
     Parameters
     ----------
@@ -175,12 +160,23 @@ class PlanningSky:
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self.seed = seed
         self._reach = reach_arcsec
-        self._planets = _Latest[PlanetSample](_PLANETS_BYTES)
-        self._pairs = _Latest[Pairs](_PAIRS_BYTES)
-        self._chances = _Latest[_Seen](_CHANCES_BYTES)
-        self._shown = _Latest[Shown](_SHOWN_BYTES)
-        self._visits_of: tuple[SurveyStrategy, EtcModel] | None = None
-        self._rules: dict[str, str] = {}
+        self._once: dict[Hashable, Any] = {}
+        self._star, self._pairs = "", dict[Hashable, Pairs]()
+
+    def once(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """Return what was made under a key, made when first asked for."""
+        if key not in self._once:
+            self._once[key] = make()
+        found: _T = self._once[key]
+        return found
+
+    def settings(
+        self, model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float
+    ) -> tuple[Setting, ...]:
+        """Return what `settings_of` does, worked out once for equal stars, light and visits."""
+        rule = visit.goal, visit.snr, visit.exposure_s, visit.em_gain
+        key = self._rules_of(model)[band], content_hash(targets.content()), *rule, time_s
+        return self.once(key, lambda: tuple(settings_of(model, targets, band, visit, time_s)))
 
     def planets(self, host: Host, epoch_mjd: float) -> PlanetSample:
         """Return a star's planets that any date shows, of `N_KNOWN` draws of each known one and `N_DRAWS` new ones.
@@ -201,8 +197,8 @@ class PlanningSky:
             found.append(planets)
         return PlanetSample.joined(found)
 
-    def shown(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Shown:
-        """Return what the visits that a star can have by a strategy are likely to show.
+    def ways(self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float) -> Ways:
+        """Return what the visits that a star can have by a strategy are likely to show, each way by itself.
 
         Parameters
         ----------
@@ -214,30 +210,41 @@ class PlanningSky:
         epoch_mjd : float
             Start of the survey.
         """
-        if self._visits_of is None or model is not self._visits_of[1] or strategy != self._visits_of[0]:
-            dust, content = strategy.assumptions.dust, model.content()
-            rule: dict[str, Any] = {"detection": strategy.detection.model_dump(mode="json")}
-            rule |= {"dust": None if dust is None else dust.model_dump(mode="json")}
-            self._rules = {
-                band: content_hash(content | rule | {"optics": key}) for band, key in content["optics"].items()
-            }
-            self._visits_of, self._shown = (strategy, model), _Latest[Shown](_SHOWN_BYTES)
-        when = (item.tobytes() for item in (looks.open, looks.day, looks.roll_deg))
-        key = (host.content, host.known_rows, looks.options, epoch_mjd, *when)
-        return self._shown.get(key, lambda: self._of_visits(strategy, model, host, looks, epoch_mjd))
-
-    def _of_visits(
-        self, strategy: SurveyStrategy, model: EtcModel, host: Host, looks: Looks, epoch_mjd: float
-    ) -> Shown:
+        if (name := str(host.star.name[0])) != self._star:
+            self._star = name
+            self._pairs.clear()
+        rule = strategy.detection
         faintest = [
-            functools.cache(functools.partial(faintest_of, model, host.star, [option], strategy.detection))
+            functools.cache(functools.partial(faintest_of, model, host.star, [option], rule, errors=False))
             for option in looks.options
         ]
-        columns, seen, before = [], [], 0
-        for part in host.parts:
-            of_options = [
-                self._of_way(strategy, model, part, looks, o, epoch_mjd, faint) for o, faint in enumerate(faintest)
+        rules = self._rules_of(model, rule, strategy.assumptions.dust)
+        when = looks.day.tobytes(), looks.roll_deg.tobytes()
+        keys = [(rules[option.band], option, epoch_mjd, *when) for option in looks.options]
+        return [
+            [
+                self.once(
+                    (*key, part.content, looks.open[o].tobytes()),
+                    functools.partial(self._of_way, strategy, model, part, looks, o, epoch_mjd, faintest[o]),
+                )
+                for o, key in enumerate(keys)
             ]
+            for part in host.parts
+        ]
+
+    def shown(
+        self,
+        strategy: SurveyStrategy,
+        model: EtcModel,
+        host: Host,
+        looks: Looks,
+        epoch_mjd: float,
+        ways: Ways | None = None,
+    ) -> Shown:
+        """Return the same of all ways together; ``ways`` are those, where they are known."""
+        columns, seen, before = [], [], 0
+        each = self.ways(strategy, model, host, looks, epoch_mjd) if ways is None else ways
+        for part, of_options in zip(host.parts, each, strict=True):
             some = np.unique(np.concatenate([own for own, _ in of_options]))
             chance = np.zeros((*looks.open.shape, some.size), np.float32)
             for o, (own, odds) in enumerate(of_options):
@@ -259,33 +266,42 @@ class PlanningSky:
     ) -> _Seen:
         """Return what visits in one way show of the planets of a part of a star."""
         option, open_ = looks.options[o], looks.open[o]
+        planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
+        if not (days.size and len(planets)):
+            return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
+        pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
+        zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
+        rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
+        who = model, part.star, option, planets, albedos_of(part.population), pairs, looks.roll_deg[open_]
+        how = zodis, faintest()[0], looks_at_place(rule, placed)
+        least = least_factor(rule, errors=False)
+        some, signals = pair_signals(*who, *how, least=least, margins=rule.rule == "expected")
+        odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
+        likely = odds >= LEAST_PROBABILITY
+        visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
+        seen = np.zeros(len(planets), bool)
+        seen[planet] = True
+        chance = np.zeros((open_.size, int(seen.sum())), np.float32)
+        chance[slots[visit], (np.cumsum(seen) - 1)[planet]] = odds[likely]
+        return np.flatnonzero(seen), chance
 
-        def made() -> _Seen:
-            planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
-            if not (days.size and len(planets)):
-                return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
-            pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
-            zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
-            albedos, roll = albedos_of(part.population), looks.roll_deg[open_]
-            rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
-            light = zodis, faintest()[0], looks_at_place(rule, placed)
-            signals = pair_signals(model, part.star, option, planets, albedos, pairs, roll, *light)
-            odds = detection_chance(signals, rule, placed, calibration=rule.calibration)
-            likely = odds >= LEAST_PROBABILITY
-            some, column = np.unique(pairs.planet[likely].astype(np.int64), return_inverse=True)
-            chance = np.zeros((open_.size, some.size), np.float32)
-            chance[slots[pairs.visit[likely]], column] = odds[likely]
-            return some, chance
+    def _rules_of(self, model: EtcModel, *rules: DetectionRule | DustLaw | None) -> dict[str, str]:
+        """Return digests of all that decides what a visit in each band shows of planets."""
 
-        when = (item.tobytes() for item in (open_, looks.day, looks.roll_deg))
-        return self._chances.get((self._rules[option.band], option, part.content, epoch_mjd, *when), made)
+        def made() -> dict[str, str]:
+            content = model.content() | {"rules": [repr(item) for item in rules]}
+            return {band: content_hash(content | {"optics": key}) for band, key in content["optics"].items()}
+
+        return self.once((model, rules), made)
 
     def _pairs_of(self, planets: PlanetSample, days: FloatArray, distance_pc: float) -> Pairs:
         """Return the planets of a star at the dates, days after the start, on which any band may show them."""
         orbits = hashlib.sha256(b"".join(getattr(planets, name).tobytes() for name in (*ORBIT, "period_days")))
         reach = [edge * distance_pc for edge in self._reach]
         key = orbits.hexdigest(), days.tobytes(), *reach
-        return self._pairs.get(key, lambda: Pairs.between(planets.places(days), *reach))
+        if key not in self._pairs:
+            self._pairs[key] = Pairs.between(planets.places(days), *reach)
+        return self._pairs[key]
 
     def _of_part(self, part: Host, epoch_mjd: float) -> PlanetSample:
         """Return the planets of one of the parts of a star."""
@@ -307,16 +323,10 @@ class PlanningSky:
             distance = float(star.distance_pc[0])
             return planets.select(planets.within(*(edge * distance for edge in self._reach)))
 
-        return self._planets.get((part.content, epoch_mjd), drawn)
+        return self.once((part.content, epoch_mjd), drawn)
 
 
-@functools.lru_cache(maxsize=1)
-def planning_sky(seed: int, reach_arcsec: tuple[float, float]) -> PlanningSky:
-    """Return the sky that this process plans with; parameters as of `PlanningSky`."""
-    return PlanningSky(seed, reach_arcsec)
-
-
-N_SCREEN = 2000
+N_SCREEN, _FRAMES = 2000, ("exposure_s", "n_frames", "em_gain")
 
 
 class Candidate(Record, eq=False):
@@ -488,7 +498,12 @@ class Screened(Case, eq=False):
 
 
 def screen(
-    strategy: SurveyStrategy, model: EtcModel, targets: Targets, known_rows: tuple[tuple[int, ...], ...], seed: int
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    targets: Targets,
+    known_rows: tuple[tuple[int, ...], ...],
+    seed: int,
+    sky: PlanningSky,
 ) -> Screened:
     """Return the frames of every star, and which stars can show a planet at all.
 
@@ -502,52 +517,59 @@ def screen(
     known_rows : tuple of tuple of int
         Known planets of each.
     seed : int
+    sky : PlanningSky
+        Keeps what strategies of equal visits share.
     """
     settings, promising = [], np.zeros(len(targets), bool)
-    drawn = None if strategy.population is None else draw_population(strategy.population, N_SCREEN, seed)
+    population = strategy.population
     for band in strategy.visit.bands:
         for time_s in strategy.visit.time_s:
-            own = settings_of(model, targets, band, strategy.visit, time_s)
-            settings.append(tuple(own))
-            if drawn is not None:
-                counted = completeness(
-                    model,
-                    targets,
-                    band,
-                    drawn,
-                    exposure_s=np.array([item.exposure_s for item in own]),
-                    n_frames=np.array([item.n_frames for item in own]),
-                    em_gain=np.array([item.em_gain for item in own]),
-                    visits=float(model.strategy.visits or 1),
-                )
+            own = sky.settings(model, targets, band, strategy.visit, time_s)
+            settings.append(own)
+            if population is not None:
+                frames = dict(zip(_FRAMES, np.array([item.frames for item in own]).T, strict=True))
+                drawn = draw_population(population, N_SCREEN, seed)
+                counted = completeness(model, targets, band, drawn, **frames, visits=float(model.strategy.visits or 1))
                 # Half a planet of those drawn, at its known place: a probability is nowhere exactly zero.
                 promising |= counted.completeness_known_place > 0.5 / N_SCREEN
     return Screened(strategy, model, targets, known_rows, tuple(settings), promising)
 
 
-def candidates(
-    screened: Screened,
-    calendar: Calendar,
-    known: KnownPlanetTable | None,
-    sky: PlanningSky,
-    limits: StarLimits,
-    log: ObservationLog | None = None,
-) -> list[Candidate]:
-    """Return the stars worth a visit, best first, at most as many as the strategy wants.
+class Outlook(Record, eq=False):
+    """A star that a strategy may visit, before it is known what visits show.
 
-    The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
+    Attributes
+    ----------
+    index, place : int
+        Row in the targets of the strategy, and in its calendar.
+    host : Host
+    looks : Looks
+    cost_h : ndarray, shape (o, b)
+        Telescope time in every slot; infinite where it is not possible.
+    done : tuple of ObservedVisit
+    visits_left : int
+    """
+
+    index: int
+    place: int
+    host: Host
+    looks: Looks
+    cost_h: FloatArray
+    done: tuple[ObservedVisit, ...]
+    visits_left: int
+
+
+def outlooks(
+    screened: Screened, calendar: Calendar, known: KnownPlanetTable | None, log: ObservationLog | None = None
+) -> list[Outlook]:
+    """Return the stars that a strategy may visit.
 
     Parameters
     ----------
     screened : Screened
-        The strategy, its model and its stars.
     calendar : Calendar
         Of the stars ``screened.rows``, in that order.
     known : KnownPlanetTable or None
-    sky : PlanningSky
-        Planets that schedules are made with.
-    limits : StarLimits
-        Of all stars of ``screened``: planets that they exclude count for less.
     log : ObservationLog, optional
         What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
         would have been seen count for less.
@@ -575,7 +597,41 @@ def candidates(
         )
         first = calendar.roll_deg(strategy.revisits, place, every_slot, np.zeros_like(every_slot))
         looks = Looks(options, np.isfinite(cost), calendar.day[place], first)
-        shown = sky.shown(strategy, model, host, looks, calendar.start_mjd)
+        found.append(Outlook(int(i), place, host, looks, cost, done, visits_left))
+    return found
+
+
+def candidates(
+    screened: Screened,
+    calendar: Calendar,
+    sky: PlanningSky,
+    limits: StarLimits,
+    stars: Sequence[Outlook],
+    ways: Mapping[int, Ways] = MappingProxyType({}),
+) -> list[Candidate]:
+    """Return the stars worth a visit, best first, at most as many as the strategy wants.
+
+    The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
+
+    Parameters
+    ----------
+    screened : Screened
+        The strategy, its model and its stars.
+    calendar : Calendar
+        Of the stars ``screened.rows``, in that order.
+    sky : PlanningSky
+        Planets that schedules are made with.
+    limits : StarLimits
+        Of all stars of ``screened``: planets that they exclude count for less.
+    stars : sequence of Outlook
+    ways : mapping of int to Ways
+        What `PlanningSky.ways` returned of these, where it was asked already, by their index.
+    """
+    strategy, model, targets = screened.strategy, screened.model, screened.targets
+    found = []
+    for star in stars:
+        i, host, done = star.index, star.host, star.done
+        shown = sky.shown(strategy, model, host, star.looks, calendar.start_mjd, ways.get(i))
         planets = shown.planets
         new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
@@ -583,23 +639,23 @@ def candidates(
         if done:
             zodis = dust_of(strategy, planets, sky.seed, str(targets.name[i]), "planning")
             weight = weight * _left(strategy, model, host, planets, done, calendar, zodis)
-        weight = (weight * allowed_probability(planets, limits, int(i)))[shown.seen]
+        weight = (weight * allowed_probability(planets, limits, i))[shown.seen]
         counts = weight > 0.0
         if counts.any():  # the others are never seen
             candidate = Candidate(
-                index=int(i),
-                options=options,
-                cost_h=cost,
+                index=i,
+                options=star.looks.options,
+                cost_h=star.cost_h,
                 chance=shown.chance[:, :, counts].astype(np.float64),  # as sums are, so that none converts it again
                 weight=weight[counts],
                 known_rows=host.known_rows,
-                visits_left=visits_left,
-                day=calendar.day[place],
+                visits_left=star.visits_left,
+                day=star.looks.day,
                 known=planets.known[shown.seen][counts],
             )
             if strategy.orbit.value > 0.0:
                 chosen = planets.select(shown.seen[counts])
-                candidate = _with_orbits(strategy, model, host, candidate, chosen, calendar, place, sky)
+                candidate = _with_orbits(strategy, model, host, candidate, chosen, calendar, star.place, sky)
             found.append(candidate)
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]

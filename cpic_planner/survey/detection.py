@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from catalogs import OrbitPlaces
-from cpic_core import ArrayLike, BoolArray, FloatArray, NDArray, Record
+from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, NDArray, Record
 from cpic_planner import etc
 from cpic_planner.ranking import faintest_contrast, ring_of
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy, UniverseConfig
 from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
-from simulator.target import sky_to_detector
 
+_UNSEEN = {"reached_blind": -math.inf, "width_blind": 1.0, "reached_known": -math.inf, "width_known": 1.0}
 _ERRORS = 6.0  # standard errors by which a law may be off
 _ROLLS = 32  # at once: tables of the companion's light take memory
 
@@ -85,7 +85,24 @@ def _visit_s(model: etc.EtcModel, setting: Setting) -> float:
     return setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
 
 
-def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule) -> FloatArray:
+def least_factor(rule: DetectionRule, *, errors: bool = True) -> float:
+    """Return the least factor on the significance at which the law detects, by what a rule says of the search.
+
+    Parameters
+    ----------
+    rule : DetectionRule
+    errors : bool
+        With whatever calibration and middle of the law its errors allow in a universe.
+    """
+    if rule.rule == "expected":
+        return 1.0
+    off = _ERRORS * (rule.half_error + rule.calibration_error) if errors else 0.0
+    return rule.half_factor / rule.calibration * math.exp(-off) if rule.calibration > 0.0 else math.inf
+
+
+def faintest_of(
+    model: etc.EtcModel, stars: Targets, settings: Sequence[Setting], rule: DetectionRule, *, errors: bool = True
+) -> FloatArray:
     """Return the contrast below which a visit detects no planet, by star and ring; see `faintest_contrast`.
 
     Parameters
@@ -96,16 +113,15 @@ def faintest_of(model: etc.EtcModel, stars: Targets, settings: Sequence[Setting]
     settings : sequence of Setting
         A visit of each of them, all in one band.
     rule : DetectionRule
+    errors : bool
+        As of `least_factor`.
 
     Returns
     -------
     ndarray, shape (n, ring)
     """
     frames = np.array([(item.exposure_s, item.n_frames, item.em_gain) for item in settings]).T
-    # With whatever calibration and middle of the law the errors of a universe allow.
-    easier = rule.half_factor / rule.calibration * math.exp(-_ERRORS * (rule.half_error + rule.calibration_error))
-    factor = 1.0 if rule.rule == "expected" else min(easier, 1.0)
-    return factor * faintest_contrast(
+    return min(least_factor(rule, errors=errors), 1.0) * faintest_contrast(
         model,
         stars,
         settings[0].band,
@@ -153,8 +169,11 @@ def pair_signals(
     zodis: FloatArray | None = None,
     faintest: FloatArray | None = None,
     at_place: bool = True,
-) -> ExpectedSignals:
-    """Return what visits expect of planets; arrays of the length of ``pairs``.
+    *,
+    least: float = 0.0,
+    margins: bool = True,
+) -> tuple[IntArray, ExpectedSignals]:
+    """Return which planets can be seen where they stand at visits, and what these expect of them.
 
     Parameters
     ----------
@@ -166,59 +185,72 @@ def pair_signals(
         Contrast below which planets are not looked at: nothing is seen of them (`faintest_of`).
     at_place : bool
         Whether any of them is looked for at a known place; if not, none is reached there.
+    least : float
+        Factor on the significance that has any chance in any noise, below which the law need not be asked
+        (`least_factor`): nothing is reached there.
+    margins : bool
+        Whether the significance over the threshold is wanted; 0 if not.
+
+    Returns
+    -------
+    some : ndarray of int
+        Numbers of the pairs whose aperture lies in the dark hole whole.
+    signals : ExpectedSignals
+        Of these.
     """
-    band, shape = setting.band, pairs.visit.shape
-    metrics = model.metrics[band]
-    separation = np.hypot(pairs.east_au, pairs.north_au) / float(star.distance_pc[0])
-    pa_deg = np.rad2deg(np.arctan2(pairs.east_au, pairs.north_au))
-    roll = np.asarray(roll_deg, float)[pairs.visit]
-    x, y, usable = on_detector(model, band, separation, pa_deg - roll)
-    margin, snr, contrast = np.zeros((3, *shape))
-    reached, widths = np.full((2, *shape), -np.inf), np.ones((2, *shape))
+    band, metrics = setting.band, model.metrics[setting.band]
+    east, north = (part / float(star.distance_pc[0]) for part in (pairs.east_au, pairs.north_au))
+    x, y, usable = on_detector(model, band, east, north, roll_deg, pairs.visit)
     some = np.flatnonzero(usable & setting.possible)
+    x, y, visit, planet = x[some], y[some], pairs.visit[some], pairs.planet[some]
+    separation, pa_deg = np.hypot(east[some], north[some]), np.rad2deg(np.arctan2(east[some], north[some]))
+    margin, snr, contrast = np.zeros((3, some.size))
+    reached, widths = np.full((2, some.size), -np.inf), np.ones((2, some.size))
+    bright = np.arange(some.size)
     if some.size:
-        planet = pairs.planet[some]
         kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
         distance, phase = pairs.distance_au[some][None], pairs.phase_deg[some][None]
-        contrast[some] = etc.mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
+        contrast = etc.mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
         if faintest is not None:
-            some = some[contrast[some] >= faintest[ring_of(metrics.zone, separation[some])]]
-    if some.size:
+            bright = np.flatnonzero(contrast >= faintest[ring_of(metrics.zone, separation)])
+    if bright.size:
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
-        first = model.strategy.rolls_deg[-1]
-        angles, which = np.unique((roll + first)[some] if wings else np.zeros(some.size), return_inverse=True)
-        made = programme_of(model, setting)
+        roll = np.asarray(roll_deg, float)[visit[bright]] + model.strategy.rolls_deg[-1]
+        angles, which = np.unique(roll if wings else np.zeros(bright.size), return_inverse=True)
+        made, law = programme_of(model, setting), etc.band_law(model, band)
         for begin in range(0, angles.size, _ROLLS):
             here = np.flatnonzero((which >= begin) & (which < begin + _ROLLS))
-            turned = angles[begin : begin + _ROLLS]
-            rolls = replace(star.select(np.zeros(turned.size, np.int64)), roll_deg=turned % 360.0)
+            rolls_deg = angles[begin : begin + _ROLLS]
+            rolls = replace(star.select(np.zeros(rolls_deg.size, np.int64)), roll_deg=rolls_deg % 360.0)
             # One row a roll, as long as the longest; what is behind its last planet is that planet again.
             order = here[np.argsort(which[here], kind="stable")]
-            count = np.bincount(which[here] - begin, minlength=turned.size)
+            count = np.bincount(which[here] - begin, minlength=rolls_deg.size)
             column = np.minimum(np.arange(count.max()), count[:, None] - 1)
-            at = some[order[(np.cumsum(count) - count)[:, None] + column]]
+            at = bright[order[(np.cumsum(count) - count)[:, None] + column]]
             real = np.arange(count.max()) < count[:, None]
-            put = at[real]
-            dust = None if zodis is None else zodis[pairs.planet[at]]
+            dust = None if zodis is None else zodis[planet[at]]
             rates = etc.aperture_rates(model, rolls, band, x[at], y[at], contrast[at], zodis=dust)
             noise = etc.stack_noise(rates, *setting.frames, model.camera(band), model.strategy, made)
-            elements = metrics.resolution_elements(separation[at])
-            search = etc.search_motion(model, rolls, band, separation[at])
-            motion = etc.motion_factor(model, search, made, _visit_s(model, setting))
-            margin[put] = (noise.significance / etc.threshold_array(elements, model.strategy.sigma))[real]
-            snr[put] = noise.snr[real]
-            light = etc.light_share(model, band, separation[at], _visit_s(model, setting))
-            visits = made.effective(rates.speckle)
-            shares = etc.speckled_share(noise), etc.lit_share(noise, light)
-            where = etc.own_share(noise), separation[at], *shares, visits
+            place = separation[at]
+            elements, paid = metrics.resolution_elements(place), noise.significance
+            snr[at[real]] = noise.snr[real]
+            if margins:
+                margin[at[real]] = (paid / etc.threshold_array(elements, model.strategy.sigma))[real]
+            asked = real & (elements >= etc.MIN_ELEMENTS) & (paid > 0.0)
+            if least > 0.0:
+                asked &= paid >= least * law.least(place, etc.LEAST_PROBABILITY, at_place=at_place)
+            put, row = at[asked], np.nonzero(asked)[0]
+            search, visit_s = etc.search_motion(model, rolls, band, separation[put], row), _visit_s(model, setting)
+            motion = etc.motion_factor(model, search, made, visit_s)
+            light = etc.light_share(model, band, separation[put], visit_s)
+            seen, visits = noise.at(asked), np.broadcast_to(made.effective(rates.speckle), at.shape)[asked]
+            where = etc.own_share(seen), separation[put], etc.speckled_share(seen), etc.lit_share(seen, light), visits
             # At a known place the orbit is followed.
-            for known, paid in enumerate((noise.significance / motion, noise.significance)[: 1 + at_place]):
-                found = etc.band_law(model, band).reach(paid, *where, at_place=bool(known))
-                reached[known][put], widths[known][put] = (part[real] for part in found)
-            reached[:, put] = np.where(margin[put] > 0.0, reached[:, put], -np.inf)
-    law = reached[0], widths[0], reached[1], widths[1]
-    return ExpectedSignals(margin, *law, snr, contrast, separation, pa_deg)
+            for known, paid in enumerate((seen.significance / motion, seen.significance)[: 1 + at_place]):
+                reached[known][put], widths[known][put] = law.reach(paid, *where, at_place=bool(known))
+    found = reached[0], widths[0], reached[1], widths[1]
+    return some, ExpectedSignals(margin, *found, snr, contrast, separation, pa_deg)
 
 
 def expected_signals(
@@ -268,12 +300,22 @@ def expected_signals(
     shape = places.phase_deg.shape
     every = Pairs.between(places, 0.0, math.inf)
     roll = np.broadcast_to(np.asarray(roll_deg, float), shape[:1])
-    found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
-    return ExpectedSignals(*(part.reshape(shape) for part in vars(found).values()))
+    some, found = pair_signals(model, star, setting, planets, albedos, every, roll, zodis, faintest, at_place)
+    whole = {name: np.full(every.visit.size, _UNSEEN.get(name, 0.0)) for name in vars(found)}
+    east, north = (part / float(star.distance_pc[0]) for part in (every.east_au, every.north_au))
+    whole |= {"separation_arcsec": np.hypot(east, north), "pa_deg": np.rad2deg(np.arctan2(east, north))}
+    for name, part in vars(found).items():
+        whole[name][some] = part
+    return ExpectedSignals(**{name: part.reshape(shape) for name, part in whole.items()})
 
 
 def on_detector(
-    model: etc.EtcModel, band: str, separation_arcsec: FloatArray, pa_deg: FloatArray
+    model: etc.EtcModel,
+    band: str,
+    east_arcsec: FloatArray,
+    north_arcsec: FloatArray,
+    roll_deg: ArrayLike,
+    visit: Any = ...,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the places of planets on the detector, and whether a visit can see them there.
 
@@ -282,8 +324,12 @@ def on_detector(
     model : EtcModel
     band : str
         Name of a band of the instrument, such as ``F520``.
-    separation_arcsec, pa_deg : ndarray
-        Position angle from the detector's +y axis, the roll taken off.
+    east_arcsec, north_arcsec : ndarray
+        Offsets from the star.
+    roll_deg : array_like
+        Position angle of the detector's +y axis.
+    visit : ndarray of int, optional
+        Which of these rolls each place is seen at; one each by default.
 
     Returns
     -------
@@ -291,13 +337,22 @@ def on_detector(
         Place in arcsec, with two rolls that at the first.
     usable : ndarray of bool
         Whether the aperture lies in the dark hole whole, with two rolls at both, and moves by its diameter between.
+
+    Notes
+    -----
+    As `simulator.target.sky_to_detector`, with the sine and cosine of each roll alone.
     """
-    metrics, parity, half = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg[-1]
-    radius, turns = metrics.aperture_radius_arcsec, (0.0,) if len(model.strategy.rolls_deg) < 2 else (-half, half)
-    places = [sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in turns]
+    metrics, parity, rolls_deg = model.metrics[band], model.instrument.detector.parity, model.strategy.rolls_deg
+    radius, places = metrics.aperture_radius_arcsec, []
+    for turn in rolls_deg:
+        angle = np.deg2rad(np.asarray(roll_deg, float) - turn)
+        cosine, sine = np.cos(angle)[visit], np.sin(angle)[visit]
+        x, y = east_arcsec * cosine - north_arcsec * sine, north_arcsec * cosine + east_arcsec * sine
+        places.append((parity * x, y))
     usable = np.logical_and.reduce([metrics.zone.contains(*place, radius) for place in places])
-    if len(turns) > 1:
-        usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
+    if len(rolls_deg) > 1:
+        moved = 2.0 * np.hypot(east_arcsec, north_arcsec) * math.sin(math.radians(rolls_deg[-1]))
+        usable &= moved >= 2.0 * radius
     return *places[0], usable
 
 

@@ -1,10 +1,11 @@
 """Make surveys that can be simulated from strategies: assumptions, stars, calendar, frames, schedule."""
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -12,19 +13,20 @@ from scipy.optimize import brentq
 from catalogs import Catalogue, KnownPlanetTable, load_known_planets
 from cpic_core import Advance, FloatArray, InputError, Record, announce, compute_once, untold
 from cpic_planner.etc import EtcModel, build_model
-from cpic_planner.jobs import Runner, Task
+from cpic_planner.jobs import Runner, Task, in_this_process
 from cpic_planner.planets import StarLimits
 from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import (
     Case,
+    Outlook,
     PlanningSky,
     Screened,
+    Ways,
     candidates,
     chosen_stars,
-    planning_sky,
+    outlooks,
     screen,
-    settings_of,
 )
 from cpic_planner.survey.detection import Setting, alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
@@ -39,6 +41,7 @@ from simulator.imaging import PsfMetrics, build_imager, centred_axis, metrics_ke
 from simulator.passbands import Passbands
 from simulator.products import mjd_of
 
+_TOGETHER = 8
 _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
@@ -298,42 +301,75 @@ def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
     ground = read_ground(config)
-    surveys: list[Survey] = []
-    for which, strategy in enumerate(config.strategies):
-        surveys += plan_states((ground,), which)
-        advance(f"{strategy.name}: schedule")
-    return Prepared.of(config, ground, surveys)
+    plans = plan_states((ground,), tuple(range(len(config.strategies))), progress=advance)
+    return Prepared.of(config, ground, [survey for (survey,) in plans])
 
 
-def plan_states(grounds: tuple[Ground, ...], which: int) -> list[Survey]:
-    """Work on one task: plan one strategy in several states of what is known.
+def plan_states(
+    grounds: tuple[Ground, ...], which: tuple[int, ...], *, progress: Advance = untold
+) -> list[list[Survey]]:
+    """Work on one task: plan strategies in several states of what is known, the first with bounds on its schedules.
 
-    What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show.
+    What a change of the facts leaves as it was is worked out once: screening, calendar, and what visits show. That is
+    worked out star after star for all strategies and states, so that where planets stand is held for one star alone.
 
     Parameters
     ----------
     grounds : tuple of Ground
         Of the same survey, its calendar and its seed.
-    which : int
-        Position of the strategy.
+    which : tuple of int
+        Positions of the strategies.
+    progress : Advance
+        Told about every strategy that is planned.
     """
     first = grounds[0]
-    cases = [ground.cases[which] for ground in grounds]
-    case = cases[0]
-    targets, rows = Targets.distinct([item.targets for item in cases])
-    every_star = screen(case.strategy, case.model, targets, ((),) * len(targets), first.universe.seed)
-    looked = [every_star.select(own, item.known_rows) for own, item in zip(rows, cases, strict=True)]
-    stars, close = Targets.distinct([item.targets.select(item.rows) for item in looked])
-    stars = stars if len(stars) else case.targets.select([0])  # of which no slot is used
-    calendar = make_calendar(first.universe, first.instrument, first.pointing, stars)
-    sky = planning_sky(first.universe.seed, first.reach_arcsec)
+    universe, sky = first.universe, PlanningSky(first.universe.seed, first.reach_arcsec)
+    every = [_screened([ground.cases[number] for ground in grounds], universe.seed, sky) for number in which]
+    stars, rows = Targets.distinct([item.targets.select(item.rows) for states in every for item in states])
+    stars = stars if len(stars) else first.cases[0].targets.select([0])  # of which no slot is used
+    calendar, close = make_calendar(universe, first.instrument, first.pointing, stars), iter(rows)
+    plans = [
+        [_Looked.of(ground, item, calendar.select(next(close))) for ground, item in zip(grounds, states, strict=True)]
+        for states in every
+    ]
+    by_star: dict[str, list[tuple[_Looked, Outlook]]] = {}
+    for plan in itertools.chain.from_iterable(plans):
+        for star in plan.stars:
+            by_star.setdefault(str(star.host.star.name[0]), []).append((plan, star))
+    for name, each in by_star.items():
+        announce(f"where planets of {name} stand, and what visits show of them")
+        for plan, star in each:
+            who = plan.screened.strategy, plan.screened.model, star.host, star.looks
+            plan.ways[star.index] = sky.ways(*who, plan.calendar.start_mjd)
     found = []
-    for ground, item, own in zip(grounds, looked, close, strict=True):
-        mine = calendar.select(own)
-        if ground.log is not None:
-            mine = mine.closed_before(ground.log.until_mjd)
-        found.append(_plan(ground, item, mine, sky))
+    for states in plans:
+        found.append([_scheduled(plan, sky, bounded=plan.ground is first) for plan in states])
+        progress(f"{states[0].screened.strategy.name}: plan", len(states))
     return found
+
+
+class _Looked(NamedTuple):
+    """A strategy in a state of what is known, with the stars that it may visit; ``calendar`` is that of close looks."""
+
+    ground: Ground
+    screened: Screened
+    calendar: Calendar
+    stars: list[Outlook]
+    ways: dict[int, Ways]
+
+    @classmethod
+    def of(cls, ground: Ground, screened: Screened, calendar: Calendar) -> "_Looked":
+        """Return the same with the stars of a close look, whose whole calendar is given."""
+        if ground.log is not None:
+            calendar = calendar.closed_before(ground.log.until_mjd)
+        return cls(ground, screened, calendar, outlooks(screened, calendar, ground.known, ground.log), {})
+
+
+def _screened(cases: Sequence[Case], seed: int, sky: PlanningSky) -> list[Screened]:
+    """Return one strategy in several states of what is known, each star screened once."""
+    targets, rows = Targets.distinct([item.targets for item in cases])
+    every_star = screen(cases[0].strategy, cases[0].model, targets, ((),) * len(targets), seed, sky)
+    return [every_star.select(own, item.known_rows) for own, item in zip(rows, cases, strict=True)]
 
 
 def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], runner: Runner[Any]) -> list[Prepared]:
@@ -351,13 +387,19 @@ def planned(configs: Sequence[StrategiesConfig], grounds: tuple[Ground, ...], ru
     -----
     Plans are kept in no folder: they are made again in less time than it takes to write them down in a form of its own.
     """
-    names = [strategy.name for strategy in configs[0].strategies]
-    keys = [f"plan {name}" for name in names]
-    # The longest first, so that no worker is left with one at the end.
-    order = sorted(range(len(keys)), key=lambda which: _size(configs[0].strategies[which]), reverse=True)
-    tasks = [Task(keys[which], (which,), f"{names[which]}: plan", len(grounds)) for which in order]
-    plans = runner.finish(plan_states, tasks, common=(grounds,), kept=False)
-    of_states = zip(*(plans[key] for key in keys), strict=True)
+    strategies, every = configs[0].strategies, range(len(configs[0].strategies))
+    # The longest first, so that no worker is left with one at the end; some together where there is one process.
+    order = sorted(every, key=lambda which: _size(strategies[which]), reverse=True)
+    step = _TOGETHER if in_this_process(len(order), runner.workers, runner.scheduler) else 1
+    parts = [tuple(order[first : first + step]) for first in every[::step]]
+    named = [", ".join(strategies[which].name for which in part) for part in parts]
+    tasks = [
+        Task(f"plan {name}", (part,), f"{name}: plan", len(grounds) * len(part))
+        for part, name in zip(parts, named, strict=True)
+    ]
+    bodies = runner.finish(plan_states, tasks, common=(grounds,), kept=False, tells=True)
+    plans = dict(zip(itertools.chain(*parts), itertools.chain(*bodies.values()), strict=True))
+    of_states = zip(*(plans[which] for which in every), strict=True)
     return [Prepared.of(*state) for state in zip(configs, grounds, of_states, strict=True)]
 
 
@@ -366,13 +408,14 @@ def _size(strategy: SurveyStrategy) -> tuple[int, int]:
     return len(strategy.visit.bands) * len(strategy.visit.time_s), strategy.revisits.max_visits
 
 
-def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) -> Survey:
-    """Return one strategy planned, ``calendar`` that of the stars with a close look."""
+def _scheduled(plan: _Looked, sky: PlanningSky, *, bounded: bool) -> Survey:
+    """Return a strategy planned; ``bounded`` if the bound on its schedule is told."""
+    ground, item, calendar = plan.ground, plan.screened, plan.calendar
     strategy, model, names = item.strategy, item.model, item.targets.name
     limits = StarLimits.of(names.tolist(), ground.universe.exclusions, ground.known)
-    found = candidates(item, calendar, ground.known, sky, limits, ground.log)
+    found = candidates(item, calendar, sky, limits, plan.stars, plan.ways)
     problem = Problem(strategy, tuple(found), calendar.slot_h)
-    schedule = make_schedule(problem)
+    schedule = make_schedule(problem, bounded=bounded)
     rows = np.array([star.index for star in found], np.int64)
     targets, options = item.targets.select(rows), tuple(star.options for star in found)
     noise, background = alarms(ground.universe, strategy, model, targets, options)
@@ -382,7 +425,7 @@ def _plan(ground: Ground, item: Screened, calendar: Calendar, sky: PlanningSky) 
         targets=targets,
         calendar=calendar.select(np.searchsorted(item.rows, rows)),
         options=options,
-        follow=_follow_ups(strategy, model, targets),
+        follow=_follow_ups(strategy, model, targets, sky),
         schedule=replace(schedule, visits=with_odds(problem, schedule.visits)),
         known=ground.known,
         known_rows=tuple(star.known_rows for star in found),
@@ -451,11 +494,13 @@ def _without(strategy: SurveyStrategy, hours: float) -> SurveyStrategy:
     return strategy.model_copy(update={"time_budget_h": budget_h - hours})
 
 
-def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple[tuple[Setting, ...], ...]:
+def _follow_ups(
+    strategy: SurveyStrategy, model: EtcModel, targets: Targets, sky: PlanningSky
+) -> tuple[tuple[Setting, ...], ...]:
     """Return the follow-up settings of each star, one a band."""
     rule = strategy.follow_up
     if not rule.wanted or not len(targets):
         return ((),) * len(targets)
     visit = VisitRule(bands=rule.bands, time_s=(rule.time_s,))
-    by_band = [settings_of(model, targets, band, visit, rule.time_s) for band in rule.bands]
+    by_band = [sky.settings(model, targets, band, visit, rule.time_s) for band in rule.bands]
     return tuple(zip(*by_band, strict=True))

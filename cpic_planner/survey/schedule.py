@@ -7,7 +7,6 @@ made that pay at a price of telescope time, one is chosen for each star, and a b
 
 import contextlib
 import ctypes
-import heapq
 import math
 import os
 import sys
@@ -17,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cpic_core import BoolArray, FloatArray, IntArray, Record
+from cpic_core import BoolArray, FloatArray, IntArray, Record, load_kernels
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.universe import NEW
@@ -164,7 +163,7 @@ class Schedule(Record):
     """A calendar of visits and what it promises.
 
     ``value`` is what the visits within the budget are worth on the planets of planning, ``bound`` what no schedule can
-    pass, ``method`` who made it.
+    pass (infinite where none was asked for), ``method`` who made it.
     """
 
     visits: tuple[PlannedVisit, ...]
@@ -756,7 +755,7 @@ def lagrangian_bound(
         bound, ended = best.bound, ended and best.ended
         for visits in best.plans:
             pool.add(problem, visits)
-        if not best.ended and star.most > _DEEP * problem.needed:
+        if rounds and not best.ended and star.most > _DEEP * problem.needed:
             bound = min(bound, max([0.0] + [star.bound(pool, *span, rounds) for span in star.spans()]))
         found.append(float(bound))
     return Bound(time + sum(found), tuple(found), prices, ended)
@@ -791,27 +790,6 @@ def add_all_near(problem: Problem, room: Room, pools: Sequence[Pool], bound: Bou
         for visits in found.plans:
             pool.add(problem, visits)
     return every
-
-
-class _Branch(Record, eq=False):
-    """Sets of visits: some that are made, with the first of the others from a place on and any after it.
-
-    ``gains`` are what each of the others adds at most, in falling order; ``left`` is how many may still be made.
-    """
-
-    state: StarValue
-    net: float
-    visits: list[int]
-    others: IntArray
-    gains: FloatArray
-    place: int
-    left: int
-
-    @property
-    def bound(self) -> float:
-        """What none of them passes, less the price of its time."""
-        further = self.gains[self.place + 1 : self.place + self.left]
-        return self.net + float(self.gains[self.place] + further[further > 0.0].sum())
 
 
 class _Found(Record):
@@ -889,50 +867,17 @@ class _Star(Record, eq=False):
         every : bool
             Look for all that are better, not only for the best.
         """
-        item, needed = self.problem.stars[self.star], self.problem.needed
-        needs = np.arange(needed, 0, -1)
-        best, found = known, list[list[Visit]]()
-        heap: list[tuple[float, int, _Branch]] = []
-        made = 0
-
-        def branch(state: StarValue, net: float, visits: list[int], others: IntArray) -> None:
-            nonlocal made
-            left = self.most - len(visits)
-            spent = self.room.budget_h - float(self.cost_h[visits].sum()) + ROUNDING
-            others = others[self.cost_h[others] <= spent]
-            if left < 1 or not len(others):
-                return
-            each = (state.counts * self.ratios[needs - 1, left - 1] / needs[:, None]).sum(axis=0)
-            gains = (self.chance @ (item.weight * each) - self.charge)[others]
-            if not every:  # the best plan has no visit that takes more than it adds
-                others, gains = others[gains > 0.0], gains[gains > 0.0]
-            if len(others):
-                made += 1
-                order = np.argsort(-gains, kind="stable")
-                new = _Branch(state, net, visits, others[order], gains[order], 0, left)
-                heapq.heappush(heap, (-new.bound, made, new))
-
-        branch(StarValue.none(item, needed), 0.0, [], np.arange(len(self.columns)))
-        for _ in range(nodes):
-            if not heap or -heap[0][0] <= best:
-                break
-            _, _, top = heapq.heappop(heap)
-            column = int(top.others[top.place])
-            option, slot = (int(part) for part in self.columns[column])
-            state = top.state.after((option, slot))
-            visits = [*top.visits, column]
-            net = state.value - float(self.charge[visits].sum())
-            if net > best:
-                found.append([(int(o), int(s)) for o, s in self.columns[visits]])
-                best = best if every else net
-            if top.place + 1 < len(top.others):
-                made += 1
-                again = replace(top, place=top.place + 1)
-                heapq.heappush(heap, (-again.bound, made, again))
-            others = top.others[top.place + 1 :]
-            branch(state, net, visits, others[~self.problem.near(item, slot)[self.columns[others, 1]]])
-        rest = -heap[0][0] if heap else best
-        return _Found(max(best, rest), found, rest <= best)
+        if not self.most:
+            return _Found(known, [], True)
+        item, slots = self.problem.stars[self.star], self.columns[:, 1]
+        near = np.array([self.problem.near(item, slot)[slots] for slot in slots.tolist()])
+        column, planet = np.nonzero(self.chance)
+        start = np.searchsorted(column, np.arange(len(slots) + 1))
+        shown = start, planet, self.chance[column, planet], item.weight
+        limits = self.charge, self.cost_h, near, self.ratios, self.room.budget_h + ROUNDING
+        kernel = load_kernels("cpic_planner.survey.plan_search").best_plans
+        plans, bound, ended = kernel(shown, limits, known, nodes, every)
+        return _Found(bound, [[(int(o), int(s)) for o, s in self.columns[visits]] for visits in plans], ended)
 
     def bound(self, pool: Pool, fewest: int, most: int, rounds: int) -> float:
         """Return the bound with between so many visits, by linear programming."""
@@ -1054,7 +999,7 @@ EFFORTS = {
 }
 
 
-def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
+def make_schedule(problem: Problem, effort: Effort | None = None, *, bounded: bool = True) -> Schedule:
     """Return the schedule of a strategy, with its distance from a bound.
 
     A greedy choice comes first. Then several plans are made for each star, sets of visits that are worth what their
@@ -1068,12 +1013,14 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
     problem : Problem
     effort : Effort, optional
         That of the strategy's method by default.
+    bounded : bool
+        Whether the bound is wanted; the visits are the same without.
     """
     rule = problem.strategy.scheduler
     effort = effort or EFFORTS[rule.method]
     full, booked = greedy(problem)
     made = full.visits
-    chosen, bound = _planned(problem, made, effort)
+    chosen, bound = _planned(problem, made, effort if bounded else replace(effort, cuts=0), bounded)
     method = "greedy"
     if rule.method != "greedy" and _rank(problem, chosen) > _rank(problem, made):
         method = "plans of stars"
@@ -1084,10 +1031,10 @@ def make_schedule(problem: Problem, effort: Effort | None = None) -> Schedule:
     if rule.reserve > 0.0:
         room.budget_h += rule.reserve * problem.strategy.time_budget_h
         spare = greedy(problem, room=room)[1]
-    return Schedule(in_order(problem.stars, booked, spare), value, max(bound, value), method)
+    return Schedule(in_order(problem.stars, booked, spare), value, max(bound, value) if bounded else math.inf, method)
 
 
-def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, float]:
+def _planned(problem: Problem, made: Chosen, effort: Effort, bounded: bool) -> tuple[Chosen, float]:
     """Return the plans of all stars, group after group, and what no schedule can pass."""
     groups, room = problem.groups(), Room.of(problem)
     found: Chosen = {}
@@ -1097,7 +1044,7 @@ def _planned(problem: Problem, made: Chosen, effort: Effort) -> tuple[Chosen, fl
         chosen, bound = _of_group(problem, room, group, made, part)
         room = room.after(problem, dict(sorted(chosen.items())))
         found |= chosen
-    if len(groups) > 1:
+    if bounded and len(groups) > 1:
         bound = _of_group(problem, Room.of(problem), range(len(problem.stars)), made | found, effort)[1]
     return found, bound
 
@@ -1113,12 +1060,12 @@ def _of_group(problem: Problem, room: Room, group: Sequence[int], made: Chosen, 
         if found and found[-1].prices.near(prices):
             break
         found.append(lagrangian_bound(problem, room, pools, prices, effort.cuts, each))
-    bound = min(found, key=lambda item: item.value)
     own = {star: made[star] for star in group if star in made}
     chosen = _best(problem, room, group, pools, own if _fits(problem, room, own) else {}, effort)
     value = sum(StarValue.of(problem.stars[star], problem.needed, visits).value for star, visits in chosen.items())
-    least = bound.value
-    if value < least and bound.ended and add_all_near(problem, room, pools, bound, value, each):
+    least = min(item.value for item in found)
+    ended = min((item for item in found if item.ended), key=lambda item: item.value, default=None)
+    if ended is not None and value < ended.value and add_all_near(problem, room, pools, ended, value, each):
         least = min(least, max(value, share(problem, room, pools, nodes=effort.choice, gap=effort.gap).bound))
     return _best(problem, room, group, pools, chosen, effort), least
 

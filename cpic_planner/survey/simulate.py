@@ -55,6 +55,7 @@ from cpic_planner.survey.tables import DETECTIONS, HOURS, ORBITS, PLANETS, STARS
 from cpic_planner.survey.universe import (
     BLOCK,
     NEW,
+    Block,
     PlanetSample,
     albedos_of,
     allowed_probability,
@@ -71,6 +72,8 @@ from simulator.config import AlbedoSpec
 
 COUNTED = (*PLANETS, "visits", "hours")
 """Numbers of each universe that comparisons are made of."""
+TOGETHER = 4
+"""Blocks of universes of one task: the same calls of numpy on longer arrays, for as many tasks fewer."""
 ROUNDING_H = 1e-9
 _MANY = 10_000
 
@@ -97,6 +100,8 @@ class StarHistory:
         Bands of the follow-up.
     n : int
         Universes.
+    begins : ndarray of int, shape (k,)
+        First universe of every block.
     left_h : float
         Telescope time of the planned visits that are to come.
     last_slot : int
@@ -111,6 +116,7 @@ class StarHistory:
         allowed: BoolArray,
         bands: int,
         n: int,
+        begins: IntArray,
         *,
         left_h: float = 0.0,
         last_slot: int = -1,
@@ -124,7 +130,7 @@ class StarHistory:
         self.alarms: dict[int, tuple[IntArray, IntArray]] = {}
         self.epochs: list[Epoch] = []
         self.ahead: dict[Setting, FloatArray] = {}
-        self.visits, self.hours = 0, np.zeros(len(HOURS))
+        self.begins, self.visits, self.hours = begins, np.zeros_like(begins), np.zeros((len(HOURS), len(begins)))
         self.counts, self.found = np.zeros(m, np.int64), np.zeros(m, bool)
         self.shown, self.reached = np.zeros((bands, m), bool), np.zeros((bands, m))
         self.tried = np.zeros((bands, m), np.int64)
@@ -145,7 +151,11 @@ class StarHistory:
         found[self.planets.universe[some]] = True
         return found
 
-    def inside(self, survey: Survey, i: int, band: str, slot: int) -> BoolArray:
+    def of_blocks(self, some: BoolArray) -> IntArray:
+        """Return how many of some universes each block has."""
+        return np.asarray(np.add.reduceat(some, self.begins, dtype=np.int64))
+
+    def inside(self, survey: Survey, i: int, some: IntArray, band: str, slot: int) -> BoolArray:
         """Tell which planets a team expects in the dark hole: known ones by their orbit, others where they were.
 
         Parameters
@@ -153,15 +163,18 @@ class StarHistory:
         survey : Survey
         i : int
             Position of the star.
+        some : ndarray of int
+            Numbers of the planets among those of the star.
         band : str
         slot : int
         """
-        now = self.planets.places(survey.calendar.day[i, [slot]])
-        here = np.hypot(now.east_au, now.north_au)[0] / float(survey.targets.distance_pc[i])
-        by_orbit = here, np.rad2deg(np.arctan2(now.east_au, now.north_au))[0]
-        separation, pa_deg = np.where(self.listed, by_orbit, self.place)
+        now = self.planets.select(some).places(survey.calendar.day[i, [slot]])
+        distance_pc, listed = float(survey.targets.distance_pc[i]), self.listed[some]
+        separation, pa = self.place[0, some], np.deg2rad(self.place[1, some])
+        east = np.where(listed, now.east_au[0] / distance_pc, separation * np.sin(pa))
+        north = np.where(listed, now.north_au[0] / distance_pc, separation * np.cos(pa))
         roll = survey.calendar.roll_deg(survey.strategy.revisits, i, np.array([slot]), np.array([slot]))
-        return on_detector(survey.model, band, separation, pa_deg - roll)[2]
+        return on_detector(survey.model, band, east, north, roll)[2]
 
     def show(self, day: float, band: str, some: IntArray, snr: FloatArray, shows: BoolArray) -> None:
         """Note positions of some planets, where a visit shows them.
@@ -617,14 +630,15 @@ def _after(
     return np.log(np.linalg.det(inner)), np.sqrt(np.maximum(axis, 0.0)), np.sqrt(np.maximum(place, 0.0))
 
 
-def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
+def simulate_survey(survey: Survey, *, block: Block, n: int, seed: int) -> SurveyTables:
     """Simulate a survey in ``n`` universes.
 
     Parameters
     ----------
     survey : Survey
-    block : int
-        Number of the block; universes of one block share their random streams, which name star, block and visit.
+    block : int or range
+        Number of the block, or those of several; universes of one block share their random streams, which name star,
+        block and visit.
     n : int
         Universes.
     seed : int
@@ -645,9 +659,9 @@ def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyT
 
 
 def count_block(
-    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+    surveys: tuple[Survey, ...], which: int, block: Block, n: int, seed: int
 ) -> dict[str, list[int] | list[float]]:
-    """Work on one task: planets found, visits made and hours used in each universe of one block, and nothing else.
+    """Work on one task: planets found, visits made and hours used in each universe of its blocks, and nothing else.
 
     Parameters
     ----------
@@ -662,20 +676,26 @@ def count_block(
 
 
 def block_tasks(name: str, which: int, universe: UniverseConfig) -> list[Task]:
-    """Return a task for each block of universes of one survey.
+    """Return the tasks of one survey, each for some blocks of universes.
 
     Parameters
     ----------
     name : str
-        What the tasks are called in the folder of the run, before the number of the block.
+        What the tasks are called in the folder of the run, before the number of their first block.
     which : int
         Position of the survey among those that the tasks share.
     universe : UniverseConfig
     """
     n = universe.universes
+    blocks = range(-(-n // BLOCK))
+    parts = [blocks[first : first + TOGETHER] for first in blocks[::TOGETHER]]
     return [
-        Task(f"{name} {block:06d}", (which, block, min(BLOCK, n - first), universe.seed))
-        for block, first in enumerate(range(0, n, BLOCK))
+        Task(
+            f"{name} {part.start:06d}",
+            (which, part, min(BLOCK * len(part), n - BLOCK * part.start), universe.seed),
+            steps=len(part),
+        )
+        for part in parts
     ]
 
 
@@ -700,7 +720,7 @@ def survey_counts(
     }
 
 
-def _played(survey: Survey, block: int, n: int, seed: int) -> _Simulation:
+def _played(survey: Survey, block: Block, n: int, seed: int) -> _Simulation:
     """Return a survey after its last slot."""
     run = _Simulation(survey, block, n, seed)
     by_slot: dict[int, list[tuple[int, PlannedVisit]]] = {}
@@ -723,12 +743,13 @@ def _played(survey: Survey, block: int, n: int, seed: int) -> _Simulation:
 
 
 class _Simulation:
-    """One block of universes of a survey: its stars, its clock and what has happened."""
+    """Some blocks of universes of a survey: their stars, their clock and what has happened."""
 
-    def __init__(self, survey: Survey, block: int, n: int, seed: int) -> None:
+    def __init__(self, survey: Survey, block: Block, n: int, seed: int) -> None:
         from scipy.special import ndtri
 
         self.survey, self.block, self.n, self.seed = survey, block, n, seed
+        self.begins = np.arange(0, n, BLOCK) if isinstance(block, range) else np.zeros(1, np.int64)
         # Calibration of each universe, and the shift of its detection law in standard errors.
         rule, drawn = survey.strategy.detection, ndtri(chance(seed, "calibration", block, shape=(2, n)))
         self.calibration = np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0)
@@ -767,7 +788,10 @@ class _Simulation:
             placed = at_known_place(planets, survey.known)
             who, dust = (survey.model, target, planets, self.albedos), self._dust(i, planets)
             left = missed(*who, done, strategy.detection, epoch_mjd=epoch_mjd, placed=placed, zodis=dust)
-            planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
+            luck, home = uniform_draws(planets, seed, name, block, "log", n), self.block_of(planets)
+            own = [home == number for number in range(len(self.begins))]
+            parts = [resampled(planets.select(mine), left[mine], luck[mine]) for mine in own]
+            planets = PlanetSample.joined(parts)
         planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
         probability = allowed_probability(planets, survey.limits, i)
         allowed = uniform_draws(planets, seed, name, block, "allowed", n) < probability
@@ -776,6 +800,7 @@ class _Simulation:
             allowed,
             len(strategy.follow_up.bands),
             n,
+            self.begins,
             left_h=sum(visit.cost_h for _, visit in visits if not visit.reserve),
             last_slot=max((visit.slot for _, visit in visits if not visit.reserve), default=-1),
             published=PublishedOrbits(survey.known, epoch_mjd, mass_msun),
@@ -817,6 +842,10 @@ class _Simulation:
         shift, calibration = self.shift[planets.universe], self.calibration[planets.universe]
         return found, detection_chance(found, strategy.detection, placed, shift, calibration), roll, places
 
+    def block_of(self, planets: PlanetSample) -> IntArray:
+        """Return the number, among the blocks, of that of each planet."""
+        return np.asarray(np.searchsorted(self.begins, planets.universe, side="right") - 1)
+
     def _dust(self, i: int, planets: PlanetSample) -> FloatArray | None:
         """Return the dust around a star in the universe of each planet."""
         return dust_of(self.survey.strategy, planets, self.seed, str(self.survey.targets.name[i]), self.block)
@@ -835,7 +864,7 @@ class _Simulation:
             clock.promised[~star.stopped] -= cost
             star.left_h -= cost
         self._spend(star, go, cost, clock.search)
-        star.visits += int(go.sum())
+        star.visits += star.of_blocks(go)
         hit = star.hits[k] & go[star.planets.universe]
         star.counts[hit] += 1
         day = float(self.survey.calendar.day[visit.star, visit.slot])
@@ -877,7 +906,7 @@ class _Simulation:
         """Charge the time of one visit of a star in the universes ``go``, for one account of the clock."""
         self.clock.spend(go, cost_h, on)
         accounts = (self.clock.search, self.clock.follow, self.clock.alarm)
-        star.hours[[account is on for account in accounts]] += cost_h * float(go.sum())
+        star.hours[[account is on for account in accounts]] += cost_h * star.of_blocks(go)
 
     def _doubt(self, k: int, visit: PlannedVisit, star: StarHistory, go: BoolArray, new: BoolArray) -> None:
         """Note candidates of a search visit, which refutes earlier false ones where the gap is long enough."""
@@ -892,6 +921,8 @@ class _Simulation:
         """Look again at the candidates of a star in one slot, unless a planned search visit is still to come."""
         survey, clock, rule = self.survey, self.clock, self.survey.strategy.alarms
         true = star.found & ~star.confirmed & ~(star.listed & (survey.strategy.orbit.visits > 0))
+        if not (true.any() or star.doubts.any()):
+            return
         wanted = (star.universes_of(true) | (star.doubts > 0)) & (star.checks < rule.attempts)
         wanted &= star.stopped | (slot > star.last_slot)
         wanted &= survey.calendar.day[i, slot] >= star.shown_day + rule.gap_days
@@ -901,13 +932,14 @@ class _Simulation:
             go = wanted & (star.option == option) & clock.affords(cost)
             if not go.any():
                 continue
-            looked = star.universes_of(true & star.inside(survey, i, setting.band, slot)) & go
+            some = np.flatnonzero(true & go[star.planets.universe])
+            looked = star.universes_of(some[star.inside(survey, i, some, setting.band, slot)])
             false = go & ~star.universes_of(true)
             self._spend(star, looked, cost, clock.follow)
             self._spend(star, false, cost, clock.alarm)
             star.checks[looked | false] += 1
             star.doubts[looked | false] = 0
-            mine = np.flatnonzero(true & looked[star.planets.universe])
+            mine = some[looked[star.planets.universe[some]]]
             shows, snr = self._visit(i, star, mine, setting, slot, f"check {slot}")
             star.confirmed[mine[shows]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
@@ -971,19 +1003,19 @@ class _Simulation:
             cost = self._cost_h(i, setting, slot)
             lacking = ready & ~star.shown[f]
             go = star.universes_of(lacking & (star.tried[f] < rule.attempts)) & clock.affords(cost)
-            mine = np.flatnonzero(lacking & go[star.planets.universe])
-            if not mine.size:
+            if not (mine := np.flatnonzero(lacking & go[star.planets.universe])).size:
                 continue
-            shows, snr = self._visit(i, star, mine, setting, slot, f"follow {setting.band} {slot}")
             if rule.snr is not None:
                 left = np.maximum(rule.attempts - star.tried[f, mine], 0)
-                go = star.universes_of(mine[np.hypot(star.reached[f, mine], np.sqrt(left) * snr) >= rule.snr])
-            made = go[star.planets.universe[mine]]
+                most = np.sqrt(left) * self._ahead(i, star, mine, setting, slot)[1]
+                go = star.universes_of(mine[np.hypot(star.reached[f, mine], most) >= rule.snr])
+                if not (mine := mine[go[star.planets.universe[mine]]]).size:
+                    continue
+            shows, snr = self._visit(i, star, mine, setting, slot, f"follow {setting.band} {slot}")
             self._spend(star, go, cost, clock.follow)
-            star.tried[f, mine[made]] += 1
-            star.reached[f, mine] = np.hypot(star.reached[f, mine], snr * made)
-            shows &= made
-            enough = shows if rule.snr is None else made & (star.reached[f, mine] >= rule.snr)
+            star.tried[f, mine] += 1
+            star.reached[f, mine] = np.hypot(star.reached[f, mine], snr)
+            enough = shows if rule.snr is None else star.reached[f, mine] >= rule.snr
             star.shown[f, mine[enough]] = True
             star.show(survey.calendar.day[i, slot], setting.band, mine, snr, shows)
 
@@ -999,7 +1031,9 @@ class _Simulation:
         """Return what each universe has spent and found."""
         survey, clock = self.survey, self.clock
         universes = {name: np.zeros(self.n, empty.dtype) for name, empty in UNIVERSES.empty.items()}
-        rows, orbits = [], [ORBITS.empty]
+        blocks = self.block if isinstance(self.block, range) else [self.block]
+        every = {"block": np.array(blocks), "universes": np.diff(self.begins, append=self.n)}
+        rows, orbits = [STARS.empty], [ORBITS.empty]
         for i, star in sorted(self.stars.items()):
             own, name = found_orbits(survey, i, star, star.found), str(survey.targets.name[i])
             shown = star.counts >= survey.strategy.detection.visits_needed
@@ -1009,9 +1043,11 @@ class _Simulation:
                 "known_planets": star.found & star.listed,
                 "orbits_known": np.isin(np.arange(len(star.planets)), own.planet[own.known]),
             }
-            row = {"star": name, "block": self.block, "universes": self.n, "visits": star.visits}
-            row |= dict(zip(HOURS, star.hours, strict=True)) | {key: int(some.sum()) for key, some in found.items()}
-            rows.append(row)
+            home = self.block_of(star.planets)
+            row = every | {"star": np.full(len(self.begins), name, object), "visits": star.visits}
+            row |= dict(zip(HOURS, star.hours, strict=True))
+            row |= {key: np.bincount(home[some], minlength=len(self.begins)) for key, some in found.items()}
+            rows.append({key: np.asarray(row[key]) for key in STARS.empty})
             orbits.append(own.columns(name, star.planets))
             found["confirmed_planets"] = star.found & star.confirmed
             if survey.strategy.follow_up.wanted:
@@ -1022,8 +1058,8 @@ class _Simulation:
         universes |= {"universe": np.arange(self.n), "visits": clock.visits}
         universes |= {"noise_alarms": self.noise_alarms, "background_alarms": self.background_alarms}
         universes |= dict(zip(HOURS, (clock.search, clock.follow, clock.alarm), strict=True))
-        stars = {key: np.array([row[key] for row in rows], empty.dtype) for key, empty in STARS.empty.items()}
-        return SurveyTables(universes, _joined([DETECTIONS.empty, *self.detections]), stars, _joined(orbits))
+        detections = _joined([DETECTIONS.empty, *self.detections])
+        return SurveyTables(universes, detections, _joined(rows), _joined(orbits))
 
 
 def _joined(parts: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:

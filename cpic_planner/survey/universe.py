@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo
 
 BLOCK = 250
-"""Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
+"""Universes of one random stream; results do not depend on the number of workers, but streams are named by block."""
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
@@ -118,7 +119,11 @@ def occurrence(population: PopulationConfig) -> float:
     return population.planets_per_star
 
 
-def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
+Block = int | range
+"""The number of a block of universes, or those of several blocks of `BLOCK` universes that are worked out together."""
+
+
+def chance(seed: int, *path: str | Block, shape: tuple[int, ...]) -> FloatArray:
     """Return the uniform numbers of a named stage, the last axis over universes.
 
     The first rows of a larger shape are those of a smaller one, and so are the first universes of a larger block.
@@ -127,11 +132,18 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
     ----------
     seed : int
         Seed of all random streams.
+    *path : str, int or range
+        Names of the stream; each block of several has one of its own.
     shape : tuple of int
         Shape of the result; the last axis is over universes.
     """
     *rows, n = shape
-    return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+    blocks = next((part for part in path if isinstance(part, range)), None)
+    if blocks is None:
+        names = cast("tuple[str | int, ...]", path)
+        return stream(seed, "survey", *names).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+    paths = ((block if part is blocks else part for part in path) for block in blocks[: -(-n // BLOCK)])
+    return np.concatenate([chance(seed, *own, shape=(*rows, BLOCK)) for own in paths], axis=-1)[..., :n]
 
 
 def at_known_place(planets: PlanetSample, table: KnownPlanetTable | None) -> BoolArray:
@@ -177,7 +189,7 @@ def draw_planet_sample(
     epoch_mjd: float,
     n: int,
     seed: int,
-    block: int = 0,
+    block: Block = 0,
     stage: str = "universe",
     one_each: bool = False,
 ) -> PlanetSample:
@@ -201,7 +213,8 @@ def draw_planet_sample(
         When ``mean_anomaly_deg`` holds.
     n : int
         Universes.
-    seed, block : int
+    seed : int
+    block : int or range
     stage : str
         What the draw is for; another stage has other planets.
     one_each : bool
@@ -248,7 +261,7 @@ def _sample(
     )
 
 
-def uniform_draws(planets: PlanetSample, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+def uniform_draws(planets: PlanetSample, seed: int, name: str, block: Block, visit: int | str, n: int) -> FloatArray:
     """Return a uniform number of each planet in one visit.
 
     Parameters
@@ -258,7 +271,7 @@ def uniform_draws(planets: PlanetSample, seed: int, name: str, block: int, visit
     seed : int
     name : str
         Of the star; with ``block`` and ``visit`` it names the random stream.
-    block : int
+    block : int or range
     visit : int or str
         Number or name of the visit.
     n : int
@@ -308,7 +321,7 @@ def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
 
 
 def dust_of(
-    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: int | str
+    strategy: SurveyStrategy, planets: PlanetSample, seed: int, star: str, block: Block | str
 ) -> FloatArray | None:
     """Return the dust around a star in the universe of each planet, zodi; None where it is the same everywhere.
 
@@ -320,7 +333,7 @@ def dust_of(
     seed : int
     star : str
         Name, which with ``block`` names the random stream: all strategies see the same luck.
-    block : int or str
+    block : int, range or str
         Number of the block of universes, or ``planning``.
     """
     law = strategy.assumptions.dust

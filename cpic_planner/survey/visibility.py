@@ -26,8 +26,10 @@ above at places not more than `STEP_DEG` apart.
 """
 
 import functools
+import hashlib
 import math
 from collections.abc import Iterable, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +45,7 @@ from cpic_core import (
     by_line,
     check_number,
     check_whole,
+    compute_once,
     real_array,
 )
 from cpic_planner.results import PointingRecord, SeasonRecord, VisibilityResult, VisibleDays, VisibleTarget
@@ -522,7 +525,7 @@ def visibility(
         if int(times[-1].ymdhms.year) > LAST_YEAR:
             raise InputError("n_days", n_days, unit="d", allowed=f"an end before {LAST_YEAR + 1}")
         elapsed = (times - Time(orbit.epoch_utc, format="isot", scale="utc")).to_value("s")
-    sun, moon = _sun_and_moon_km(begin, n_steps, step_days)
+    sun, moon = bodies_km(middle, "sun", "moon")
     circle = CircularOrbit(orbit)
     cosine_sun = _cosines(targets, _unit(sun))
     sun_deg, moon_deg = _angles_deg(cosine_sun), _angles_deg(_cosines(targets, _unit(moon)))
@@ -575,15 +578,29 @@ def _angles_deg(cosine: FloatArray) -> FloatArray:
     return np.asarray(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-@functools.lru_cache(maxsize=4)
-def _sun_and_moon_km(begin_utc: str, n_steps: int, step_days: float) -> tuple[FloatArray, FloatArray]:
-    """Return where Sun and Moon stand in the middle of each step: most of a calendar's work, once for all targets."""
-    from astropy.time import Time
+def bodies_km(mjd: FloatArray, *bodies: str) -> tuple[FloatArray, ...]:
+    """Return where bodies of the solar system stand at times of UTC, ``(n, 3)`` each: worked out once on a machine.
 
-    with offline_time():
-        first = Time(begin_utc, format="isot", scale="utc").mjd
-        times = Time(first + step_days * (np.arange(n_steps) + 0.5), format="mjd", scale="utc")
-        return body_km("sun", times), body_km("moon", times)
+    Parameters
+    ----------
+    mjd : ndarray, shape (n,)
+    *bodies : {"sun", "moon"}
+        As of `simulator.products.body_km`.
+    """
+    decided = {"mjd": hashlib.sha256(mjd.tobytes()).hexdigest(), "bodies": bodies}
+    decided |= {name: metadata.version(name) for name in ("astropy", "pyerfa")}
+
+    def computed() -> dict[str, FloatArray]:
+        from astropy.time import Time
+
+        with offline_time():
+            times = Time(mjd, format="mjd", scale="utc")
+            return {body: body_km(body, times) for body in bodies}
+
+    def read(found: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
+        return tuple(found[body].reshape(mjd.size, 3) for body in bodies)
+
+    return compute_once(f"bodies-{content_hash(decided)[:16]}", computed, read)
 
 
 def _cosines(targets: FloatArray, others: FloatArray) -> FloatArray:

@@ -29,7 +29,7 @@ from cpic_planner.survey.outcome import (
     visit_files,
 )
 from cpic_planner.survey.prepare import Ground, Prepared, imaged_model, planned, read_ground
-from cpic_planner.survey.simulate import Survey, block_tasks, simulate_survey, survey_counts
+from cpic_planner.survey.simulate import TOGETHER, Survey, block_tasks, simulate_survey, survey_counts
 from cpic_planner.survey.strategy import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.tables import TABLES, ResultStore
 from cpic_planner.survey.universe import BLOCK, NEW, albedos_of, chance
@@ -209,6 +209,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     n, universes = len(config.strategies), config.universe.universes
     times = 1 + len(taken_back(config))
     blocks = n * -(-universes // BLOCK)
+    tasks = n * -(-universes // (BLOCK * TOGETHER))
     holes = [(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands]
     assumed = {(contrast, band) for contrast, band in holes if contrast is not None}
     counts = {"n_strategies": n, "n_universes": universes, "n_blocks": blocks, "n_images": n * n_images}
@@ -219,7 +220,7 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     plans_s = [_PLAN_S * number * (1 + doubtful) + _AGAIN_S * (times - 1) for number in ways]
     return Cost(
         counts=counts | {"n_steps": steps},
-        times_s=plans_s + [(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        times_s=plans_s + [(_PLAY_S * plays * universes + _IMAGE_S * n * n_images) / tasks] * tasks,
         start_s=_START_S + _OPTICS_S * len(assumed),
         memory_mb=750.0,
         worker_mb=850.0,
@@ -228,11 +229,11 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
 
 
 def simulate_block(
-    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+    surveys: tuple[Survey, ...], which: int, block: range, n: int, seed: int
 ) -> Mapping[str, Mapping[str, Any]]:
-    """Work on one task: rows of one strategy in one block of universes."""
+    """Work on one task: rows of one strategy in some blocks of universes."""
     survey = surveys[which]
-    return simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block * BLOCK)
+    return simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block.start * BLOCK)
 
 
 def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = True) -> Job[WhatIfResult]:

@@ -1,7 +1,6 @@
 """Stars worth a visit, and the planets with which schedules are made: drawn once for all that share them."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +17,9 @@ from cpic_planner.survey.candidates import (
     Host,
     Looks,
     PlanningSky,
-    _Latest,
     candidates,
     chosen_stars,
+    outlooks,
     screen,
     settings_of,
 )
@@ -58,11 +57,16 @@ def looked(strategy, model, everyone, known):
     """Screened stars with their calendar and candidates."""
     config = strategy
     rules = config.strategies[0]
-    screened = screen(rules, model, *chosen_stars(rules, everyone, known), 1)
+    sky = PlanningSky(1, reach_au(model, 1.0))
+    screened = screen(rules, model, *chosen_stars(rules, everyone, known), 1, sky)
     stars = screened.targets.select(screened.rows)
     calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
-    sky = PlanningSky(1, reach_au(model, 1.0))
-    return screened, calendar, sky, candidates(screened, calendar, known, sky, nothing(screened))
+    return (
+        screened,
+        calendar,
+        sky,
+        candidates(screened, calendar, sky, nothing(screened), outlooks(screened, calendar, known)),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +119,9 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
 def test_planets_that_are_excluded_weigh_less(three, known, excluding):
     screened, calendar, sky, found = three
     limits = excluding(screened.targets.name, 0.7)
-    fewer = {item.index: item for item in candidates(screened, calendar, known, sky, limits)}
+    fewer = {
+        item.index: item for item in candidates(screened, calendar, sky, limits, outlooks(screened, calendar, known))
+    }
     for item in found:
         new = item.weight < 1.0 / N_KNOWN - 1e-12
         assert new.any()
@@ -123,9 +129,9 @@ def test_planets_that_are_excluded_weigh_less(three, known, excluding):
         assert np.array_equal(other.chance, item.chance)
         np.testing.assert_allclose(other.weight, np.where(new, 0.3, 1.0) * item.weight, rtol=1e-12)
     everything = excluding(screened.targets.name, 1.0)
-    assert {item.known_rows for item in candidates(screened, calendar, known, sky, everything)} <= {
-        item.known_rows for item in found if item.known_rows
-    }
+    assert {
+        item.known_rows for item in candidates(screened, calendar, sky, everything, outlooks(screened, calendar, known))
+    } <= {item.known_rows for item in found if item.known_rows}
 
 
 def test_values_weigh_known_and_new_planets(small, model, everyone, known):
@@ -219,11 +225,10 @@ def test_visits_that_end_with_their_goal(model, everyone):
 
 
 def test_impossible_frames_leave_a_star_out(three, small, model, known):
-    screened, calendar, sky, found = three
+    screened, calendar, _, found = three
     none = tuple(tuple(replace(item, n_frames=0.0) for item in by_star) for by_star in screened.settings)
-    assert candidates(replace(screened, settings=none), calendar, known, sky, nothing(screened)) == []
-    closed = calendar.closed_before(calendar.start_mjd + 1e6)
-    assert candidates(screened, closed, known, sky, nothing(screened)) == []
+    assert outlooks(replace(screened, settings=none), calendar, known) == []
+    assert outlooks(screened, calendar.closed_before(calendar.start_mjd + 1e6), known) == []
     assert found
 
 
@@ -324,16 +329,22 @@ def test_chances_are_worked_out_once_for_visits_and_planets(sky, model, small, s
         assert calls(*changed)[1] == number
 
 
-def test_what_is_kept_has_a_limit():
-    kept, made = _Latest[SimpleNamespace](3000), []
-
-    def make(name):
-        made.append(name)
-        return SimpleNamespace(part=np.zeros(125))  # 1000 bytes
-
-    for name in "abcabcdab":
-        kept.get(name, lambda name=name: make(name))
-    assert made == list("abcdab")
+def test_places_are_kept_for_one_star(model, small, star, looks):
+    """What visits show is kept for all of them."""
+    strategy, sky, kept = small().strategies[0], PlanningSky(1, reach_au(model, 1.0)), []
+    (host,) = hosts(star, "snapshot")
+    for v_mag, name in ((5.0, "one"), (5.1, "one"), (5.0, "other")):
+        other = replace(star, name=np.array([name]), v_mag=np.array([v_mag]))
+        sky.ways(strategy, model, replace(host, star=other), looks, EPOCH_MJD)
+        kept.append(len(sky._pairs))
+    assert kept == [2, 2, 2]
+    before = sky.ways(strategy, model, replace(host, star=other), looks, EPOCH_MJD)
+    assert all(
+        one is two
+        for one, two in zip(
+            before[0], sky.ways(strategy, model, replace(host, star=other), looks, EPOCH_MJD)[0], strict=True
+        )
+    )
 
 
 def test_what_the_sky_shows_is_that_of_single_visits(sky, model, small, star, looks):

@@ -30,7 +30,9 @@ def config(small):
 @pytest.fixture(scope="module")
 def run(config, tmp_path_factory):
     folder, told = tmp_path_factory.mktemp("doubt"), []
-    result = run_whatif(config, folder, pages=False, advance=lambda text, steps=1, /: told.append(text)).result
+    result = run_whatif(
+        config, folder, pages=False, advance=lambda text, steps=1, /: told.extend([text] * steps)
+    ).result
     return folder, result, told
 
 

@@ -442,7 +442,9 @@ def valued(many, change, small):
     problems = []
     with pytest.MonkeyPatch.context() as patch:
         make = prepare_module.make_schedule
-        patch.setattr(prepare_module, "make_schedule", lambda problem: problems.append(problem) or make(problem))
+        patch.setattr(
+            prepare_module, "make_schedule", lambda problem, **how: problems.append(problem) or make(problem, **how)
+        )
         prepared = [prepare(small(rules | {"orbit": orbit | {"value": v}}, universe=SEASON)) for v in (0, 2)]
     return problems, prepared
 

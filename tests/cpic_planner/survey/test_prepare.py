@@ -27,9 +27,10 @@ from simulator.target import contrast_at, sky_to_detector
 def test_surveys_share_their_calendar_and_stars(small):
     told = []
     prepared = prepare(
-        small({"name": "all"}, {"name": "two", "targets": {"names": ["tau Cet", "eps Eri"]}}), advance=told.append
+        small({"name": "all"}, {"name": "two", "targets": {"names": ["tau Cet", "eps Eri"]}}),
+        advance=lambda text, steps=1, /: told.append((text, steps)),
     )
-    assert told == ["all: schedule", "two: schedule"]
+    assert told == [("all: plan", 1), ("two: plan", 1)]
     every, two = (survey.calendar for survey in prepared.surveys)
     names = [list(survey.targets.name) for survey in prepared.surveys]
     assert sorted(names[0]) == ["alf Cen A", "eps Eri", "tau Cet"]

@@ -9,6 +9,7 @@ from math import factorial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import cpic_planner.survey.simulate as module
@@ -18,7 +19,8 @@ from cpic_planner.survey.candidates import N_DRAWS
 from cpic_planner.survey.detection import expected_signals
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
-from cpic_planner.survey.universe import NEW, draw_planet_sample, star_mass_msun
+from cpic_planner.survey.tables import TABLES
+from cpic_planner.survey.universe import BLOCK, NEW, draw_planet_sample, star_mass_msun
 from simulator.config import deep_merge
 from simulator.target import sky_to_detector
 
@@ -581,6 +583,23 @@ def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
     assert waited > 10
 
 
+def test_blocks_together_are_the_same_as_each_alone(plain):
+    """Universes, and what is added up for each block; events stand in another order."""
+    n = 2 * BLOCK + 30
+    for survey in plain.surveys:
+        whole = simulate_survey(survey, block=range(4, 7), n=n, seed=3).rows("all", 4 * BLOCK)
+        sizes = {4: BLOCK, 5: BLOCK, 6: 30}
+        parts = [
+            simulate_survey(survey, block=block, n=size, seed=3).rows("all", block * BLOCK)
+            for block, size in sizes.items()
+        ]
+        for table in TABLES:
+            rows, alone = pd.DataFrame(whole[table.name]), pd.concat([pd.DataFrame(part[table.name]) for part in parts])
+            first, second = (item.sort_values(list(table.key), ignore_index=True) for item in (rows, alone))
+            assert len(rows) or table.name != "universes"
+            pd.testing.assert_frame_equal(first, second, rtol=1e-12, check_dtype=False)
+
+
 def test_a_known_planet_is_looked_at_where_its_orbit_has_it(plain):
     """Its aperture lies in the dark hole where a visit expects anything of it; that of a new one where it was seen."""
     survey = plain.surveys[0]
@@ -588,12 +607,12 @@ def test_a_known_planet_is_looked_at_where_its_orbit_has_it(plain):
     number = list(survey.targets.name).index(STAR)
     star, band = run.stars[number], survey.options[number][0].band
     known = star.planets.known != NEW
-    star.place[0] = 9.0  # arcsec: far outside
+    star.place[0], every = 9.0, np.arange(len(star.planets))  # arcsec: far outside
     answers = set()
     for slot in np.flatnonzero(survey.calendar.fraction[number] > 0):
         when = np.array([[slot], [slot]])
         found, *_ = run._visited(number, survey.options[number][0], star.planets, when, known, None)
-        inside = star.inside(survey, number, band, int(slot))
+        inside = star.inside(survey, number, every, band, int(slot))
         np.testing.assert_array_equal(inside[known], found.contrast[0, known] > 0.0)
         assert not inside[~known].any()
         answers |= set(inside[known].tolist())
