@@ -402,8 +402,7 @@ def add(app: Commands, name: str, run: Callable[..., None], question: str = "", 
     *more : str
         Paragraphs of its help behind the docstring.
     """
-    help_text = "\n\n".join((inspect.getdoc(run) or "", *more))
-    app.command(name, help=help_text, cls=late(run, question))(lambda: None)
+    app.command(name, cls=late(run, question, more))(lambda: None)
 
 
 def _help_alone(context: typer.Context) -> None:
@@ -411,7 +410,7 @@ def _help_alone(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
-def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
+def late(run: Callable[..., None], name: str = "", more: Sequence[str] = ()) -> type[TyperCommand]:
     """Return the kind of command that takes its options from the models of a function, once it is called.
 
     Parameters
@@ -420,9 +419,19 @@ def late(run: Callable[..., None], name: str = "") -> type[TyperCommand]:
         As of `command_of`.
     name : str
         Where its question is, as ``package.module:Model``; empty where it has none.
+    more : sequence of str
+        Paragraphs of its help behind the docstring.
     """
 
     class Late(Once):
+        @property
+        def help(self) -> str:
+            return "\n\n".join((inspect.getdoc(run) or "", *more))
+
+        @help.setter
+        def help(self, text: str | None) -> None:
+            """Keep the help that is read when it is asked for."""
+
         def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
             built = command_of(run, pkgutil.resolve_name(name) if name else None)
             self.params, self.callback = built.params, built.callback
