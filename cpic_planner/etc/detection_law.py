@@ -151,6 +151,14 @@ class SearchLaw(Record, eq=False):
 
     def polynomials(self, separation_arcsec: FloatArray, visits: FloatArray, *, at_place: bool) -> FloatArray:
         """Return the polynomials of places and numbers of visits, for `half_of`: (s, l, ...); as of `half`."""
+        size = np.broadcast(separation_arcsec, visits).size
+        if min(separation_arcsec.size, visits.size) > _TOGETHER // _REPEATED:  # many pairs of few places and numbers
+            places, row = np.unique(separation_arcsec, return_inverse=True)
+            numbers, column = np.unique(visits, return_inverse=True)
+            if places.size * numbers.size * _REPEATED <= size:
+                every = self.polynomials(places[:, None], numbers, at_place=at_place)
+                pair = row.reshape(separation_arcsec.shape) * numbers.size + column.reshape(visits.shape)
+                return every.reshape(_SHARES * _LIGHTS, -1).take(pair, 1).reshape(_SHARES, _LIGHTS, *pair.shape)
         where = np.broadcast_arrays(*self._where(separation_arcsec, 0.0, 0.0, visits)[:4])
         return _polynomials_at(self._tables(at_place, where[0]), 0, *where)
 

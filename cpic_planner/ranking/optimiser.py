@@ -684,7 +684,7 @@ def tiers_of(setting: SimpleNamespace, best: OptimalSetting, required_time_s: Fl
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _LEVEL_ROUNDS, _SECANTS = 40, 8
 STRIDE = 5
-_ANCHORS, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 1e8, 0.1
+_ANCHORS, _STEP, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 0.3, 1e8, 0.1
 
 
 def optimise(
@@ -799,6 +799,15 @@ def quickest(searches: Sequence["Search"], stars: IntArray) -> FloatArray:
     return least
 
 
+def _vertex(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return where parabolas through three points (first axis) are lowest; beyond the lower end without one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = np.diff(y, axis=0) / np.diff(x, axis=0)
+        bend = (second - first) / (x[2] - x[0])
+        lowest = 0.5 * (x[0] + x[1]) - first / (2.0 * bend)
+    return np.where(bend > 0.0, lowest, np.where(y[0] < y[1], -np.inf, np.inf))
+
+
 def _least_frames(
     chosen: Places, outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
 ) -> tuple[etc.Programme, etc.FrameChoice]:
@@ -883,50 +892,42 @@ class Search(Record):
         motion = etc.search_motion(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
-    @functools.cached_property
-    def _exposures(self) -> dict[bool, FloatArray]:
-        """Exposures of most SNR per time of all stars and places, with a background and without; NaN: not known yet."""
-        return {dark: np.full(self.places.contrast.shape, np.nan) for dark in (False, True)}
+    def outlook(self, places: Places, *, dark: bool = False) -> Outlook:
+        """Return what decides programmes of stars at ascending separations; ``dark``: with no background.
 
-    def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False, about: bool = False) -> Outlook:
-        """Return what decides programmes of some stars at some separations.
-
-        Parameters
-        ----------
-        stars : ndarray of int, shape (n,)
-        columns : ndarray of int, shape (n, k) or (1, k)
-            Separations of each of those stars, ascending.
-        dark : bool
-            With no background.
-        about : bool
-            Exposures are looked for at a few of the separations alone, and are about right between them.
+        Exposures of most SNR per time are looked for at a few of the separations. Between them a parabola through what
+        three exposures cost, around one between those, is right to some 1e-4 of the cost.
         """
-        places, known = self.places.picked(stars, columns), self._exposures[dark]
         problem = places.problem("significance" if self.snr is None else "snr")
         if dark:
             problem = etc.without_background(problem, etc.own_noise(places.rates, problem.camera))
-        every = np.broadcast_to(columns, problem.signal_e_s.shape)
-        some = np.zeros(every.shape, bool)
-        some[:, _ANCHORS * (every.shape[1] - 1) // _ANCHORS[-1] if about else slice(None)] = True
-        new = some & np.isnan(known[stars[:, None], every])
-        if new.any():
-            exposure_s = etc.best_exposure_s(problem.at(new))[0]
-            known[np.broadcast_to(stars[:, None], every.shape)[new], every[new]] = exposure_s
-        best_s = known[stars[:, None], every]
-        if about:
-            anchors = np.flatnonzero(some[0])
-            where = np.interp(np.arange(every.shape[1]), anchors, np.arange(len(anchors)))
-            low = np.minimum(where.astype(int), max(len(anchors) - 2, 0))
-            high = np.minimum(low + 1, len(anchors) - 1)
-            logs = np.log(best_s[:, anchors])
-            between = logs[:, low] + (where - low) * (logs[:, high] - logs[:, low])
-            best_s = np.where(np.isnan(best_s), np.minimum(np.exp(between), problem.longest_s), best_s)
-        return places.outlook(replace(problem, best_s=best_s), self.snr)
+        n = problem.signal_e_s.shape[1]
+        anchors = np.unique(_ANCHORS * (n - 1) // _ANCHORS[-1])
+        some = np.isin(np.arange(n), anchors)
+        logs = np.log(etc.best_exposure_s(problem.at((slice(None), some)))[0])
+        longest = np.log(problem.longest_s)
+        if n > len(anchors):
+            where = np.interp(np.arange(n), anchors, np.arange(len(anchors)))
+            low = np.minimum(where.astype(int), len(anchors) - 2)
+            known, logs = logs, logs[:, low] + (where - low) * (logs[:, low + 1] - logs[:, low])
+            logs = np.minimum(logs, longest)
+            tried = np.stack((logs - _STEP, logs, np.minimum(logs + _STEP, longest)))
+
+            def cost(log_s: FloatArray) -> FloatArray:
+                exposure_s = np.exp(log_s)
+                return problem.frame_noise(exposure_s)[0] * (exposure_s + problem.camera.readout_s)
+
+            costs = cost(tried)
+            lowest = np.clip(_vertex(tried, costs), logs - 2.0 * _STEP, np.minimum(logs + 2.0 * _STEP, longest))
+            tried, costs = np.append(tried, lowest[None], axis=0), np.append(costs, cost(lowest)[None], axis=0)
+            logs = np.take_along_axis(tried, np.argmin(costs, axis=0)[None], axis=0)[0]
+            logs[:, some] = known
+        return places.outlook(replace(problem, best_s=np.exp(logs)), self.snr)
 
     @functools.cached_property
     def rough(self) -> Outlook:
-        """The outlook of all stars at every separation, of exposures that are about right."""
-        return self.outlook(np.arange(len(self.targets)), np.arange(len(self.grid))[None, :], about=True)
+        """The outlook of all stars at every separation."""
+        return self.outlook(self.places)
 
     def coarse(self, stars: IntArray) -> Outlook:
         """Return the rough outlook at every few separations."""
@@ -939,48 +940,44 @@ class Search(Record):
 
     def lowest(
         self,
-        stars: IntArray,
+        outlook: Outlook,
         rough: Sequence[FloatArray],
         cost: Callable[[Outlook, FloatArray | None], list[FloatArray]],
-        *,
-        dark: bool = False,
-    ) -> tuple[IntArray, Outlook, list[FloatArray]]:
-        """Return which separation is of least cost for some stars, ``(n, 1)``, the outlook there, and its cost.
+    ) -> tuple[IntArray, list[FloatArray]]:
+        """Return which separation is of least cost for each star, ``(n, 1)``, and the cost there.
 
         Parameters
         ----------
-        stars : ndarray of int, shape (n,)
+        outlook : Outlook
+            Of ``n`` stars at every separation.
         rough : sequence of ndarray, shape (n, k)
-            About what the cost is at every separation, and numbers of visits; the middle one counts where there is no
+            What the cost is with some numbers of visits, and these; the middle separation counts where there is no
             answer. From the least, the search goes on to neighbours that are better.
         cost : callable
-            Returns least cost, visits and their length of an outlook; of whole numbers of visits near those that are
-            best, where they are chosen.
-        dark : bool
-            With no background.
+            Returns least cost, visits and their length; of whole numbers of visits near those, where they are chosen.
         """
-        n, free, every = len(self.grid), self.model.strategy.visits is None, np.arange(len(stars))
+        (n_stars, n), free = outlook.white.shape[:2], self.model.strategy.visits is None
         value, visits = rough[:2]
         column = np.where(np.isfinite(value).any(axis=1), np.argmin(value, axis=1), n // 2)
-        found, left = np.empty((3, len(stars), 1)), every
+        found, left = np.empty((3, n_stars, 1)), np.arange(n_stars)
         while left.size:
             around = np.clip(column[left, None] + ([-1, 0, 1] if n > 1 else [0]), 0, n - 1)
-            many = nearby(visits[left[:, None], around]) if free else None
-            close = cost(self.outlook(stars[left], around, dark=dark), many)
-            best = np.argmin(close[0], axis=1) if n > 1 else np.zeros(len(left), int)
+            close = cost(outlook.picked(left, around), nearby(visits[left[:, None], around]) if free else None)
+            best = np.argmin(close[0], axis=1)
             best = np.where(np.isfinite(close[0]).any(axis=1), best, around.shape[1] // 2)[:, None]
             found[:, left] = [np.take_along_axis(part, best, axis=1) for part in close]
             last, column[left] = column[left], np.take_along_axis(around, best, axis=1)[:, 0]
             left = left[column[left] != last]
-        return column[:, None], self.outlook(stars, column[:, None], dark=dark), list(found)
+        return column[:, None], list(found)
 
     def in_time(self, time_s: float, *, brief: bool) -> OptimalSetting:
         """Return the best separation, visits and frames of each star within a time; see `best_in_band`."""
         every = np.arange(len(self.targets))
         # The best place depends on the number of visits: both are chosen together.
         rough = self.rough.in_time(time_s)
-        best, outlook, (_, visits, visit) = self.lowest(every, rough, lambda item, many: item.in_time(time_s, many))
+        best, (_, visits, visit) = self.lowest(self.rough, rough, lambda item, many: item.in_time(time_s, many))
         chosen, programme = self.places.picked(every, best), programme_of(self.model, visits, visit)
+        outlook = self.rough.picked(every, best)
         choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
         return self.best(chosen, outlook, choice, programme, time_s, brief=brief)
 
@@ -988,9 +985,9 @@ class Search(Record):
         """Return places, frames and programmes of least time for an SNR or a detection of some stars."""
         least_s = self.coarse(stars).for_level()[0].min(axis=1)
         least_s = np.where(np.isfinite(least_s), least_s, _HOPELESS_S)[:, None, None]
-        rough = self.rough.select(stars).in_time(least_s)
-        best, outlook, (_, visits, visit) = self.lowest(stars, rough, Outlook.for_level)
-        chosen = self.places.picked(stars, best)
+        mine = self.rough.select(stars)
+        best, (_, visits, visit) = self.lowest(mine, mine.in_time(least_s), Outlook.for_level)
+        chosen, outlook = self.places.picked(stars, best), mine.picked(np.arange(len(stars)), best)
         if self.model.strategy.visits is not None:
             programme, choice = _least_frames(chosen, outlook, visits, visit, self.snr)
             return chosen, outlook, choice, programme
@@ -1011,18 +1008,15 @@ class Search(Record):
         """
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
-            if dark:
-                outlook = self.outlook(some, np.arange(len(self.grid))[None, :], dark=True, about=True)
-            else:
-                outlook = self.rough.select(some)
-            rough = change(outlook).in_time(time_s)
+            every = np.arange(len(self.grid))[None, :]
+            mine = self.outlook(self.places.picked(some, every), dark=True) if dark else self.rough.select(some)
+            rough = change(mine).in_time(time_s)
             found[some] = rough[0].min(axis=1)
-            close = np.abs(np.log(found[some])) < _UNSURE
-            if close.any():
+            close = np.flatnonzero(np.abs(np.log(found[some])) < _UNSURE)
+            if close.size:
                 rough = [part[close] for part in rough]
-                found[some[close]] = self.lowest(
-                    some[close], rough, lambda item, many: change(item).in_time(time_s, many), dark=dark
-                )[2][0][:, 0]
+                best = self.lowest(change(mine.select(close)), rough, lambda item, many: item.in_time(time_s, many))
+                found[some[close]] = best[1][0][:, 0]
         return found
 
     def best(
@@ -1110,8 +1104,7 @@ class Search(Record):
         calm = self._changed(lost & near, Outlook.without_speckles, time_s) <= 1.0
         dark = self._changed(few, lambda item: item, time_s, dark=True) <= 1.0
         if calm.any():
-            every_place = np.arange(len(fine))[None, :]
-            factor[calm] = self.outlook(np.flatnonzero(calm), every_place).drift_factor(time_s)
+            factor[calm] = self.rough.select(calm).drift_factor(time_s)
         return replace(
             best,
             without_motion=still,
