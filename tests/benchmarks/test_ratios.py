@@ -37,7 +37,7 @@ QUESTIONS = {
 HELD = {"rank": 355.0, "SNR": 6.0, "time": 12.5, "detection": 11.0, "contrast limit": 10.5}
 ASKED = {"one of 300": 5.0, "cold etc": 2.0, "explain": 1.3, "figure_s": 0.3, "table": 1.2}
 ASKED |= {"rank": 203.0, "a star of many": 1.2}
-ASKED |= {"a transform": 0.1, "hcipy": 1 / 60}
+ASKED |= {"a transform": 0.1, "hcipy": 1 / 60, "universes": 4.0}
 COMMAND = [sys.executable, "-m", "cpic_planner.cli.main"]
 LARGE = (8000, 100)
 """Rows and columns of the tables of the next test; the archive's whole table has 40 000 and 300."""
@@ -189,6 +189,25 @@ def written(kind: str) -> bytes:
         heading, _, below = made.partition("\n")
         made = f"{heading}\n{below * 6}"
     return made if isinstance(made, bytes) else made.encode()
+
+
+def test_a_thousand_universes_over_a_block_of_them(clock):
+    """Universes of a survey that are played at once share their calls of numpy."""
+    from cpic_planner.survey.prepare import prepare
+    from cpic_planner.survey.simulate import simulate_survey
+    from cpic_planner.survey.strategy import load_strategies
+    from cpic_planner.survey.universe import BLOCK
+
+    names = ["alf Cen A", "tau Cet", "eps Eri"]
+    universe = {"duration_days": 720, "facts": False}
+    (survey,) = prepare(load_strategies({"name": "one", "universe": universe, "targets": {"names": names}})).surveys
+
+    def play(blocks: int) -> Callable[[], object]:
+        return lambda: simulate_survey(survey, block=range(blocks), n=BLOCK * blocks, seed=1)
+
+    found = ratio(clock, play(4), play(1), 7)
+    print(f"1000 universes: {found:.2f} times 250, asked {ASKED['universes']:g}")
+    assert found < 1.6
 
 
 @pytest.mark.parametrize("kind", ["ascii.csv", "fits", "ascii.ecsv", "votable"])
