@@ -151,8 +151,18 @@ class SearchLaw(Record, eq=False):
 
     def polynomials(self, separation_arcsec: FloatArray, visits: FloatArray, *, at_place: bool) -> FloatArray:
         """Return the polynomials of places and numbers of visits, for `half_of`: (s, l, ...); as of `half`."""
-        where = np.broadcast_arrays(*self._where(separation_arcsec, 0.0, 0.0, visits)[:4])
-        return _polynomials_at(self._tables(at_place, where[0]), 0, *where)
+        where = self._where(separation_arcsec, 0.0, 0.0, visits)[:4]
+        tables, (row, number) = self._tables(at_place, where[0]), (where[0] + where[1], where[2] + where[3])
+        if min(row.size, number.size) > _TOGETHER // _REPEATED:  # many pairs of few places and numbers
+            _, places, rows = np.unique(row, return_index=True, return_inverse=True)
+            _, numbers, columns = np.unique(number, return_index=True, return_inverse=True)
+            if places.size * numbers.size * _REPEATED <= np.broadcast(row, number).size:
+                low, share = (part.reshape(-1)[places, None] for part in where[:2])
+                few, of_visits = (part.reshape(-1)[numbers] for part in where[2:])
+                every = _polynomials_at(tables, 0, *np.broadcast_arrays(low, share, few, of_visits))
+                pair = rows.reshape(row.shape) * numbers.size + columns.reshape(number.shape)
+                return every.reshape(_SHARES * _LIGHTS, -1).take(pair, 1).reshape(_SHARES, _LIGHTS, *pair.shape)
+        return _polynomials_at(tables, 0, *np.broadcast_arrays(*where))
 
     def reach(
         self,
@@ -559,11 +569,13 @@ class _Terms:
 
 
 @functools.lru_cache(maxsize=64)
-def _noise(metrics: PsfMetrics, annulus_lambda_d: float, common_fraction: float) -> tuple[FloatArray, ...]:
-    """Return what laws of all levels are made of, by separation, and by share, light, number of visits and place there.
+def _noise(
+    metrics: PsfMetrics, annulus_lambda_d: float, common_fraction: float
+) -> tuple[FloatArray, Callable[[IntArray], tuple[FloatArray, ...]]]:
+    """Return separations, and a function of their numbers that returns what laws of all levels are made of there.
 
-    Separations, signal over noise of a planet of the significance 1, relative variance of the noise by the fit and by
-    what is there, and Laplace share.
+    By separation, share, light, number of visits and place there: signal over noise of a planet of the significance 1,
+    relative variance of the noise by the fit and by what is there, and Laplace share.
     """
     bins = metrics.floor_separation_arcsec
     ends = metrics.zone.usable_range_arcsec(metrics.aperture_radius_arcsec)
@@ -584,22 +596,27 @@ def _noise(metrics: PsfMetrics, annulus_lambda_d: float, common_fraction: float)
         return _Terms(lit[0], lit[1], metrics.filter_tails)
 
     own, lit = fifths.mean(axis=1), _filtered_light(metrics, local[1])
-    hole = terms(*(one * part / of[:, None] for one, part, of in zip(local, (own, lit), ring, strict=True)))
     places = fifths, lit[:, None]
-    here = terms(*((one / of)[:, None] * part for one, of, part in zip(local, ring, places, strict=True)))
-    relative = _relative_variance(metrics, place, hole, here, common_fraction)
-    # Signal over noise through the filter of a planet of the significance 1.
-    white = here.level / (1.0 - share[..., None])
-    unit = gain[:, None, None, None, None] * np.sqrt(white)[..., None, :]
-    # Mean squares of few visits with heavy tails vary by more than a fit of Gaussian noise says.
-    varied = relative * (1.0 + 1.5 * here.heavy[..., None, :] ** 2 * _inverse_visits()[:, None])
-    return place, unit * (1.0 + varied / 6.0), relative, varied, here.heavy
+
+    def at(rows: IntArray) -> tuple[FloatArray, ...]:
+        hole = terms(*(one * part / of[rows, None] for one, part, of in zip(local, (own, lit), ring, strict=True)))
+        parts = zip(local, ring, places, strict=True)
+        here = terms(*((one[rows] / of[rows])[:, None] * part[rows] for one, of, part in parts))
+        relative = _relative_variance(metrics, place, hole, here, rows, common_fraction)
+        # Signal over noise through the filter of a planet of the significance 1.
+        white = here.level / (1.0 - share[..., None])
+        unit = gain[rows, None, None, None, None] * np.sqrt(white)[..., None, :]
+        # Mean squares of few visits with heavy tails vary by more than a fit of Gaussian noise says.
+        varied = relative * (1.0 + 1.5 * here.heavy[..., None, :] ** 2 * _inverse_visits()[:, None])
+        return unit * (1.0 + varied / 6.0), relative, varied, here.heavy
+
+    return place, at
 
 
 @functools.lru_cache(maxsize=64)
 def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_fraction: float) -> SearchLaw:
     """Return the law of a band; see the module."""
-    place, unit, relative, varied, heavy = _noise(metrics, annulus_lambda_d, common_fraction)
+    place, noise = _noise(metrics, annulus_lambda_d, common_fraction)
     region = searched_region(metrics.hole, metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
     least = max(sigma, MIN_SIGMA)  # of which the number of peaks is known
     blind = search_threshold(region, metrics.filter_roughness, sigma=least).value or least
@@ -610,9 +627,10 @@ def _law(metrics: PsfMetrics, annulus_lambda_d: float, sigma: float, common_frac
         between = (level - _LEVELS[0]) / (_LEVELS[1] - _LEVELS[0])
         lower, upper = _log_thresholds(sigma)
         table = (1.0 - between) * lower + between * upper
-        needed = np.exp(_value(table, heavy[rows], np.sqrt(relative[rows] / _MOST_RELATIVE)))
-        spread = np.sqrt(1.0 + 0.25 * needed**2 * varied[rows])
-        return _polynomials(_middle_and_widths(unit[rows], needed, spread, gained))
+        unit, relative, varied, heavy = noise(rows)
+        needed = np.exp(_value(table, heavy, np.sqrt(relative / _MOST_RELATIVE)))
+        spread = np.sqrt(1.0 + 0.25 * needed**2 * varied)
+        return _polynomials(_middle_and_widths(unit, needed, spread, gained))
 
     return SearchLaw(place, made)
 
@@ -657,7 +675,7 @@ def _filtered_light(metrics: PsfMetrics, floor: FloatArray) -> FloatArray:
 
 
 def _relative_variance(
-    metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms, common_fraction: float
+    metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms, rows: IntArray, common_fraction: float
 ) -> FloatArray:
     """Return the relative variance of the noise that a search estimates at places, by number of visits too.
 
@@ -670,12 +688,14 @@ def _relative_variance(
         At all of them: what tells level and drift.
     here : _Terms
         At the places that are judged.
+    rows : ndarray of int
+        Numbers of their separations.
     common_fraction : float
         Rms of what all visits have in common over that of a visit's offset: the third unknown.
     """
     x, y = _hole_arcsec(metrics)
     rings = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y)) == np.arange(place.size)[:, None]
-    diagonal = (place / math.sqrt(2.0))[:, None]
+    diagonal = (place[rows] / math.sqrt(2.0))[:, None]
     near = np.hypot(x - diagonal, y - diagonal) < _EXCLUDED * metrics.lambda_d_arcsec
     room, taken = (part @ rings.T.astype(float) / metrics.filter_positions for part in (np.ones(x.size), near))
     once = room / (1.0 + hole.speckled**2)

@@ -35,7 +35,7 @@ _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
 _ROUNDS, _NEWTON_STEPS, _BITS = 8, 3, 14
-_LEAST_FACTOR, _CLOSE_FACTOR, _SAME = 1e-4, 0.1, 1e-10
+_LEAST_FACTOR, _CLOSE_FACTOR, _SAME, _NEARLY = 1e-4, 0.1, 1e-10, 1e-4
 _RUNAWAY = 0.02
 _TOGETHER = 80_000  # programmes that are worked out at once: they stay in the cache
 
@@ -138,13 +138,6 @@ class Outlook(etc.CaseArrays, Record):
         """
         return self.planned(visits, visit_s).cost(visit_s)
 
-    def wanted(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
-        """Return the level that a search asks for of programmes; parameters as of `cost`."""
-        planned = self.planned(visits, visit_s)
-        speckles, light = planned.speckles(visit_s)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return planned.wanted(visit_s, speckles / (self.white / (visits * visit_s) + speckles), light)
-
     def in_time(self, time_s: float | FloatArray, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
 
@@ -164,21 +157,23 @@ class Outlook(etc.CaseArrays, Record):
             cost = np.where((many == 1.0) | (visit >= self.shortest_s), cost, np.inf)
         return _least(cost, many, visit)
 
-    def for_level(self, visits: FloatArray | None = None) -> list[FloatArray]:
+    def for_level(self, visits: FloatArray | None = None, same: float = _SAME) -> list[FloatArray]:
         """Return the least wall time that reaches the level, and number and length of the visits; arrays ``(n, k)``.
 
         Parameters
         ----------
         visits : ndarray, optional
             Numbers of visits to choose from, along the last axis.
+        same : float
+            Relative change of their length that ends the search.
         """
         many = self.visits if visits is None else visits
-        visit = self._shortest_visit_s(many)
+        visit = self._shortest_visit_s(many, same)
         with np.errstate(invalid="ignore"):
             time = np.where(np.isfinite(visit), many * self.model.time_s(visit), np.inf)
         return _least(time, many, visit)
 
-    def _shortest_visit_s(self, visits: FloatArray) -> FloatArray:
+    def _shortest_visit_s(self, visits: FloatArray, same: float) -> FloatArray:
         """Return the length of the visits with which programmes reach the level; ``inf`` where none does.
 
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
@@ -191,7 +186,7 @@ class Outlook(etc.CaseArrays, Record):
             for _ in range(_ROUNDS):
                 many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
                 closer = planned.select(left).closer_s(many, v[left])
-                moved = np.any(closer > v[left] * (1.0 + _SAME), axis=(1, 2))
+                moved = np.any(closer > v[left] * (1.0 + same), axis=(1, 2))
                 v[left] = closer
                 left = left[moved]  # the others stay as they are
             v = np.where(v < _ENDLESS_S[-1], v, np.inf)
@@ -310,6 +305,13 @@ class _Planned(etc.CaseArrays, Record):
         half = etc.half_of(np.moveaxis(self.polynomials, (-2, -1), (0, 1)), speckled, light)
         return half if of.motion is None else half * etc.motion_factor(of.model, of.motion, self.programme, visit_s)
 
+    def noise(self, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
+        speckles, light = self.speckles(visit_s)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            noise = self.outlook.white / (self.programme.visits * visit_s) + speckles
+            return noise, self.wanted(visit_s, speckles / noise, light)
+
     def closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
         """Return lengths of visits that are closer to those that reach the level than ``v`` is; not below them."""
         of, plan = self.outlook, self
@@ -330,14 +332,14 @@ class _Planned(etc.CaseArrays, Record):
         shape = np.broadcast_shapes(*(part.shape for part in (of.white, of.level, self.programme.visits, visit_s)))
         winged = np.broadcast_to(of.wings.any(axis=(1, 2)), shape[0])
         found, step = np.empty(shape), max(_TOGETHER * shape[0] // math.prod(shape), 1)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stars in (np.flatnonzero(winged), np.flatnonzero(~winged)):
-                for some in (stars[start : start + step] for start in range(0, len(stars), step)):
-                    mine = self.select(some)
-                    length_s = visit_s[some] if visit_s.ndim > 2 and len(visit_s) > 1 else visit_s
-                    speckles, light = mine.speckles(length_s)
-                    noise = mine.outlook.white / (mine.programme.visits * length_s) + speckles
-                    found[some] = np.sqrt(noise) * mine.wanted(length_s, speckles / noise, light)
+        for stars in (np.flatnonzero(winged), np.flatnonzero(~winged)):
+            for part in (slice(start, start + step) for start in range(0, len(stars), step)):
+                some: Any = part if len(stars) == shape[0] else stars[part]  # views where all are of one kind
+                mine = self.select(some)
+                length_s = visit_s[some] if visit_s.ndim > 2 and len(visit_s) > 1 else visit_s
+                noise, level = mine.noise(length_s)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    found[some] = np.sqrt(noise) * level
         return np.fmin(found, np.inf)
 
 
@@ -684,7 +686,7 @@ def tiers_of(setting: SimpleNamespace, best: OptimalSetting, required_time_s: Fl
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 _LEVEL_ROUNDS, _SECANTS = 40, 8
 STRIDE = 5
-_ANCHORS, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 1e8, 0.1
+_ANCHORS, _STEP, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 0.3, 1e8, 0.1
 
 
 def optimise(
@@ -799,6 +801,15 @@ def quickest(searches: Sequence["Search"], stars: IntArray) -> FloatArray:
     return least
 
 
+def _vertex(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return where parabolas through three points (first axis) are lowest; beyond the lower end without one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = np.diff(y, axis=0) / np.diff(x, axis=0)
+        bend = (second - first) / (x[2] - x[0])
+        lowest = 0.5 * (x[0] + x[1]) - first / (2.0 * bend)
+    return np.where(bend > 0.0, lowest, np.where(y[0] < y[1], -np.inf, np.inf))
+
+
 def _least_frames(
     chosen: Places, outlook: Outlook, visits: FloatArray, visit_s: FloatArray, snr: float | None
 ) -> tuple[etc.Programme, etc.FrameChoice]:
@@ -813,7 +824,8 @@ def _least_frames(
     if snr is not None:
         return programme, etc.least_time(problem, np.full(visits.shape, snr))
     reachable = np.isfinite(np.broadcast_to(visit_s, visits.shape))
-    aim = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
+    length_s = spaced_s[..., None]
+    aim = outlook.planned(visits[..., None], length_s).noise(length_s)[1][..., 0] * (1.0 - _ROUNDING)
     choice = etc.least_time(problem, np.where(reachable, aim, np.inf))
     # Visits that remember each other are spaced as they were planned: shorter ones would be closer together.
     secants = 0 if chosen.model.instrument.drift.correlation_time_h > 0.0 else _SECANTS
@@ -883,50 +895,42 @@ class Search(Record):
         motion = etc.search_motion(model, self.targets, band, everywhere) if blind else None
         return Places(model, band, place, contrast, threshold, rates, motion)
 
-    @functools.cached_property
-    def _exposures(self) -> dict[bool, FloatArray]:
-        """Exposures of most SNR per time of all stars and places, with a background and without; NaN: not known yet."""
-        return {dark: np.full(self.places.contrast.shape, np.nan) for dark in (False, True)}
+    def outlook(self, places: Places, *, dark: bool = False) -> Outlook:
+        """Return what decides programmes of stars at ascending separations; ``dark``: with no background.
 
-    def outlook(self, stars: IntArray, columns: IntArray, *, dark: bool = False, about: bool = False) -> Outlook:
-        """Return what decides programmes of some stars at some separations.
-
-        Parameters
-        ----------
-        stars : ndarray of int, shape (n,)
-        columns : ndarray of int, shape (n, k) or (1, k)
-            Separations of each of those stars, ascending.
-        dark : bool
-            With no background.
-        about : bool
-            Exposures are looked for at a few of the separations alone, and are about right between them.
+        Exposures of most SNR per time are looked for at a few of the separations. Between them a parabola through what
+        three exposures cost, around one between those, is right to some 1e-4 of the cost.
         """
-        places, known = self.places.picked(stars, columns), self._exposures[dark]
         problem = places.problem("significance" if self.snr is None else "snr")
         if dark:
             problem = etc.without_background(problem, etc.own_noise(places.rates, problem.camera))
-        every = np.broadcast_to(columns, problem.signal_e_s.shape)
-        some = np.zeros(every.shape, bool)
-        some[:, _ANCHORS * (every.shape[1] - 1) // _ANCHORS[-1] if about else slice(None)] = True
-        new = some & np.isnan(known[stars[:, None], every])
-        if new.any():
-            exposure_s = etc.best_exposure_s(problem.at(new))[0]
-            known[np.broadcast_to(stars[:, None], every.shape)[new], every[new]] = exposure_s
-        best_s = known[stars[:, None], every]
-        if about:
-            anchors = np.flatnonzero(some[0])
-            where = np.interp(np.arange(every.shape[1]), anchors, np.arange(len(anchors)))
-            low = np.minimum(where.astype(int), max(len(anchors) - 2, 0))
-            high = np.minimum(low + 1, len(anchors) - 1)
-            logs = np.log(best_s[:, anchors])
-            between = logs[:, low] + (where - low) * (logs[:, high] - logs[:, low])
-            best_s = np.where(np.isnan(best_s), np.minimum(np.exp(between), problem.longest_s), best_s)
-        return places.outlook(replace(problem, best_s=best_s), self.snr)
+        n = problem.signal_e_s.shape[1]
+        anchors = np.unique(_ANCHORS * (n - 1) // _ANCHORS[-1])
+        some = np.isin(np.arange(n), anchors)
+        logs = np.log(etc.best_exposure_s(problem.at((slice(None), some)))[0])
+        longest = np.log(problem.longest_s)
+        if n > len(anchors):
+            where = np.interp(np.arange(n), anchors, np.arange(len(anchors)))
+            low = np.minimum(where.astype(int), len(anchors) - 2)
+            known, logs = logs, logs[:, low] + (where - low) * (logs[:, low + 1] - logs[:, low])
+            logs = np.minimum(logs, longest)
+            tried = np.stack((logs - _STEP, logs, np.minimum(logs + _STEP, longest)))
+
+            def cost(log_s: FloatArray) -> FloatArray:
+                exposure_s = np.exp(log_s)
+                return problem.frame_noise(exposure_s)[0] * (exposure_s + problem.camera.readout_s)
+
+            costs = cost(tried)
+            lowest = np.clip(_vertex(tried, costs), logs - 2.0 * _STEP, np.minimum(logs + 2.0 * _STEP, longest))
+            tried, costs = np.append(tried, lowest[None], axis=0), np.append(costs, cost(lowest)[None], axis=0)
+            logs = np.take_along_axis(tried, np.argmin(costs, axis=0)[None], axis=0)[0]
+            logs[:, some] = known
+        return places.outlook(replace(problem, best_s=np.exp(logs)), self.snr)
 
     @functools.cached_property
     def rough(self) -> Outlook:
-        """The outlook of all stars at every separation, of exposures that are about right."""
-        return self.outlook(np.arange(len(self.targets)), np.arange(len(self.grid))[None, :], about=True)
+        """The outlook of all stars at every separation."""
+        return self.outlook(self.places)
 
     def coarse(self, stars: IntArray) -> Outlook:
         """Return the rough outlook at every few separations."""
@@ -939,58 +943,54 @@ class Search(Record):
 
     def lowest(
         self,
-        stars: IntArray,
+        outlook: Outlook,
         rough: Sequence[FloatArray],
         cost: Callable[[Outlook, FloatArray | None], list[FloatArray]],
-        *,
-        dark: bool = False,
-    ) -> tuple[IntArray, Outlook, list[FloatArray]]:
-        """Return which separation is of least cost for some stars, ``(n, 1)``, the outlook there, and its cost.
+    ) -> tuple[IntArray, list[FloatArray]]:
+        """Return which separation is of least cost for each star, ``(n, 1)``, and the cost there.
 
         Parameters
         ----------
-        stars : ndarray of int, shape (n,)
+        outlook : Outlook
+            Of ``n`` stars at every separation.
         rough : sequence of ndarray, shape (n, k)
-            About what the cost is at every separation, and numbers of visits; the middle one counts where there is no
+            What the cost is with some numbers of visits, and these; the middle separation counts where there is no
             answer. From the least, the search goes on to neighbours that are better.
         cost : callable
-            Returns least cost, visits and their length of an outlook; of whole numbers of visits near those that are
-            best, where they are chosen.
-        dark : bool
-            With no background.
+            Returns least cost, visits and their length; of whole numbers of visits near those, where they are chosen.
         """
-        n, free, every = len(self.grid), self.model.strategy.visits is None, np.arange(len(stars))
+        (n_stars, n), free = outlook.white.shape[:2], self.model.strategy.visits is None
         value, visits = rough[:2]
         column = np.where(np.isfinite(value).any(axis=1), np.argmin(value, axis=1), n // 2)
-        found, left = np.empty((3, len(stars), 1)), every
+        found, left = np.empty((3, n_stars, 1)), np.arange(n_stars)
         while left.size:
             around = np.clip(column[left, None] + ([-1, 0, 1] if n > 1 else [0]), 0, n - 1)
-            many = nearby(visits[left[:, None], around]) if free else None
-            close = cost(self.outlook(stars[left], around, dark=dark), many)
-            best = np.argmin(close[0], axis=1) if n > 1 else np.zeros(len(left), int)
+            close = cost(outlook.picked(left, around), nearby(visits[left[:, None], around]) if free else None)
+            best = np.argmin(close[0], axis=1)
             best = np.where(np.isfinite(close[0]).any(axis=1), best, around.shape[1] // 2)[:, None]
             found[:, left] = [np.take_along_axis(part, best, axis=1) for part in close]
             last, column[left] = column[left], np.take_along_axis(around, best, axis=1)[:, 0]
             left = left[column[left] != last]
-        return column[:, None], self.outlook(stars, column[:, None], dark=dark), list(found)
+        return column[:, None], list(found)
 
     def in_time(self, time_s: float, *, brief: bool) -> OptimalSetting:
         """Return the best separation, visits and frames of each star within a time; see `best_in_band`."""
         every = np.arange(len(self.targets))
         # The best place depends on the number of visits: both are chosen together.
         rough = self.rough.in_time(time_s)
-        best, outlook, (_, visits, visit) = self.lowest(every, rough, lambda item, many: item.in_time(time_s, many))
+        best, (_, visits, visit) = self.lowest(self.rough, rough, lambda item, many: item.in_time(time_s, many))
         chosen, programme = self.places.picked(every, best), programme_of(self.model, visits, visit)
+        outlook = self.rough.picked(every, best)
         choice = etc.best_in_visit(chosen.problem("significance", programme), visit)
         return self.best(chosen, outlook, choice, programme, time_s, brief=brief)
 
     def least_programmes(self, stars: IntArray) -> tuple[Places, Outlook, etc.FrameChoice, etc.Programme]:
         """Return places, frames and programmes of least time for an SNR or a detection of some stars."""
-        least_s = self.coarse(stars).for_level()[0].min(axis=1)
+        least_s = self.coarse(stars).for_level(same=_NEARLY)[0].min(axis=1)
         least_s = np.where(np.isfinite(least_s), least_s, _HOPELESS_S)[:, None, None]
-        rough = self.rough.select(stars).in_time(least_s)
-        best, outlook, (_, visits, visit) = self.lowest(stars, rough, Outlook.for_level)
-        chosen = self.places.picked(stars, best)
+        mine = self.rough.select(stars)
+        best, (_, visits, visit) = self.lowest(mine, mine.in_time(least_s), Outlook.for_level)
+        chosen, outlook = self.places.picked(stars, best), mine.picked(np.arange(len(stars)), best)
         if self.model.strategy.visits is not None:
             programme, choice = _least_frames(chosen, outlook, visits, visit, self.snr)
             return chosen, outlook, choice, programme
@@ -1011,18 +1011,15 @@ class Search(Record):
         """
         found, some = np.full(len(self.targets), np.inf), np.flatnonzero(stars)
         if some.size:
-            if dark:
-                outlook = self.outlook(some, np.arange(len(self.grid))[None, :], dark=True, about=True)
-            else:
-                outlook = self.rough.select(some)
-            rough = change(outlook).in_time(time_s)
+            every = np.arange(len(self.grid))[None, :]
+            mine = self.outlook(self.places.picked(some, every), dark=True) if dark else self.rough.select(some)
+            rough = change(mine).in_time(time_s)
             found[some] = rough[0].min(axis=1)
-            close = np.abs(np.log(found[some])) < _UNSURE
-            if close.any():
+            close = np.flatnonzero(np.abs(np.log(found[some])) < _UNSURE)
+            if close.size:
                 rough = [part[close] for part in rough]
-                found[some[close]] = self.lowest(
-                    some[close], rough, lambda item, many: change(item).in_time(time_s, many), dark=dark
-                )[2][0][:, 0]
+                best = self.lowest(change(mine.select(close)), rough, lambda item, many: item.in_time(time_s, many))
+                found[some[close]] = best[1][0][:, 0]
         return found
 
     def best(
@@ -1110,8 +1107,7 @@ class Search(Record):
         calm = self._changed(lost & near, Outlook.without_speckles, time_s) <= 1.0
         dark = self._changed(few, lambda item: item, time_s, dark=True) <= 1.0
         if calm.any():
-            every_place = np.arange(len(fine))[None, :]
-            factor[calm] = self.outlook(np.flatnonzero(calm), every_place).drift_factor(time_s)
+            factor[calm] = self.rough.select(calm).drift_factor(time_s)
         return replace(
             best,
             without_motion=still,

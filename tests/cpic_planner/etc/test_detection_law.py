@@ -11,6 +11,7 @@ from scipy.stats import nct, norm, t as student
 from cpic_planner.etc import (
     aperture_rates,
     band_law,
+    bands_law,
     build_model,
     detection_law as laws,
     light_share,
@@ -332,3 +333,15 @@ def test_the_needed_margin_is_the_half_over_the_small_sample_threshold():
         half = band_law(model, "F850").half(place, speckled, 0.3, 4.0, at_place=search == "known_place")
         found = needed_margin(model, "F850", place, speckled, 0.3, 4.0)
         np.testing.assert_allclose(found * threshold, half, rtol=1e-5)
+
+
+@pytest.mark.parametrize("stars", [3, 1200])
+def test_laws_of_bands_are_looked_up_together_as_alone(stars):
+    """Few cases, and so many of a few places and numbers of visits that each pair is worked out once."""
+    bands, rng = ("F520", "F850"), np.random.default_rng(stars)
+    place = rng.choice(np.linspace(0.5, 0.9, 7), (2, stars, 1))
+    visits = np.broadcast_to(np.array([1.0, 2.0, 9.0]).reshape(3, 1, 1, 1), (3, 2, stars, 1))
+    together = bands_law(MODEL, bands).polynomials(place, visits, at_place=False)
+    for number, band in enumerate(bands):
+        alone = band_law(MODEL, band).polynomials(place[number], visits[:, number], at_place=False)
+        np.testing.assert_allclose(together[..., number, :, :], alone, rtol=1e-12)

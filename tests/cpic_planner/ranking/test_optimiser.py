@@ -13,6 +13,7 @@ from cpic_planner.etc import (
     separation_grid,
     usable_range_arcsec,
 )
+from cpic_planner.etc.frames import best_exposure_s
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Change, ReferencePlanet, Strategy, changed
 from cpic_planner.ranking import optimise
@@ -186,12 +187,17 @@ def test_every_place_and_number_of_visits_beside_the_chosen_ones(strategy):
     every, many = np.arange(len(STARS)), np.unique(np.rint(np.geomspace(1.0, 1000.0, 300)))
     for band in ("F520", "F850"):
         search = Search(model, STARS, band, ReferencePlanet())
-        whole = search.outlook(every, np.arange(len(search.grid))[None, :])
+        problem = search.places.problem("significance")
+        exact_s = best_exposure_s(problem)[0]
+        whole = search.places.outlook(replace(problem, best_s=exact_s))
+        assert np.median(search.rough.white / whole.white) < 1 + 1e-4
+        assert np.max(search.rough.white / whole.white) < 1.03
         for time_s in (7200.0, 360000.0):
             cost, visits, length_s = whole.in_time(time_s, many)
             least = cost.min(axis=1)
-            chosen = search.lowest(every, search.rough.in_time(time_s), lambda item, n, t=time_s: item.in_time(t, n))
-            assert np.all(chosen[2][0][:, 0] <= least * (1 + 1e-3))
+            rough = search.rough
+            chosen = search.lowest(rough, rough.in_time(time_s), lambda item, n, t=time_s: item.in_time(t, n))
+            assert np.all(chosen[1][0][:, 0] <= least * (1 + 1e-3))
             best = np.argmin(cost, axis=1)
             assert np.ptp(visits[every, best]) > 0
             assert np.all(length_s[every, best] > 0.0)
