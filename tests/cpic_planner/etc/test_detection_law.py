@@ -11,7 +11,6 @@ from scipy.stats import nct, norm, t as student
 from cpic_planner.etc import (
     aperture_rates,
     band_law,
-    bands_law,
     build_model,
     detection_law as laws,
     light_share,
@@ -26,7 +25,7 @@ from cpic_planner.etc import (
     threshold_array,
     visit_chances,
 )
-from cpic_planner.etc.detection_law import PRIORS
+from cpic_planner.etc.detection_law import PRIORS, bands_law
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
