@@ -602,7 +602,7 @@ def _noise(
         hole = terms(*(one * part / of[rows, None] for one, part, of in zip(local, (own, lit), ring, strict=True)))
         parts = zip(local, ring, places, strict=True)
         here = terms(*((one[rows] / of[rows])[:, None] * part[rows] for one, of, part in parts))
-        relative = _relative_variance(metrics, place, hole, here, rows, common_fraction)
+        relative = _relative_variance(metrics, place, hole, here, common_fraction, rows)
         # Signal over noise through the filter of a planet of the significance 1.
         white = here.level / (1.0 - share[..., None])
         unit = gain[rows, None, None, None, None] * np.sqrt(white)[..., None, :]
@@ -675,7 +675,7 @@ def _filtered_light(metrics: PsfMetrics, floor: FloatArray) -> FloatArray:
 
 
 def _relative_variance(
-    metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms, rows: IntArray, common_fraction: float
+    metrics: PsfMetrics, place: FloatArray, hole: _Terms, here: _Terms, common_fraction: float, rows: Any = ...
 ) -> FloatArray:
     """Return the relative variance of the noise that a search estimates at places, by number of visits too.
 
@@ -688,10 +688,10 @@ def _relative_variance(
         At all of them: what tells level and drift.
     here : _Terms
         At the places that are judged.
-    rows : ndarray of int
-        Numbers of their separations.
     common_fraction : float
         Rms of what all visits have in common over that of a visit's offset: the third unknown.
+    rows : ndarray of int
+        Numbers of the separations that are judged; all by default.
     """
     x, y = _hole_arcsec(metrics)
     rings = np.searchsorted(np.sqrt(place[1:] * place[:-1]), np.hypot(x, y)) == np.arange(place.size)[:, None]
