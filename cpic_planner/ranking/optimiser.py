@@ -35,7 +35,7 @@ _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
 _ROUNDS, _NEWTON_STEPS, _BITS = 8, 3, 14
-_LEAST_FACTOR, _CLOSE_FACTOR, _SAME = 1e-4, 0.1, 1e-10
+_LEAST_FACTOR, _CLOSE_FACTOR, _SAME, _NEARLY = 1e-4, 0.1, 1e-10, 1e-4
 _RUNAWAY = 0.02
 _TOGETHER = 80_000  # programmes that are worked out at once: they stay in the cache
 
@@ -138,13 +138,6 @@ class Outlook(etc.CaseArrays, Record):
         """
         return self.planned(visits, visit_s).cost(visit_s)
 
-    def wanted(self, visits: FloatArray, visit_s: FloatArray) -> FloatArray:
-        """Return the level that a search asks for of programmes; parameters as of `cost`."""
-        planned = self.planned(visits, visit_s)
-        speckles, light = planned.speckles(visit_s)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return planned.wanted(visit_s, speckles / (self.white / (visits * visit_s) + speckles), light)
-
     def in_time(self, time_s: float | FloatArray, visits: FloatArray | None = None) -> list[FloatArray]:
         """Return least cost within a wall time, and number and length of the visits; arrays ``(n, k)``.
 
@@ -164,21 +157,23 @@ class Outlook(etc.CaseArrays, Record):
             cost = np.where((many == 1.0) | (visit >= self.shortest_s), cost, np.inf)
         return _least(cost, many, visit)
 
-    def for_level(self, visits: FloatArray | None = None) -> list[FloatArray]:
+    def for_level(self, visits: FloatArray | None = None, same: float = _SAME) -> list[FloatArray]:
         """Return the least wall time that reaches the level, and number and length of the visits; arrays ``(n, k)``.
 
         Parameters
         ----------
         visits : ndarray, optional
             Numbers of visits to choose from, along the last axis.
+        same : float
+            Relative change of their length that ends the search.
         """
         many = self.visits if visits is None else visits
-        visit = self._shortest_visit_s(many)
+        visit = self._shortest_visit_s(many, same)
         with np.errstate(invalid="ignore"):
             time = np.where(np.isfinite(visit), many * self.model.time_s(visit), np.inf)
         return _least(time, many, visit)
 
-    def _shortest_visit_s(self, visits: FloatArray) -> FloatArray:
+    def _shortest_visit_s(self, visits: FloatArray, same: float) -> FloatArray:
         """Return the length of the visits with which programmes reach the level; ``inf`` where none does.
 
         From the left: the level grows with the share of the errors' light, and that with the length of the visits.
@@ -191,7 +186,7 @@ class Outlook(etc.CaseArrays, Record):
             for _ in range(_ROUNDS):
                 many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
                 closer = planned.select(left).closer_s(many, v[left])
-                moved = np.any(closer > v[left] * (1.0 + _SAME), axis=(1, 2))
+                moved = np.any(closer > v[left] * (1.0 + same), axis=(1, 2))
                 v[left] = closer
                 left = left[moved]  # the others stay as they are
             v = np.where(v < _ENDLESS_S[-1], v, np.inf)
@@ -310,6 +305,13 @@ class _Planned(etc.CaseArrays, Record):
         half = etc.half_of(np.moveaxis(self.polynomials, (-2, -1), (0, 1)), speckled, light)
         return half if of.motion is None else half * etc.motion_factor(of.model, of.motion, self.programme, visit_s)
 
+    def noise(self, visit_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ``1 / SNR^2`` of programmes, and the level that they have to reach."""
+        speckles, light = self.speckles(visit_s)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            noise = self.outlook.white / (self.programme.visits * visit_s) + speckles
+            return noise, self.wanted(visit_s, speckles / noise, light)
+
     def closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
         """Return lengths of visits that are closer to those that reach the level than ``v`` is; not below them."""
         of, plan = self.outlook, self
@@ -330,14 +332,14 @@ class _Planned(etc.CaseArrays, Record):
         shape = np.broadcast_shapes(*(part.shape for part in (of.white, of.level, self.programme.visits, visit_s)))
         winged = np.broadcast_to(of.wings.any(axis=(1, 2)), shape[0])
         found, step = np.empty(shape), max(_TOGETHER * shape[0] // math.prod(shape), 1)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stars in (np.flatnonzero(winged), np.flatnonzero(~winged)):
-                for some in (stars[start : start + step] for start in range(0, len(stars), step)):
-                    mine = self.select(some)
-                    length_s = visit_s[some] if visit_s.ndim > 2 and len(visit_s) > 1 else visit_s
-                    speckles, light = mine.speckles(length_s)
-                    noise = mine.outlook.white / (mine.programme.visits * length_s) + speckles
-                    found[some] = np.sqrt(noise) * mine.wanted(length_s, speckles / noise, light)
+        for stars in (np.flatnonzero(winged), np.flatnonzero(~winged)):
+            for part in (slice(start, start + step) for start in range(0, len(stars), step)):
+                some: Any = part if len(stars) == shape[0] else stars[part]  # views where all are of one kind
+                mine = self.select(some)
+                length_s = visit_s[some] if visit_s.ndim > 2 and len(visit_s) > 1 else visit_s
+                noise, level = mine.noise(length_s)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    found[some] = np.sqrt(noise) * level
         return np.fmin(found, np.inf)
 
 
@@ -822,7 +824,8 @@ def _least_frames(
     if snr is not None:
         return programme, etc.least_time(problem, np.full(visits.shape, snr))
     reachable = np.isfinite(np.broadcast_to(visit_s, visits.shape))
-    aim = outlook.wanted(visits[..., None], spaced_s[..., None])[..., 0] * (1.0 - _ROUNDING)
+    length_s = spaced_s[..., None]
+    aim = outlook.planned(visits[..., None], length_s).noise(length_s)[1][..., 0] * (1.0 - _ROUNDING)
     choice = etc.least_time(problem, np.where(reachable, aim, np.inf))
     # Visits that remember each other are spaced as they were planned: shorter ones would be closer together.
     secants = 0 if chosen.model.instrument.drift.correlation_time_h > 0.0 else _SECANTS
@@ -983,7 +986,7 @@ class Search(Record):
 
     def least_programmes(self, stars: IntArray) -> tuple[Places, Outlook, etc.FrameChoice, etc.Programme]:
         """Return places, frames and programmes of least time for an SNR or a detection of some stars."""
-        least_s = self.coarse(stars).for_level()[0].min(axis=1)
+        least_s = self.coarse(stars).for_level(same=_NEARLY)[0].min(axis=1)
         least_s = np.where(np.isfinite(least_s), least_s, _HOPELESS_S)[:, None, None]
         mine = self.rough.select(stars)
         best, (_, visits, visit) = self.lowest(mine, mine.in_time(least_s), Outlook.for_level)
