@@ -179,7 +179,7 @@ def _poisson_interval(count: int) -> tuple[float, float]:
     return float(gammaincinv(count, tail)) if count else 0.0, float(gammaincinv(count + 1, 1.0 - tail))
 
 
-_START_S, _PLAN_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 8.0, 3.2, 0.9, 5.0, 0.00075, 2.2
+_START_S, _PLAN_S, _AGAIN_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 8.0, 1.5, 0.3, 5.0, 0.00016, 0.6
 RESULT_VERSION = 10
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
