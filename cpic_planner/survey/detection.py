@@ -97,7 +97,7 @@ def least_factor(rule: DetectionRule, *, errors: bool = True) -> float:
     if rule.rule == "expected":
         return 1.0
     off = _ERRORS * (rule.half_error + rule.calibration_error) if errors else 0.0
-    return rule.half_factor / rule.calibration * math.exp(-off) if rule.calibration > 0.0 else math.inf
+    return rule.half_factor / rule.calibration * math.exp(-off)
 
 
 def faintest_of(

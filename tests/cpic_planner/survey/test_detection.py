@@ -41,7 +41,9 @@ from cpic_planner.survey.detection import (
     expected_signals,
     faintest_of,
     galactic_deg,
+    least_factor,
     noise_alarms,
+    pair_signals,
     reach_au,
     rolled,
     star_counts_deg2,
@@ -124,6 +126,33 @@ def test_what_is_too_faint_is_not_looked_at_and_nothing_else(model, name, rule):
         np.testing.assert_array_equal(getattr(some, part)[left], getattr(whole, part)[left])
     for part in ("contrast", "separation_arcsec", "pa_deg"):
         np.testing.assert_array_equal(getattr(some, part), getattr(whole, part))
+
+
+def test_errors_of_a_universe_lower_what_is_looked_at(model):
+    """Six standard errors of the law and of the calibration together, unless a plan knows no errors."""
+    rule = DetectionRule(half_factor=0.8, half_error=0.1, calibration=1.25, calibration_error=0.05)
+    assert least_factor(rule, errors=False) == pytest.approx(0.64, rel=1e-12)
+    assert least_factor(rule) == pytest.approx(0.64 * math.exp(-0.9), rel=1e-12)
+    assert least_factor(rule.model_copy(update={"rule": "expected"})) == 1.0
+    sure = faintest_of(model, star("tau Cet"), [SETTING], rule, errors=False)
+    np.testing.assert_allclose(faintest_of(model, star("tau Cet"), [SETTING], rule), sure * math.exp(-0.9), rtol=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["blind", "known_place"])
+def test_the_law_is_asked_of_all_that_it_may_detect_and_of_few_others(model, rule):
+    planets, own = draw_population(load_population("giants"), 2000, 7), DetectionRule(rule=rule)
+    at_place = rule == "known_place"
+    one, near = star("eps Eri"), Pairs.between(places_of(planets), 0.3, 10.0)
+    shown = model, one, SETTING, bodies_of(planets), planets.albedos, near, [0.0]
+    some, whole = pair_signals(*shown, at_place=at_place)
+    same, few = pair_signals(*shown, at_place=at_place, least=least_factor(own))
+    np.testing.assert_array_equal(same, some)
+    chance, less = (detection_chance(part, own, np.zeros(some.size, bool)) for part in (whole, few))
+    asked = np.isfinite(few.reached_blind)
+    assert asked.any()
+    np.testing.assert_array_equal(less[asked], chance[asked])
+    assert chance[~asked].max() < LEAST_PROBABILITY
+    assert np.isfinite(whole.reached_blind).sum() > asked.sum()
 
 
 def test_a_visit_whose_number_is_left_open_is_one(model):
@@ -612,13 +641,17 @@ def test_background_stars(one_band):
 
 def test_background_stars_of_an_even_sky(one_band, monkeypatch):
     """A thousand stars a square degree, however faint: those on the area in which an aperture lies in the hole."""
+    looked_at, rates = [], detection.etc.aperture_rates
     monkeypatch.setattr(detection, "star_counts_deg2", lambda limit, *place: np.full(np.shape(limit), 1000.0))
+    monkeypatch.setattr(detection.etc, "aperture_rates", lambda *of: looked_at.append(of[3:5]) or rates(*of))
     found = background_alarms(one_band, find_target("tau Cet")[0], [SETTING], DetectionRule())
     metrics = one_band.metrics["F520"]
     side = metrics.hole_outer_arcsec - metrics.hole_inner_arcsec - 2.0 * metrics.aperture_radius_arcsec
     # A grid of 32 points across the hole tells a side to one step.
     step, per_arcsec2 = metrics.hole_outer_arcsec / 16.0, 1000.0 / 3600.0**2
     assert per_arcsec2 * 4.0 * (side - step) ** 2 < found < per_arcsec2 * 4.0 * (side + step) ** 2
+    for part in looked_at[0]:  # as many places to either side
+        np.testing.assert_allclose(np.sort(part.ravel()), np.sort(-part.ravel()), atol=1e-12)
 
 
 def test_alarms_of_each_visit_are_those_of_its_band_and_time(model):
