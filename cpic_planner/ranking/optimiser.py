@@ -878,7 +878,7 @@ class Search(Record):
 
     @property
     def extrapolated(self) -> bool:
-        """Whether the planet's albedo is beyond its data in the band."""
+        """Tell whether the planet's albedo is beyond its data in the band."""
         flags = self.model.passbands.albedo_flags(albedo_source(self.planet.albedo))
         return bool(flags[self.model.passbands.index(self.band)])
 
