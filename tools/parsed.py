@@ -53,7 +53,7 @@ def tails() -> dict[str, NDArray[Any]]:
 
 
 FILES: Mapping[Path, Callable[[], dict[str, NDArray[Any]]]] = {PARSED / "stars.npz": stars, TAILS_FILE: tails}
-"""What makes the arrays of each file."""
+"""Functions that make the arrays of each file."""
 
 YAML = [*(ROOT / "simulator").glob("presets/instrument/*.yaml"), *(ROOT / "catalogs").glob("data/*.yaml")]
 """Documents that ship as JSON too."""

@@ -480,7 +480,7 @@ def visit_chances(
 
 
 TAILS_FILE = Path(__file__).parent / "data" / "tails.npz"
-"""What `equivalents` returns of the steps that usual levels need, which takes longer to work out than all else."""
+"""File of `equivalents` at the steps of usual levels, which take longer to work out than all else."""
 
 
 @functools.lru_cache(maxsize=256)

@@ -161,7 +161,7 @@ class RankSetting(Record):
 
     @property
     def search(self) -> DetectionMode:
-        """How the planets that completeness counts are looked for."""
+        """Return how the planets that completeness counts are looked for."""
         return "known_place" if isinstance(self.population, KnownChoice) else self.model.strategy.search
 
     def limits(self, targets: Targets) -> StarLimits | None:

@@ -141,7 +141,7 @@ _T = TypeVar("_T")
 _Seen = tuple[IntArray, NDArray[np.float32]]
 """Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
 Ways = list[list[_Seen]]
-"""The same by part of a star and way to visit it."""
+"""Lists of `_Seen` by part of a star and way to visit it."""
 
 
 class PlanningSky:

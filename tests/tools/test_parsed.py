@@ -1,4 +1,4 @@
-"""What ships because reading it is quicker than making it is what its source makes."""
+"""Files that ship because reading is quicker than making hold what their sources make."""
 
 import numpy as np
 import pytest

@@ -330,7 +330,7 @@ def test_chances_are_worked_out_once_for_visits_and_planets(sky, model, small, s
 
 
 def test_places_are_kept_for_one_star(model, small, star, looks):
-    """What visits show is kept for all of them."""
+    """Chances that visits show stay for all stars."""
     strategy, sky, kept = small().strategies[0], PlanningSky(1, reach_au(model, 1.0)), []
     (host,) = hosts(star, "snapshot")
     for v_mag, name in ((5.0, "one"), (5.1, "one"), (5.0, "other")):
