@@ -71,7 +71,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
         "clock": over_pixels(mean, frame.clock_e, frame.factor2),
         "read": over_pixels(mean, frame.read_e2, 1.0),
         "rounding": over_pixels(mean, frame.rounding_e2, 1.0),
-        "pattern": over_pixels(mean, frame.added_e2["pattern"], 1.0),
+        "pattern": over_pixels(mean, float(frame.added["pattern"].variance_e2(0.0, frame.factor2, 1.0, frame.dark_e)), 1.0),
         "speckle": systematic * systematic,
     }
     assert visit_variance_e2(planet, around, frame, **settings) == pytest.approx(expected, rel=1e-9, abs=0.0)
