@@ -207,6 +207,13 @@ def test_a_gain_of_one_that_just_fits_is_allowed():
     assert gain_caps(mean, mean, mean, 1.0, camera) == dict.fromkeys(("hole", "register_tail", "frame"), 1.0)
 
 
+def test_charge_that_just_fits_its_pixel_is_allowed():
+    camera = replace(CAMERA, register_full_well_e=np.inf, converter_e=np.inf)
+    mean = float(largest_mean_e(camera.full_well_e, 1.0))
+    assert gain_caps(mean, 0.0, mean, 1.0, camera)["hole"] == camera.em_gain_max
+    assert gain_caps(mean * (1 + 1e-12), 0.0, mean, 1.0, camera)["hole"] == 0.0
+
+
 def test_a_converter_of_half_an_electron_takes_less_than_that():
     narrow = replace(CAMERA, converter_e=0.5)
     assert frame_limit(0.0, 1e-4, 0.0, 1.0, 1.0, narrow) is Reason.NONE
@@ -271,6 +278,20 @@ def test_pixel_saturated_names_the_limit(bare_detector) -> None:
     assert pixel_saturated(1e-3, 1e4, bare_detector).value is not None
     with pytest.raises(InputError, match="em_gain"):
         pixel_saturated(1e-3, 10_001.0, bare_detector)
+
+
+def test_pixel_saturated_by_the_converter(bare) -> None:
+    """What bias and margin leave of its range, half an electron here; none, and light is too much."""
+    short = {"adc_bits": 8, "gain_e_adu": 1.0}
+    half = bare(bias_adu=254.5, read_noise_e=0.0, **short)
+    assert pixel_saturated(0.1, 1.0, half, 0.0).unwrap() == pytest.approx(0.2, rel=1e-12)
+    for read_noise_e in (1.0, 110.0):
+        none = bare(bias_adu=254, read_noise_e=read_noise_e, **short)
+        assert pixel_saturated(1e-6, 1.0, none, 1.0).reason is Reason.ADC_RANGE
+    narrow = bare(gain_e_adu=10, adc_bits=12)
+    full = (4095 - narrow.bias_adu) * 10 / 1000.0
+    assert pixel_saturated(1000.0, full * (1 + 1e-9), narrow, 0.0).reason is Reason.ADC_RANGE
+    assert pixel_saturated(1000.0, full * (1 - 1e-9), narrow, 0.0).unwrap() == pytest.approx(1.0, rel=1e-8)
 
 
 @pytest.mark.parametrize("peak", [30.0, 3000.0])
