@@ -348,7 +348,7 @@ def fit_albedo(measured: Mapping[str, tuple[float, float]], model: AlbedoModel) 
     columns = [model.bands.index(name) for name in names]
 
     def chi2_of(contrast: FloatArray) -> FloatArray:
-        return np.sum(((values - contrast[..., columns]) / errors) ** 2, axis=-1)
+        return np.asarray(np.sum(((values - contrast[..., columns]) / errors) ** 2, axis=-1))
 
     def log_likelihood(contrast: FloatArray) -> FloatArray:
         seen = contrast[..., columns]

@@ -392,4 +392,4 @@ def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> FloatArray:
     p = _B / _D - 3.0 * shift**2
     q = 2.0 * shift**3 - shift * _B / _D + (_A - np.log(gain)) / _D
     t = -2.0 * np.sqrt(p / 3.0) * np.sinh(np.arcsinh(1.5 * q / p * np.sqrt(3.0 / p)) / 3.0)
-    return t - shift + _REFERENCE_V + _V_PER_K * (temperature - _REFERENCE_K)
+    return np.asarray(t - shift + _REFERENCE_V + _V_PER_K * (temperature - _REFERENCE_K))
