@@ -195,25 +195,30 @@ def score_column(name: str) -> results.Column:
     )
 
 
-def ranking_csv(rank: RankResult) -> str:
+def ranking_csv(rank: RankResult, limit: int | None = None) -> str:
     """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
 
-    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
+    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``. With
+    a ``limit`` the first stars alone.
     """
-    rows = (results.values_of(row) | row.own for row in rank.targets)
-    names = (*results.names_of(RankedTarget), *(item.name for item in results.own_taken(rank.targets)))
-    return results.csv_text(names, rows, joined=results.FLAG_SEPARATOR)
+    rows = rank.targets[:limit]
+    names = (*results.names_of(RankedTarget), *(item.name for item in results.own_taken(rows)))
+    return results.csv_text(names, (results.values_of(row) | row.own for row in rows), joined=results.FLAG_SEPARATOR)
 
 
-def ranking_ecsv(rank: RankResult) -> str:
+def ranking_ecsv(rank: RankResult, limit: int | None = None) -> str:
     """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
 
-    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked. With a
+    ``limit`` the first stars alone, and the header says of how many.
     """
+    rows = rank.targets[:limit]
     meta = rank.model_dump(mode="json", exclude={"targets"}) | {"flag_separator": results.FLAG_SEPARATOR}
-    columns = [*results.taken_of(RankedTarget), *results.own_taken(rank.targets)]
+    if len(rows) < len(rank.targets):
+        meta |= {"rows": len(rows), "rows_in_all": len(rank.targets)}
+    columns = [*results.taken_of(RankedTarget), *results.own_taken(rows)]
     (score,) = score_column(rank.score_name).files
-    return results.ecsv_text([score if item.name == "score" else item for item in columns], rank.targets, meta)
+    return results.ecsv_text([score if item.name == "score" else item for item in columns], rows, meta)
 
 
 def sensitivity_blocks(result: results.SensitivityResult) -> Iterator[doc.Block]:

@@ -349,17 +349,19 @@ _LOW, _HIGH, _INK = "#4477aa", "#cc6677", "#222222"
 
 
 @with_style
-def ensemble_figure(rank: RankResult) -> Figure:
+def ensemble_figure(rank: RankResult, n_stars: int = N_ENSEMBLE_STARS) -> Figure:
     """Draw the ranks of the first stars over an ensemble, and what the number of planets hangs on.
 
     Parameters
     ----------
     rank : RankResult
         With an ensemble.
+    n_stars : int
+        How many stars are drawn, at most 100.
     """
     ensemble = rank.ensemble
     assert ensemble is not None
-    rows, bars = rank.targets[:N_ENSEMBLE_STARS], ensemble.bars[:N_BARS]
+    rows, bars = rank.targets[: min(n_stars, MOST_STARS)], ensemble.bars[:N_BARS]
     height = max(4.2, 1.4 + 0.24 * max(len(rows), len(bars)))
     figure, (left, right) = drawing.panels(height, 2, grid="x", width_ratios=(1.0, 1.05))
     _draw_ranks(left, rows)
