@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray, Provenance, Reason, Status
+from cpic_core import ArrayLike, FloatArray, NDArray, Provenance, Reason, Status
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.model import FrameCamera, Programme
@@ -153,6 +153,17 @@ def _of_a_preset(key: str, item: Provenance) -> bool:
     return any(load_instrument(name).provenance.get(key) == item for name in preset_names("instrument"))
 
 
+_REMEDIES = (
+    "twice_the_time",
+    "twice_the_visits",
+    "half_the_drift",
+    "half_the_read_noise",
+    "half_the_clock_charge",
+    "half_the_star_light",
+    "four_times_the_reference",
+)
+
+
 def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
     """Return the factors by which the SNR of the chosen setting grows if one thing is changed.
 
@@ -172,41 +183,33 @@ def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, 
         ``half_the_star_light`` (a darker hole, speckles in proportion), ``four_times_the_reference`` (frames of the
         library; their time is not counted here).
     """
-    model, rates, camera = cases.model, cases.rates, cases.free_camera
-
-    def snr(
-        light: ApertureRates,
-        cam: FrameCamera = camera,
-        chosen: FrameChoice = choice,
-        ratio: float = 1.0,
-        case: Cases = cases,
-    ) -> Any:
-        return case.noise_of(light, cam, chosen, ratio).snr
-
-    again = cases.programme_of(2.0 * cases.programme.visits, model.time_s(choice.visit_s), choice)
-    star, laws = rates.speckle, cases.residual_parts
-    visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
-    crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
+    rates, camera, programme = cases.rates, cases.free_camera, cases.programme
+    crossed, light = (programme.law(part).variance(choice.visit_s) for part in cases.residual_parts)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
+        calmer = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
+    which = np.arange(len(_REMEDIES)).reshape(-1, 1, 1, 1)
 
-    def less(light_e_s: FloatArray, speckle: ProgrammeLaw) -> ApertureRates:
-        reference_e_s = rates.reference_light_e_s - rates.reference_halo * light_e_s
-        return replace(rates, halo_e_s=rates.halo_e_s - light_e_s, reference_light_e_s=reference_e_s, speckle=speckle)
+    def only(name: str, value: ArrayLike, others: ArrayLike = 1.0) -> FloatArray:
+        return np.where(which == _REMEDIES.index(name), value, others)
 
-    darker = less((rates.halo_e_s - rates.errors_e_s) / 2.0, star.scaled(0.5))
-    calmer = less(0.75 * rates.errors_e_s, star.scaled(share))
-    changed = {
-        "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
-        "twice_the_visits": snr(rates, case=cases.in_programme(again)),
-        "half_the_drift": snr(calmer),
-        "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
-        "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
-        "half_the_star_light": snr(darker),
-        "four_times_the_reference": snr(rates, ratio=4.0),
-    }
+    # All at once; but where photons are counted, every read noise has a law of its own.
+    drift, star, quieter = "half_the_drift", "half_the_star_light", "half_the_read_noise"
+    less_e_s = only(drift, 0.75 * rates.errors_e_s, only(star, (rates.halo_e_s - rates.errors_e_s) / 2.0, 0.0))
+    darker = replace(
+        rates,
+        halo_e_s=rates.halo_e_s - less_e_s,
+        reference_light_e_s=rates.reference_light_e_s - rates.reference_halo * less_e_s,
+        speckle=rates.speckle.scaled(only(drift, calmer, only(star, 0.5))),
+    )
+    clean: dict[str, Any] = {"cic_e": camera.cic_e * only("half_the_clock_charge", 0.5)}
+    longer = replace(choice, n_frames=choice.n_frames * only("twice_the_time", 2.0))
+    again = cases.programme_of(2.0 * programme.visits, cases.model.time_s(choice.visit_s), choice)
+    made = cases.in_programme(again.where(which == _REMEDIES.index("twice_the_visits"), programme))
+    snr = made.noise_of(darker, replace(camera, **clean), longer, only("four_times_the_reference", 4.0)).snr
+    less_noise = replace(camera, read_noise_e=camera.read_noise_e / 2.0)
+    snr[_REMEDIES.index(quieter)] = cases.noise_of(rates, less_noise, choice).snr
     with np.errstate(divide="ignore", invalid="ignore"):
-        return {name: np.where(noise.snr > 0, value / noise.snr, 1.0) for name, value in changed.items()}
+        return dict(zip(_REMEDIES, np.where(noise.snr > 0, snr / noise.snr, 1.0), strict=True))
 
 
 LONGEST_TIME_S = 1e9

@@ -578,7 +578,7 @@ class Cases(Record, eq=False):
         return self.noise_of(self.rates, self.free_camera, choice)
 
     def noise_of(
-        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: float = 1.0
+        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: FloatArray | None = None
     ) -> StackNoise:
         """Return signal and noise of chosen frames, for other rates, another camera, or more reference frames.
 
@@ -588,11 +588,11 @@ class Cases(Record, eq=False):
         camera : FrameCamera
         choice : FrameChoice
             Frames of every case.
-        ratio : float
+        ratio : ndarray, optional
             Reference frames over those of the strategy.
         """
         strategy = self.model.strategy
-        if ratio != 1.0:
+        if ratio is not None:
             strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
         frames = choice.exposure_s, choice.n_frames, choice.em_gain
         return stack_noise(rates, *frames, camera, strategy, self.programme)

@@ -135,7 +135,7 @@ def smeared(shift_lambda_d: ArrayLike) -> FloatArray:
 _SPEED_AU_DAY = 2.0 * math.pi / 365.25  # of a circular orbit of 1 au around 1 solar mass
 _BENDS = np.concatenate([[0.0], np.geomspace(1e-2, 40.0, 200)])
 _WAYS = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 1000)])
-_ITERATIONS, _LONGEST_DAYS = 30, 1e9
+_ITERATIONS, _LONGEST_DAYS, _FEW = 30, 1e9, 2000
 # A search at rest keeps planets up to this way within 0.3 lambda/D, on whatever bound orbit they are.
 _RESTING = math.sqrt(2.0) * MOST_SHIFT_LAMBDA_D
 
@@ -275,11 +275,15 @@ class OrbitSearch(NamedTuple):
         one, two, three = _SMEARS
         factor = np.asarray(1.0 + square * (one + square * (two + square * three)))
         far = shift > _RESTING
-        if np.any(far):
-            many, days, speed, bend = (
-                np.broadcast_to(part, factor.shape)[far] for part in (visits, span, self.speed, self.bend)
-            )
-            factor[far] *= self._level(many, days, speed) / self.sigma / _bent(bend * days**2 / 16.0)
+        if far.any():
+            parts = visits, span, self.speed, self.bend
+            few = factor.size < _FEW  # to pick them out costs more than all of a few
+            many, days, speed, bend = parts if few else (np.broadcast_to(part, factor.shape)[far] for part in parts)
+            more = self._level(many, days, speed) / self.sigma / _bent(bend * days**2 / 16.0)
+            if few:
+                np.multiply(factor, more, out=factor, where=far)
+            else:
+                factor[far] *= more
         return factor
 
     def _level(self, visits: FloatArray, span: FloatArray, speed: FloatArray) -> FloatArray:
@@ -301,5 +305,6 @@ class OrbitSearch(NamedTuple):
 
 def _bent(bend_lambda_d: FloatArray) -> FloatArray:
     """Return the part of the light that is kept on the best line beside an arc that bends off it by so much."""
-    near = np.minimum(bend_lambda_d, _BENDS[-1])
-    return np.asarray(np.interp(near, _BENDS, _along_a_bend()) * near / np.maximum(bend_lambda_d, 1e-300))
+    bend = np.maximum(bend_lambda_d, 1e-300)
+    near = np.minimum(bend, _BENDS[-1])
+    return np.asarray(np.interp(near, _BENDS, _along_a_bend()) * near / bend)
