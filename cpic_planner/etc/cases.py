@@ -1268,9 +1268,8 @@ def in_programme(
     level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
     z0, z1, z2 = residuals(rates, level, programme)
     shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
-    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
-    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
-    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
+    signal_e_s = spread(problem.signal_e_s, shape)
+    return replace(problem, z0=z0, z1=z1, z2=z2, visits=programme.visits, signal_e_s=signal_e_s)
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:

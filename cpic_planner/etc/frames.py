@@ -38,7 +38,7 @@ _LONGER = 1.1, 2.0, 5.0, 20.0, 200.0, np.inf
 
 
 class FrameProblem(CaseArrays, Record):
-    """The numbers that decide the frames of any number of cases; arrays of one shape.
+    """The numbers that decide the frames of any number of cases; arrays that broadcast to the shape of the signal.
 
     Attributes
     ----------
@@ -86,7 +86,8 @@ class FrameProblem(CaseArrays, Record):
 
     def peaks_e_s(self, index: Any = ...) -> tuple[Any, Any, Any]:
         """Return the light that must not saturate: in the hole's columns, inside it, and before the register."""
-        return self.peak_columns_e_s[index], self.peak_in_hole_e_s[index], self.register_tail_e_s[index]
+        peaks = self.peak_columns_e_s, self.peak_in_hole_e_s, self.register_tail_e_s
+        return peaks if index is ... else tuple(spread(peak, self.signal_e_s.shape)[index] for peak in peaks)
 
     @functools.cached_property
     def longest_s(self) -> FloatArray:
@@ -244,7 +245,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     if problem.best_s is not None:
         t = np.array(problem.best_s)
         return t, np.where(usable, problem.frame_noise(t)[0] * (t + camera.readout_s), np.inf)
-    low = np.full(longest.shape, camera.exposure_min_s)
+    low = np.full(problem.signal_e_s.shape, camera.exposure_min_s)
     high = np.maximum(longest, low)
 
     def cost(part: FrameProblem, t: FloatArray) -> FloatArray:
@@ -348,14 +349,13 @@ def best_in_visit(
     shortest = camera.exposure_min_s
     feasible = (top >= shortest * (1.0 - 1e-12)) & np.isfinite(cost)
     top = np.maximum(top, shortest)
-    wide = problem.spread(top.shape)
     t = top
     if whole:
         filled = np.where(feasible, frames * (top + camera.readout_s), 0.0)
         feasible &= filled >= filled.max(axis=0) * (1.0 - 1e-9)
     else:
-        t = _paying_exposure_s(wide, frames, top, spread(np.maximum(longest, shortest), top.shape))
-    value = wide.inverse_snr2(t, frames)
+        t = _paying_exposure_s(problem, frames, top, spread(np.maximum(longest, shortest), top.shape))
+    value = problem.inverse_snr2(t, frames)
     chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
     return chosen if whole or not quickest else shortened(problem, chosen, visit)
 
@@ -412,7 +412,7 @@ def least_time(
     possible = np.isfinite(about_s)
     lower = np.where(possible, about_s, 0.0)
     frames = _candidates(lower, t_best + camera.readout_s)
-    wide, shape, lower = problem.spread(frames.shape), frames.shape, lower * (1.0 - 1e-9)
+    shape, lower = frames.shape, lower * (1.0 - 1e-9)
     own = None if given is None else spread(np.where(possible, given, 1.0), shape)
     wanted = level if own is None else own
     longest = spread(np.maximum(problem.longest_s, camera.exposure_min_s), shape)
@@ -421,7 +421,7 @@ def least_time(
     possible = possible & (frames * (longest + camera.readout_s) >= lower)
 
     def over(exposure_s: FloatArray) -> FloatArray:
-        return _over_level(wide, exposure_s, frames, wanted)
+        return _over_level(problem, exposure_s, frames, wanted)
 
     start = top = low
     reached = over(low) <= 1.0 + _ROUNDING
@@ -433,7 +433,7 @@ def least_time(
         reached |= left & (over(top) <= 1.0 + _ROUNDING)
     left = possible & ~reached
     if own is not None and left.any():
-        part, n, aim = wide.at(left), frames[left], own[left]
+        part, n, aim = problem.at(left), frames[left], own[left]
         start[left], high, least = bracketed(part, _over_level, low[left], longest[left], n, aim)
         near = (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
         if near.any():
@@ -443,7 +443,7 @@ def least_time(
     reached &= possible
     t = first_root_of_all(over, start, top, reached)
     visit = frames * (t + camera.readout_s)
-    return _pick(problem, t, frames, np.where(reached, visit, np.inf), wide.inverse_snr2(t, frames))
+    return _pick(problem, t, frames, np.where(reached, visit, np.inf), problem.inverse_snr2(t, frames))
 
 
 def smooth_least_visit_s(

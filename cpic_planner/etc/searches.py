@@ -71,7 +71,7 @@ def mapped(function: Callable[..., Any], first: Any, *others: Any) -> Any:
 
 
 class CaseArrays:
-    """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
+    """Base of dataclasses of arrays that broadcast, a case each; what is no array is the same for all cases."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -84,7 +84,9 @@ class CaseArrays:
         return type(self)(**parts)
 
     def at(self, index: Any) -> Self:
-        """Return the cases of a mask, as flat arrays, or one element of the first axis."""
+        """Return the cases of a mask, as flat arrays, or one element of the first axis of arrays of one shape."""
+        if isinstance(index, np.ndarray) and index.dtype == bool:
+            return self._combined(lambda array: spread(array, index.shape)[index])
         return self._combined(lambda array: array[index])
 
     def spread(self, shape: tuple[int, ...]) -> Self:
