@@ -184,7 +184,7 @@ def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, 
         library; their time is not counted here).
     """
     rates, camera, programme = cases.rates, cases.free_camera, cases.programme
-    crossed, light = (programme.law(part).variance(choice.visit_s) for part in cases.residual_parts)
+    crossed, light = (programme.law(part).variance(choice.visit_s) for part in cases.rates.parts)
     with np.errstate(divide="ignore", invalid="ignore"):
         calmer = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
     which = np.arange(len(_REMEDIES)).reshape(-1, 1, 1, 1)

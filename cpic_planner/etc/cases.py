@@ -67,7 +67,7 @@ from cpic_planner.targets import Targets
 from simulator.detectors import FrameTerm
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.imaging import quadrant_of
-from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
+from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
@@ -79,13 +79,17 @@ _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
-_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_law", "_averaging", "camera")
+_OF_PLACES = ("_orbits", "separation_arcsec", "usable", "_law", "_averaging", "camera")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
 _FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
 
 
 def search_motion(
-    model: EtcModel, targets: Targets, band: str, separation_arcsec: ArrayLike, stars: IntArray | None = None
+    model: EtcModel,
+    targets: Targets,
+    band: str | Sequence[str],
+    separation_arcsec: ArrayLike,
+    stars: IntArray | None = None,
 ) -> OrbitSearch:
     """Return what the motion of planets costs a blind search at places around stars.
 
@@ -94,17 +98,20 @@ def search_motion(
     model : EtcModel
     targets : Targets
         ``n`` stars.
-    band : str
+    band : str or sequence of str
+        Several are the first of three axes of the places.
     separation_arcsec : array_like
         Projected, above 0; its first axis is 1 or that of the stars.
     stars : ndarray of int, optional
-        Which of the stars each place is at, of the shape of the places.
+        Which of the stars each place is at; broadcasts with the places.
     """
     place, strategy = np.asarray(separation_arcsec, float), model.strategy
     around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
+    one = isinstance(band, str)
+    widths = np.array([model.metrics[name].lambda_d_arcsec for name in ((band,) if one else band)])
     physics = (tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k))
     masses_msun = _masses_msun(tuple(targets.name.tolist()), *physics)
-    of_star = targets.distance_pc[around], masses_msun[around], model.metrics[band].lambda_d_arcsec
+    of_star = targets.distance_pc[around], masses_msun[around], widths[0] if one else widths[:, None, None]
     # Within the significances that trials are stated for.
     sigma = min(max(strategy.sigma, 1.0), 20.0)
     return OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=sigma)
@@ -343,10 +350,8 @@ class Cases(Record, eq=False):
 
     @functools.cached_property
     def _orbits(self) -> OrbitSearch:
-        pairs = zip(self.bands, self.separation_arcsec, strict=True)
-        every = [search_motion(self.model, self.targets, band, place) for band, place in pairs]
-        found: OrbitSearch = _together(every, self.shape[1:])
-        return found
+        stars = np.arange(len(self.targets))[:, None]
+        return search_motion(self.model, self.targets, self.bands, self.separation_arcsec, stars)
 
     @property
     def motion(self) -> OrbitSearch | None:
@@ -354,24 +359,14 @@ class Cases(Record, eq=False):
         return self._orbits if self.moving and self.model.strategy.search == "blind" else None
 
     @functools.cached_property
-    def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
-        """Residual in units of the star's light: cross term with the static field, and light of the errors."""
-        model, strategy = self.model, self.model.strategy
-        shared = strategy.annulus_lambda_d, strategy.reference_ratio, model.timing
-        pairs = zip(self.bands, np.hypot(self.x_arcsec, self.y_arcsec), strict=True)
-        parts = [programme_parts(model.metrics[band], model.instrument.drift, at, *shared) for band, at in pairs]
-        crossed, light = _together(parts, self.shape[1:])
-        return crossed, light
-
-    @functools.cached_property
     def _law(self) -> SearchLaw:
         return bands_law(self.model, self.bands)
 
     @functools.cached_property
     def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
-        """Residual that visits average, (e-/s)^2, and two parts of it of one visit: cross term, and errors' light."""
-        crossed, light = (part.averaging().law() for part in self.residual_parts)
-        return self.rates.speckle.averaging().scaled(self.rates.variance_factor), crossed, light
+        """Residual that visits average, (e-/s)^2, and two laws of it in one visit: light of the errors, and all."""
+        crossed, light = (part.averaging() for part in self.rates.parts)
+        return self.rates.speckle.averaging().scaled(self.rates.variance_factor), light.law(), crossed.beside(light).law()
 
     @property
     def steady(self) -> bool:
@@ -439,12 +434,13 @@ class Cases(Record, eq=False):
         at = self.level_at(programme)
         if self.steady:
             return lambda visit_s, inverse: at(np.zeros_like(inverse), visit_s)
-        averaging, signal2 = programme.law(self._averaging[0]), problem.signal_e_s**2
+        with np.errstate(divide="ignore", over="ignore"):
+            averaging = programme.law(self._averaging[0]).scaled(problem.signal_e_s**-2.0)
 
         def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 residual = problem.residual(visit_s)
-                light = self.light_share(visit_s) * averaging.variance(visit_s) / signal2 / residual
+                light = self.light_share(visit_s) * averaging.variance(visit_s) / residual
                 return at(residual / inverse, visit_s, light)
 
         return level
@@ -469,9 +465,8 @@ class Cases(Record, eq=False):
 
     def light_share(self, visit_s: FloatArray) -> FloatArray:
         """Return the share of the errors' light in what visits average."""
-        crossed, light = (part.variance(visit_s) for part in self._averaging[1:])
-        whole = light + crossed
-        return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+        light, whole = (part.variance(visit_s) for part in self._averaging[1:])
+        return np.asarray(light / np.maximum(whole, 1e-300))
 
     def chances(self, visit_s: FloatArray, noise: StackNoise) -> Chances:
         """Return the probabilities of a detection in the programme."""

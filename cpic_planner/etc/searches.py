@@ -371,7 +371,7 @@ def first_root(
     new = np.where((new > start) & (new < end), new, 0.5 * (start + end))
     for _ in range(_MAX_STEPS):
         below = np.where(fx <= 0.0, fx, f_other)
-        roundings = _ULPS * np.maximum(np.abs(x), 1.0)
+        roundings = np.maximum(_ULPS * np.maximum(np.abs(x), 1.0), 0.05 * tolerance)
         if (at_low | (below > -tolerance) | (np.abs(x - other) <= 0.25 * roundings)).all():
             break
         f_new = np.log(function(part, np.exp(new), *others))
