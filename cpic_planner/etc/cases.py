@@ -30,6 +30,7 @@ from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_o
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
+    Level,
     best_exposure_s,
     best_in_visit,
     frame_problem,
@@ -107,11 +108,11 @@ def search_motion(
     """
     place, strategy = np.asarray(separation_arcsec, float), model.strategy
     around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
-    one = isinstance(band, str)
-    widths = np.array([model.metrics[name].lambda_d_arcsec for name in ((band,) if one else band)])
+    names = (band,) if isinstance(band, str) else band
+    widths = np.array([model.metrics[name].lambda_d_arcsec for name in names])
     physics = (tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k))
     masses_msun = _masses_msun(tuple(targets.name.tolist()), *physics)
-    of_star = targets.distance_pc[around], masses_msun[around], widths[0] if one else widths[:, None, None]
+    of_star = targets.distance_pc[around], masses_msun[around], widths[0] if isinstance(band, str) else widths[:, None, None]
     # Within the significances that trials are stated for.
     sigma = min(max(strategy.sigma, 1.0), 20.0)
     return OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=sigma)
@@ -407,7 +408,8 @@ class Cases(Record, eq=False):
         """Return the cases with another programme or level; what is known of the light is kept."""
         made = copy.copy(self)
         vars(made).update({"_single": self._single} | changes)
-        vars(made).pop("by_mean", None)
+        for name in ("by_mean", "_visits"):
+            vars(made).pop(name, None)
         if made.objective != self.objective:
             vars(made).pop("_alone", None)
         return made
@@ -426,7 +428,7 @@ class Cases(Record, eq=False):
         planet_e_s = self.rates.planet_e_s * factor
         return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
 
-    def level(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    def level(self, programme: Programme, problem: FrameProblem) -> Level:
         """Return the level of a programme: of the length of its visits, and of noise over signal squared.
 
         It is that of cases with three elements where none is defined, which can be solved like others.
@@ -735,9 +737,9 @@ class Cases(Record, eq=False):
 
     def _missed(self, visits: FloatArray, time_s: ArrayLike) -> FloatArray:
         """Return ``(level / SNR)^2`` of programmes in a wall time."""
-        each_s = np.asarray(time_s, float) / visits
-        programme = self.programme_of(visits, each_s)
-        problem, camera, visit = self.problem_in(programme), self.camera, self.model.visit_s(each_s)
+        each_s, camera = np.asarray(time_s, float) / visits, self.camera
+        problem, level = self._asked(visits, each_s)
+        visit = self.model.visit_s(each_s)
         exposure = np.minimum(self._alone[0], visit - camera.readout_s)
         possible = exposure >= camera.exposure_min_s * (1.0 - 1e-12)
         exposure = np.where(possible, exposure, camera.exposure_min_s)
@@ -751,7 +753,19 @@ class Cases(Record, eq=False):
             visit = np.minimum(longest_s, peak_visit_s(problem, cost))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = np.where(possible & np.isfinite(cost), cost / visit + problem.residual(visit), np.inf)
-            return np.asarray(inverse * self.level(programme, problem)(visit, inverse) ** 2)
+            return np.asarray(inverse * level(visit, inverse) ** 2)
+
+    def _asked(self, visits: FloatArray, wall_s: FloatArray) -> tuple[FrameProblem, Level]:
+        """Return the problem of visits of a wall time and their level; of the same visits once, if it does not matter."""
+        kept: tuple[FloatArray, tuple[FrameProblem, Level]] | None = vars(self).get("_visits")
+        if kept is not None and kept[0] is visits:
+            return kept[1]
+        programme = self.programme_of(visits, wall_s)
+        problem = self.problem_in(programme)
+        made = problem, self.level(programme, problem)
+        if self.model.strategy.n_modes == 0 and self.model.instrument.drift.correlation_time_h == 0.0:
+            vars(self)["_visits"] = visits, made
+        return made
 
     def solved(self, visits: ArrayLike, *, about: bool = False) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits with which programmes reach the level (``inf`` where none does), and the level.
@@ -804,25 +818,23 @@ class Cases(Record, eq=False):
         self, visits: FloatArray, wall_s: FloatArray, *, about: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""
-        programme, best_s = self.programme_of(visits, wall_s), self._alone[0]
-        problem, camera = self.problem_in(programme), self.camera
+        (problem, wanted), best_s, camera = self._asked(visits, wall_s), self._alone[0], self.camera
         shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
-        visit, level = self._reached(programme, problem, _cost(problem, best_s), about)
+        visit, level = self._reached(wanted, problem, _cost(problem, best_s), about)
         if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
             exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-            other, its_level = self._reached(programme, problem, _cost(problem, exposure), about)
+            other, its_level = self._reached(wanted, problem, _cost(problem, exposure), about)
             whole = (visit < frame_s) & (other > frame_s)
             visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
         return np.maximum(visit, shortest_s), level
 
     def _reached(
-        self, programme: Programme, problem: FrameProblem, cost: FloatArray, about: bool
+        self, wanted: Level, problem: FrameProblem, cost: FloatArray, about: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of the level, and the level, by secants of logarithms from a falling curve's left.
 
         White noise alone falls with the slope -1, which no step overshoots.
         """
-        wanted = self.level(programme, problem)
         if self.steady:
             most = wanted(np.ones_like(cost), np.zeros_like(cost))
             return smooth_least_visit_s(problem, most, cost), most
