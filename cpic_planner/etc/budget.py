@@ -21,13 +21,13 @@ import numpy as np
 from cpic_core import ArrayLike, FloatArray, NDArray, Provenance, Reason, Status
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
-from cpic_planner.etc.model import FrameCamera, Programme
+from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.signal import ProgrammeLaw, crest_e, gain_caps, largest_gain, longest_exposure_s
+from simulator.signal import frame_limit, gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -55,49 +55,25 @@ def binding_limits(
         asked for.
         ``gain_limited_by``: ``em_gain_max``, ``register_full_well``, ``adc_range``, or empty. ``gain_caps``: by limit.
     """
-    camera = problem.camera
+    camera, (column, hole, tail) = problem.camera, map(float, problem.peaks_e_s(index))
     exposure, gain = float(choice.exposure_s[index]), float(choice.em_gain[index])
-    column, hole, tail = map(float, problem.peaks_e_s(index))
-    fixed = problem.fixed_gain() or 1.0
+    fixed, bound, gain_bound = problem.fixed_gain() or 1.0, "", ""
     saturating = float(longest_exposure_s(column, hole, tail, camera, fixed))
     if camera.exposure_min_s == camera.exposure_max_s:
-        bound = ""
+        pass
     elif exposure >= saturating * (1.0 - _EDGE):
-        bound = _first_limit(column, hole, tail, camera, fixed)
+        bound = frame_limit(column, hole, tail, saturating * (1.0 + _EDGE), fixed, camera).value
     elif exposure >= camera.exposure_max_s * (1.0 - _EDGE):
         bound = EXPOSURE_MAX
     elif exposure <= camera.exposure_min_s * (1.0 + _EDGE):
         bound = EXPOSURE_MIN
-    else:
-        bound = ""
     cap = float(largest_gain(hole, tail, exposure, camera))
-    gain_bound = ""
     if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
-        gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else _output_limit(hole, tail, exposure, camera)
+        beyond = frame_limit(0.0, hole, tail, exposure, cap * (1.0 + _EDGE), camera)
+        gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else beyond.value
     frame = float(spread(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
     caps = gain_caps(hole, tail, frame, exposure, camera)
     return {"exposure_limited_by": bound, "gain_limited_by": gain_bound, "gain_caps": caps}
-
-
-def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, gain: float) -> str:
-    """Return which of the saturation limits is met first."""
-    well = float(longest_exposure_s(column, hole, 0.0, _endless_output(camera), gain))
-    output = float(longest_exposure_s(column, hole, tail, camera, gain))
-    if well <= output * (1.0 + _EDGE):
-        return Reason.PIXEL_FULL_WELL.value
-    return _output_limit(hole, tail, output, camera)
-
-
-def _endless_output(camera: FrameCamera) -> FrameCamera:
-    """Return the camera with pixels that fill and an output that never does."""
-    return replace(camera, register_full_well_e=float("inf"), converter_e=float("inf"))
-
-
-def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
-    """Return whether register or converter binds at the output."""
-    own, beside = (float(crest_e(rate * exposure_s, 2.0)) for rate in (hole, tail if camera.blooms else 0.0))
-    by_converter, by_register = own * camera.register_full_well_e, max(own, beside) * camera.converter_e
-    return Reason.ADC_RANGE.value if by_converter > by_register else Reason.REGISTER_FULL_WELL.value
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:

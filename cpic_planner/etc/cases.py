@@ -108,11 +108,12 @@ def search_motion(
     """
     place, strategy = np.asarray(separation_arcsec, float), model.strategy
     around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
-    names = (band,) if isinstance(band, str) else band
-    widths = np.array([model.metrics[name].lambda_d_arcsec for name in names])
+    bands = (band,) if isinstance(band, str) else band
+    width_arcsec = np.array([model.metrics[name].lambda_d_arcsec for name in bands])
+    width_arcsec = width_arcsec[0] if isinstance(band, str) else width_arcsec[:, None, None]
     physics = (tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k))
     masses_msun = _masses_msun(tuple(targets.name.tolist()), *physics)
-    of_star = targets.distance_pc[around], masses_msun[around], widths[0] if isinstance(band, str) else widths[:, None, None]
+    of_star = targets.distance_pc[around], masses_msun[around], width_arcsec
     # Within the significances that trials are stated for.
     sigma = min(max(strategy.sigma, 1.0), 20.0)
     return OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=sigma)
@@ -367,7 +368,8 @@ class Cases(Record, eq=False):
     def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
         """Residual that visits average, (e-/s)^2, and two laws of it in one visit: light of the errors, and all."""
         crossed, light = (part.averaging() for part in self.rates.parts)
-        return self.rates.speckle.averaging().scaled(self.rates.variance_factor), light.law(), crossed.beside(light).law()
+        whole = self.rates.speckle.averaging().scaled(self.rates.variance_factor)
+        return whole, light.law(), crossed.beside(light).law()
 
     @property
     def steady(self) -> bool:
@@ -756,7 +758,7 @@ class Cases(Record, eq=False):
             return np.asarray(inverse * level(visit, inverse) ** 2)
 
     def _asked(self, visits: FloatArray, wall_s: FloatArray) -> tuple[FrameProblem, Level]:
-        """Return the problem of visits of a wall time and their level; of the same visits once, if it does not matter."""
+        """Return the problem of visits of a wall time, and their level; once where the time does not matter."""
         kept: tuple[FloatArray, tuple[FrameProblem, Level]] | None = vars(self).get("_visits")
         if kept is not None and kept[0] is visits:
             return kept[1]
@@ -881,12 +883,8 @@ class Cases(Record, eq=False):
         excess: Callable[[FloatArray], FloatArray], left: FloatArray, right: FloatArray, wanted: NDArray[np.bool_]
     ) -> FloatArray:
         """Return the first root of a function between two points, or the bottom of a valley that stays above 0."""
-        low, high = left, right
-        for _ in range(_ROUNDS):
-            share = np.linspace(0.0, 1.0, _POINTS).reshape((-1,) + (1,) * left.ndim)
-            grid = low + (high - low) * share
-            low, best, high = around_lowest(grid, values := excess(grid))
-        least = values.min(axis=0)
+        length_s, least = _lowest(lambda at: excess(np.log(at)), np.exp(left), np.exp(right))
+        best = np.log(length_s)
         crossed = wanted & (least <= 0.0)
         ends = np.exp(left), np.exp(np.where(crossed, best, left))
         found = first_root_of_all(lambda at: np.exp(excess(np.log(at))), *ends, crossed, tolerance=1e-11)

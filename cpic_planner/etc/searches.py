@@ -5,7 +5,7 @@ Functions are searched in the logarithm of their argument.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -110,22 +110,8 @@ class CaseArrays:
         return cases[0]._combined(lambda *arrays: np.stack(arrays, axis), *cases[1:])
 
 
-class _Selectable(Protocol):
-    def at(self, mask: NDArray[np.bool_]) -> Any: ...
-
-
-Problem = TypeVar("Problem", bound=_Selectable)
-
-
-class _AllCases:
-    """Cases that are never looked at apart."""
-
-    def at(self, _: Any) -> Self:
-        return self
-
-
 def lowest(
-    problem: Problem,
+    problem: Any,
     function: Callable[..., FloatArray],
     low: FloatArray,
     high: FloatArray,
@@ -301,7 +287,7 @@ def last_true(condition: Callable[[FloatArray], NDArray[np.bool_]], shape: tuple
 
 
 def bracketed(
-    problem: Problem, function: Callable[..., FloatArray], low: FloatArray, high: FloatArray, *more: FloatArray
+    problem: Any, function: Callable[..., FloatArray], low: FloatArray, high: FloatArray, *more: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return closer brackets of the first root of `first_root`, from a grid between the given ones.
 
@@ -325,7 +311,7 @@ def bracketed(
 
 
 def first_root(
-    problem: Problem,
+    problem: Any,
     function: Callable[..., FloatArray],
     low: FloatArray,
     high: FloatArray,
@@ -338,7 +324,7 @@ def first_root(
     Parameters
     ----------
     problem, function, *more
-        As in `lowest`; all arrays of the shape of ``low``.
+        As in `lowest`; all arrays of the shape of ``low``. A function that knows all cases or none has None for them.
     low, high : ndarray
         Brackets; the value at ``high`` is at most 1. Where that at ``low`` is so already, ``low`` is returned.
     wanted : ndarray of bool
@@ -360,7 +346,7 @@ def first_root(
     mask = wanted & (high > low)
     if not mask.any():
         return t
-    part, others = problem.at(mask), [array[mask] for array in more]
+    part, others = None if problem is None else problem.at(mask), [array[mask] for array in more]
     start, end = np.log(low[mask]), np.log(high[mask])
     at_start, at_end = (np.log(function(part, ends[mask], *others)) for ends in (low, high))
     at_low, at_end = at_start <= 0.0, np.minimum(at_end, 0.0)
@@ -413,4 +399,4 @@ def first_root_of_all(
         return np.where(wanted, np.clip(function(t.reshape(low.shape)), 1e-300, 1e300), 1.0).ravel()
 
     ends = low.ravel(), np.maximum(high, low * (1.0 + 1e-15)).ravel()
-    return first_root(_AllCases(), value, *ends, np.ones(low.size, bool), tolerance=tolerance).reshape(low.shape)
+    return first_root(None, value, *ends, np.ones(low.size, bool), tolerance=tolerance).reshape(low.shape)
