@@ -71,7 +71,7 @@ def binding_limits(
     if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
         beyond = frame_limit(0.0, hole, tail, exposure, cap * (1.0 + _EDGE), camera)
         gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else beyond.value
-    frame = float(spread(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
+    frame = float(spread(rates.peak_frame_e_s, problem.shape)[index])
     caps = gain_caps(hole, tail, frame, exposure, camera)
     return {"exposure_limited_by": bound, "gain_limited_by": gain_bound, "gain_caps": caps}
 

@@ -570,7 +570,7 @@ class Cases(Record, eq=False):
         if alike:
             return in_programme(self._single[objective], self.rates, made, objective)
         other = framed(made)
-        return replace(other, best_s=spread(self._single[objective].best_s, other.signal_e_s.shape))
+        return replace(other, best_s=spread(self._single[objective].best_s, other.shape))
 
     def noise(self, choice: FrameChoice) -> StackNoise:
         """Return the signal and noise of chosen frames."""
@@ -910,7 +910,7 @@ class Cases(Record, eq=False):
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FloatArray]:
         """Return the programmes of so many visits in a time, with the length of their science visits."""
         programme = self.programme_of(visits, time_s / visits)
-        shape = self.problem_in(programme).signal_e_s.shape
+        shape = self.problem_in(programme).shape
         return programme, spread(self.model.visit_s(time_s / visits), shape)
 
     def in_time(self, span: Span, exact: bool) -> "Solution":
@@ -943,7 +943,7 @@ class Cases(Record, eq=False):
         """
         programme = self.programme_of(visits, visit_time_s)
         problem = self.problem_in(programme)
-        visit_s = spread(self.model.visit_s(visit_time_s), problem.signal_e_s.shape)
+        visit_s = spread(self.model.visit_s(visit_time_s), problem.shape)
         choice = best_in_visit(problem, visit_s, **settings)
         for _ in range(_LEVEL_STEPS if self.model.strategy.n_modes else 0):
             last, programme = choice, self.programme_of(visits, visit_time_s, choice)

@@ -84,10 +84,10 @@ class CaseArrays:
         return type(self)(**parts)
 
     def at(self, index: Any) -> Self:
-        """Return the cases of a mask, as flat arrays, or one element of the first axis of arrays of one shape."""
-        if isinstance(index, np.ndarray) and index.dtype == bool:
-            return self._combined(lambda array: spread(array, index.shape)[index])
-        return self._combined(lambda array: array[index])
+        """Return the cases of a mask, as flat arrays, or one element of the first axis."""
+        masked = isinstance(index, np.ndarray) and index.dtype == np.bool_
+        shape = index.shape if masked else getattr(self, "shape", None)
+        return self._combined(lambda array: (array if shape is None else spread(array, shape))[index])
 
     def spread(self, shape: tuple[int, ...]) -> Self:
         """Return the cases repeated along new first axes."""

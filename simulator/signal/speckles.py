@@ -151,7 +151,10 @@ class ProgrammeLaw(NamedTuple):
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     """Return the law of residuals that know nothing of each other."""
-    return SpeckleLaw(*(sum(part[1:], part[0]) for part in zip(*laws, strict=True)))
+    (k0, k1, k2), *others = laws
+    for more in others:
+        k0, k1, k2 = k0 + more.k0, k1 + more.k1, k2 + more.k2
+    return SpeckleLaw(k0, k1, k2)
 
 
 def speckle_law(
