@@ -416,6 +416,10 @@ class Cases(Record, eq=False):
             vars(made).pop("_alone", None)
         return made
 
+    def asked_for(self, *, snr: float | None = None, sigma: float | None = None) -> Self:
+        """Return the cases with an SNR or a plain significance to reach; without either, a detection."""
+        return self._with(objective="significance" if snr is None else "snr", value=sigma if snr is None else snr)
+
     def of_contrast(self, contrast: FloatArray) -> Self:
         """Return the cases with other contrasts; what does not follow them is kept."""
         made = replace(self, contrast=contrast, rates=self.rates_at(contrast))
@@ -680,7 +684,7 @@ class Cases(Record, eq=False):
         """
         visit_s = float(self.model.time_s(self._shortest_s))
         most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
-        return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))
+        return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))[0]
 
     def bottom_s(self, visits: FloatArray, longest_s: FloatArray) -> FloatArray:
         """Return the length of visits that comes nearest to the level, up to a bit beyond the longest; else ``inf``.
@@ -708,8 +712,8 @@ class Cases(Record, eq=False):
         """Return ``(level / SNR)^2`` of visits of a length."""
         return self._missed(visits, visits * self.model.time_s(length_s))
 
-    def quickest(self) -> FloatArray:
-        """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
+    def quickest(self) -> tuple[FloatArray, FloatArray]:
+        """Return the numbers of visits that reach the level in least wall time, 1 where none does, and that time."""
         most = np.full(self.shape, float(MAX_VISITS))
         return lowest_whole(lambda visits: visits * self.model.time_s(self.solved(visits, about=True)[0]), most)
 
@@ -963,7 +967,7 @@ class Cases(Record, eq=False):
             return self._in_visits(visits, span.visit_time_s)
         if span.visits is not None:
             return self.at_level(np.full(self.shape, float(span.visits)))
-        best = self.quickest()
+        best = self.quickest()[0]
         near = np.stack([*_beside(best), np.full_like(best, MAX_VISITS)])
         found = self.at_level(near)
         cost = np.where(found.choice.n_frames >= 1, near * model.time_s(found.choice.visit_s), np.inf)
@@ -1170,8 +1174,7 @@ def cases_by_camera(
     cameras = {band: _fixed_camera(model, band, exposure_s) for band in names}
     alike = [[band for band in cameras if cameras[band] == one] for one in dict.fromkeys(cameras.values())]
     asked: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "offsets_arcsec": offsets_arcsec}
-    asked |= {"objective": "significance" if snr is None else "snr", "value": sigma if snr is None else snr}
-    return [cases_of(model, targets, same, planets, **asked) for same in alike]
+    return [cases_of(model, targets, same, planets, **asked).asked_for(snr=snr, sigma=sigma) for same in alike]
 
 
 def _fixed_camera(model: EtcModel, band: str, exposure_s: float | None) -> FrameCamera:

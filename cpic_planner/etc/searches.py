@@ -217,8 +217,8 @@ def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray
     return points
 
 
-def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> FloatArray:
-    """Return the whole number from 1 to ``most`` of least cost, where cost has one valley; to 4 % beyond some 25.
+def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the whole number from 1 to ``most`` of least cost, to 4 % beyond some 25, and it; cost has one valley.
 
     Parameters
     ----------
@@ -232,7 +232,8 @@ def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> 
     for _ in range(2):
         low, high = around_lowest(grid, cost(grid))[::2]
         grid = np.round(low * (high / low) ** _NINE.reshape(axis))
-    return around_lowest(grid, cost(grid))[1]
+    values = cost(grid)
+    return around_lowest(grid, values)[1], np.fmin.reduce(values)
 
 
 def around_lowest(grid: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
