@@ -161,7 +161,7 @@ def _along_a_bend() -> FloatArray:
     return np.asarray(np.interp(_BENDS[:, None] * off, track.offset, track.light) @ (2.0 * weight))
 
 
-_SMEARS = (0.07185791269126228, 0.0009736420291557501, 0.0001017194757545384)
+_SMEARS = (0.0718581003869122, 0.0009736586569963758, 0.0001017201519227341)
 """Coefficients of ``1 / smeared(s) - 1`` in ``s^2``, ``s^4``, ``s^6`` up to 0.6 lambda/D, to 1e-6: a fit to `smeared`,
 which the tests repeat (it takes as long as all else that a cold answer computes)."""
 
