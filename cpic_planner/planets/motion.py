@@ -289,7 +289,7 @@ class OrbitSearch(NamedTuple):
         factor = np.asarray(1.0 + square * (one + square * (two + square * three)))
         far = shift > _RESTING
         if far.any():
-            parts = visits, span, self.speed, self.bend
+            parts = np.asarray(visits, float), span, self.speed, self.bend
             few = factor.size < _FEW  # to pick them out costs more than all of a few
             many, days, speed, bend = parts if few else (np.broadcast_to(part, factor.shape)[far] for part in parts)
             more = self._level(many, days, speed) / self.sigma / _bent(bend * days**2 / 16.0)
