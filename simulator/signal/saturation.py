@@ -204,13 +204,12 @@ def largest_gain(hole_peak_e_s: ArrayLike, register_e_s: ArrayLike, exposure_s: 
         At most the camera's largest gain. Below 1 not even gain 1 will do.
     """
     exposure = np.asarray(exposure_s, float)
-    own = crest_e(np.asarray(hole_peak_e_s, float) * exposure, 2.0)
-    beside = crest_e(np.asarray(register_e_s, float) * exposure, 2.0) if camera.blooms else np.zeros_like(own)
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        inside = np.where(own > 0, camera.output_well_e / own, np.inf)
-        trail = np.where(beside > 0, camera.register_full_well_e / beside, np.inf)
-        cap = np.minimum(inside, trail)
-    return np.minimum(cap, camera.em_gain_max)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # nothing binds what is dark
+        cap = np.fmin(camera.output_well_e / crest_e(np.multiply(hole_peak_e_s, exposure), 2.0), camera.em_gain_max)
+        if camera.blooms:
+            trail = crest_e(np.multiply(register_e_s, exposure), 2.0)
+            cap = np.fmin(cap, camera.register_full_well_e / trail)
+    return np.asarray(cap)
 
 
 def gain_caps(
