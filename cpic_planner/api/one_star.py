@@ -6,6 +6,7 @@ Known planets asked for by name: their place and light at a date, and what the e
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -320,20 +321,34 @@ def best_places(
     dict of str to list of float
         By band.
     """
-    grids = {band: etc.separation_grid(model, band) for band in bands}
-    most = max(len(grid) for grid in grids.values())
-    grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
-    how = {name: getattr(question, name) for name in ("exposure_s", "em_gain", "snr", "sigma")}
     planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
     ratios = (questions.TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
     best: dict[str, list[float]] = {band: [] for band in bands}
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        them = {band: etc.planets_of(list(grid), planet, contrast) for band, grid in grids.items()}
-        for cases in etc.cases_by_camera(model, star, bands, them, **how):
-            for band, cost in zip(cases.bands, _cost(question, model, cases), strict=True):
-                best[band].append(float(grids[band][int(np.argmin(cost))]))
+        for cases in _on_grids(model, star, tuple(bands), planet, contrast, question.exposure_s, question.em_gain):
+            cost = _cost(question, model, cases.asked_for(snr=question.snr, sigma=question.sigma))
+            for band, there, own in zip(cases.bands, cases.planets, cost, strict=True):
+                best[band].append(float(there.separation_arcsec[int(np.argmin(own))]))
     return best
+
+
+@functools.lru_cache(maxsize=32)
+def _on_grids(
+    model: etc.EtcModel,
+    star: Targets,
+    bands: tuple[str, ...],
+    planet: ReferencePlanet,
+    contrast: float | None,
+    exposure_s: float | None,
+    em_gain: float | None,
+) -> list[etc.Cases]:
+    """Return the cases of a planet at all separations of the bands; kept, as who asks about a star asks again."""
+    grids = {band: etc.separation_grid(model, band) for band in bands}
+    most = max(len(grid) for grid in grids.values())
+    grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}
+    them = {band: etc.planets_of(list(grid), planet, contrast) for band, grid in grids.items()}
+    return etc.cases_by_camera(model, star, bands, them, exposure_s=exposure_s, em_gain=em_gain)
 
 
 def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> FloatArray:
@@ -347,8 +362,9 @@ def _cost(question: EtcQuestion, model: etc.EtcModel, cases: etc.Cases) -> Float
         time_s = cases.fewest(model.visit_s(question.visit_time_s)) * question.visit_time_s
     else:
         # Modes change the best number of visits less than the time that it takes.
-        visits = cases.by_mean.quickest() if given is None else fixed
-        time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
+        visits, time_s = cases.by_mean.quickest() if given is None else (fixed, fixed)
+        if given is not None or model.strategy.n_modes:
+            time_s = visits * model.time_s(cases.solved(visits, about=True)[0])
     cost = np.where(cases.possible, time_s, np.inf)
     answered = np.isfinite(cost).any(axis=(1, 2), keepdims=True)
     if answered.all():

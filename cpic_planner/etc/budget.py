@@ -18,16 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, NDArray, Provenance, Reason, Status
+from cpic_core import ArrayLike, FloatArray, NDArray, Provenance, Reason, Status
 from cpic_planner.etc.cases import Cases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
-from cpic_planner.etc.model import FrameCamera, Programme
+from cpic_planner.etc.model import Programme
 from cpic_planner.etc.noise import StackNoise, residual_law
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.searches import spread
 from cpic_planner.results import LimitText
 from simulator.config import Instrument, load_instrument, preset_names
-from simulator.signal import ProgrammeLaw, crest_e, gain_caps, largest_gain, longest_exposure_s
+from simulator.signal import frame_limit, gain_caps, largest_gain, longest_exposure_s
 
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
@@ -55,49 +55,25 @@ def binding_limits(
         asked for.
         ``gain_limited_by``: ``em_gain_max``, ``register_full_well``, ``adc_range``, or empty. ``gain_caps``: by limit.
     """
-    camera = problem.camera
+    camera, (column, hole, tail) = problem.camera, map(float, problem.peaks_e_s(index))
     exposure, gain = float(choice.exposure_s[index]), float(choice.em_gain[index])
-    column, hole, tail = map(float, problem.peaks_e_s(index))
-    fixed = problem.fixed_gain() or 1.0
+    fixed, bound, gain_bound = problem.fixed_gain() or 1.0, "", ""
     saturating = float(longest_exposure_s(column, hole, tail, camera, fixed))
     if camera.exposure_min_s == camera.exposure_max_s:
-        bound = ""
+        pass
     elif exposure >= saturating * (1.0 - _EDGE):
-        bound = _first_limit(column, hole, tail, camera, fixed)
+        bound = frame_limit(column, hole, tail, saturating * (1.0 + _EDGE), fixed, camera).value
     elif exposure >= camera.exposure_max_s * (1.0 - _EDGE):
         bound = EXPOSURE_MAX
     elif exposure <= camera.exposure_min_s * (1.0 + _EDGE):
         bound = EXPOSURE_MIN
-    else:
-        bound = ""
     cap = float(largest_gain(hole, tail, exposure, camera))
-    gain_bound = ""
     if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
-        gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else _output_limit(hole, tail, exposure, camera)
-    frame = float(spread(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
+        beyond = frame_limit(0.0, hole, tail, exposure, cap * (1.0 + _EDGE), camera)
+        gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else beyond.value
+    frame = float(spread(rates.peak_frame_e_s, problem.shape)[index])
     caps = gain_caps(hole, tail, frame, exposure, camera)
     return {"exposure_limited_by": bound, "gain_limited_by": gain_bound, "gain_caps": caps}
-
-
-def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, gain: float) -> str:
-    """Return which of the saturation limits is met first."""
-    well = float(longest_exposure_s(column, hole, 0.0, _endless_output(camera), gain))
-    output = float(longest_exposure_s(column, hole, tail, camera, gain))
-    if well <= output * (1.0 + _EDGE):
-        return Reason.PIXEL_FULL_WELL.value
-    return _output_limit(hole, tail, output, camera)
-
-
-def _endless_output(camera: FrameCamera) -> FrameCamera:
-    """Return the camera with pixels that fill and an output that never does."""
-    return replace(camera, register_full_well_e=float("inf"), converter_e=float("inf"))
-
-
-def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
-    """Return whether register or converter binds at the output."""
-    own, beside = (float(crest_e(rate * exposure_s, 2.0)) for rate in (hole, tail if camera.blooms else 0.0))
-    by_converter, by_register = own * camera.register_full_well_e, max(own, beside) * camera.converter_e
-    return Reason.ADC_RANGE.value if by_converter > by_register else Reason.REGISTER_FULL_WELL.value
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
@@ -153,6 +129,17 @@ def _of_a_preset(key: str, item: Provenance) -> bool:
     return any(load_instrument(name).provenance.get(key) == item for name in preset_names("instrument"))
 
 
+_REMEDIES = (
+    "twice_the_time",
+    "twice_the_visits",
+    "half_the_drift",
+    "half_the_read_noise",
+    "half_the_clock_charge",
+    "half_the_star_light",
+    "four_times_the_reference",
+)
+
+
 def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
     """Return the factors by which the SNR of the chosen setting grows if one thing is changed.
 
@@ -172,41 +159,33 @@ def remedies(cases: Cases, choice: FrameChoice, noise: StackNoise) -> dict[str, 
         ``half_the_star_light`` (a darker hole, speckles in proportion), ``four_times_the_reference`` (frames of the
         library; their time is not counted here).
     """
-    model, rates, camera = cases.model, cases.rates, cases.free_camera
-
-    def snr(
-        light: ApertureRates,
-        cam: FrameCamera = camera,
-        chosen: FrameChoice = choice,
-        ratio: float = 1.0,
-        case: Cases = cases,
-    ) -> Any:
-        return case.noise_of(light, cam, chosen, ratio).snr
-
-    again = cases.programme_of(2.0 * cases.programme.visits, model.time_s(choice.visit_s), choice)
-    star, laws = rates.speckle, cases.residual_parts
-    visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
-    crossed, light = (cases.programme.law(part).variance(visit) for part in laws)
+    rates, camera, programme = cases.rates, cases.free_camera, cases.programme
+    crossed, light = (programme.law(part).variance(choice.visit_s) for part in cases.rates.parts)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
+        calmer = np.where(crossed + light > 0, (crossed / 4.0 + light / 16.0) / (crossed + light), 1.0)
+    which = np.arange(len(_REMEDIES)).reshape(-1, 1, 1, 1)
 
-    def less(light_e_s: FloatArray, speckle: ProgrammeLaw) -> ApertureRates:
-        reference_e_s = rates.reference_light_e_s - rates.reference_halo * light_e_s
-        return replace(rates, halo_e_s=rates.halo_e_s - light_e_s, reference_light_e_s=reference_e_s, speckle=speckle)
+    def only(name: str, value: ArrayLike, others: ArrayLike = 1.0) -> FloatArray:
+        return np.where(which == _REMEDIES.index(name), value, others)
 
-    darker = less((rates.halo_e_s - rates.errors_e_s) / 2.0, star.scaled(0.5))
-    calmer = less(0.75 * rates.errors_e_s, star.scaled(share))
-    changed = {
-        "twice_the_time": snr(rates, chosen=replace(choice, n_frames=2.0 * choice.n_frames)),
-        "twice_the_visits": snr(rates, case=cases.in_programme(again)),
-        "half_the_drift": snr(calmer),
-        "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
-        "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
-        "half_the_star_light": snr(darker),
-        "four_times_the_reference": snr(rates, ratio=4.0),
-    }
+    # All at once; but where photons are counted, every read noise has a law of its own.
+    drift, star, quieter = "half_the_drift", "half_the_star_light", "half_the_read_noise"
+    less_e_s = only(drift, 0.75 * rates.errors_e_s, only(star, (rates.halo_e_s - rates.errors_e_s) / 2.0, 0.0))
+    darker = replace(
+        rates,
+        halo_e_s=rates.halo_e_s - less_e_s,
+        reference_light_e_s=rates.reference_light_e_s - rates.reference_halo * less_e_s,
+        speckle=rates.speckle.scaled(only(drift, calmer, only(star, 0.5))),
+    )
+    clean: dict[str, Any] = {"cic_e": camera.cic_e * only("half_the_clock_charge", 0.5)}
+    longer = replace(choice, n_frames=choice.n_frames * only("twice_the_time", 2.0))
+    again = cases.programme_of(2.0 * programme.visits, cases.model.time_s(choice.visit_s), choice)
+    made = cases.in_programme(again.where(which == _REMEDIES.index("twice_the_visits"), programme))
+    snr = made.noise_of(darker, replace(camera, **clean), longer, only("four_times_the_reference", 4.0)).snr
+    less_noise = replace(camera, read_noise_e=camera.read_noise_e / 2.0)
+    snr[_REMEDIES.index(quieter)] = cases.noise_of(rates, less_noise, choice).snr
     with np.errstate(divide="ignore", invalid="ignore"):
-        return {name: np.where(noise.snr > 0, value / noise.snr, 1.0) for name, value in changed.items()}
+        return dict(zip(_REMEDIES, np.where(noise.snr > 0, snr / noise.snr, 1.0), strict=True))
 
 
 LONGEST_TIME_S = 1e9

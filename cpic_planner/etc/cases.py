@@ -30,6 +30,7 @@ from cpic_planner.etc.detection_law import Chances, SearchLaw, bands_law, half_o
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
+    Level,
     best_exposure_s,
     best_in_visit,
     frame_problem,
@@ -67,7 +68,7 @@ from cpic_planner.targets import Targets
 from simulator.detectors import FrameTerm
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.imaging import quadrant_of
-from simulator.signal import ProgrammeLaw, SpeckleLaw, programme_parts
+from simulator.signal import ProgrammeLaw, SpeckleLaw
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
@@ -79,13 +80,17 @@ _ROUNDS, _POINTS, _MANY_POINTS = 3, 18, 72
 _STEPS, _CLOSE, _FLAT = 40, 1e-12, 1.01e-4
 _SHORTEST_S, _WIDER, _REACHED = 1e-3, 1.5, 1e-9
 _LONGEST_S = 1e10
-_OF_PLACES = ("_orbits", "residual_parts", "separation_arcsec", "usable", "_law", "_averaging", "camera")
+_OF_PLACES = ("_orbits", "separation_arcsec", "usable", "_law", "_averaging", "camera")
 _COUNTS = ("visits", "reference_visits", "frames_per_visit", "n_frames", "orbits_searched")
 _FLOATS = ("exposure_s", "em_gain", "independent_visits", "visit_time_s", "time_s", "unused_s", "motion_factor")
 
 
 def search_motion(
-    model: EtcModel, targets: Targets, band: str, separation_arcsec: ArrayLike, stars: IntArray | None = None
+    model: EtcModel,
+    targets: Targets,
+    band: str | Sequence[str],
+    separation_arcsec: ArrayLike,
+    stars: IntArray | None = None,
 ) -> OrbitSearch:
     """Return what the motion of planets costs a blind search at places around stars.
 
@@ -94,17 +99,21 @@ def search_motion(
     model : EtcModel
     targets : Targets
         ``n`` stars.
-    band : str
+    band : str or sequence of str
+        Several are the first of three axes of the places.
     separation_arcsec : array_like
         Projected, above 0; its first axis is 1 or that of the stars.
     stars : ndarray of int, optional
-        Which of the stars each place is at, of the shape of the places.
+        Which of the stars each place is at; broadcasts with the places.
     """
     place, strategy = np.asarray(separation_arcsec, float), model.strategy
     around = (slice(None), *(None,) * (place.ndim - 1)) if stars is None else stars
+    bands = (band,) if isinstance(band, str) else band
+    width_arcsec = np.array([model.metrics[name].lambda_d_arcsec for name in bands])
+    width_arcsec = width_arcsec[0] if isinstance(band, str) else width_arcsec[:, None, None]
     physics = (tuple(part.tolist()) for part in (targets.log_g, targets.luminosity_lsun, targets.teff_k))
     masses_msun = _masses_msun(tuple(targets.name.tolist()), *physics)
-    of_star = targets.distance_pc[around], masses_msun[around], model.metrics[band].lambda_d_arcsec
+    of_star = targets.distance_pc[around], masses_msun[around], width_arcsec
     # Within the significances that trials are stated for.
     sigma = min(max(strategy.sigma, 1.0), 20.0)
     return OrbitSearch.of(place, *of_star, gap_h=strategy.visit_gap_h, sigma=sigma)
@@ -343,10 +352,8 @@ class Cases(Record, eq=False):
 
     @functools.cached_property
     def _orbits(self) -> OrbitSearch:
-        pairs = zip(self.bands, self.separation_arcsec, strict=True)
-        every = [search_motion(self.model, self.targets, band, place) for band, place in pairs]
-        found: OrbitSearch = _together(every, self.shape[1:])
-        return found
+        stars = np.arange(len(self.targets))[:, None]
+        return search_motion(self.model, self.targets, self.bands, self.separation_arcsec, stars)
 
     @property
     def motion(self) -> OrbitSearch | None:
@@ -354,24 +361,15 @@ class Cases(Record, eq=False):
         return self._orbits if self.moving and self.model.strategy.search == "blind" else None
 
     @functools.cached_property
-    def residual_parts(self) -> tuple[ProgrammeLaw, ProgrammeLaw]:
-        """Residual in units of the star's light: cross term with the static field, and light of the errors."""
-        model, strategy = self.model, self.model.strategy
-        shared = strategy.annulus_lambda_d, strategy.reference_ratio, model.timing
-        pairs = zip(self.bands, np.hypot(self.x_arcsec, self.y_arcsec), strict=True)
-        parts = [programme_parts(model.metrics[band], model.instrument.drift, at, *shared) for band, at in pairs]
-        crossed, light = _together(parts, self.shape[1:])
-        return crossed, light
-
-    @functools.cached_property
     def _law(self) -> SearchLaw:
         return bands_law(self.model, self.bands)
 
     @functools.cached_property
     def _averaging(self) -> tuple[ProgrammeLaw, SpeckleLaw, SpeckleLaw]:
-        """Residual that visits average, (e-/s)^2, and two parts of it of one visit: cross term, and errors' light."""
-        crossed, light = (part.averaging().law() for part in self.residual_parts)
-        return self.rates.speckle.averaging().scaled(self.rates.variance_factor), crossed, light
+        """Residual that visits average, (e-/s)^2, and two laws of it in one visit: light of the errors, and all."""
+        crossed, light = (part.averaging() for part in self.rates.parts)
+        whole = self.rates.speckle.averaging().scaled(self.rates.variance_factor)
+        return whole, light.law(), crossed.beside(light).law()
 
     @property
     def steady(self) -> bool:
@@ -412,10 +410,15 @@ class Cases(Record, eq=False):
         """Return the cases with another programme or level; what is known of the light is kept."""
         made = copy.copy(self)
         vars(made).update({"_single": self._single} | changes)
-        vars(made).pop("by_mean", None)
+        for name in ("by_mean", "_visits"):
+            vars(made).pop(name, None)
         if made.objective != self.objective:
             vars(made).pop("_alone", None)
         return made
+
+    def asked_for(self, *, snr: float | None = None, sigma: float | None = None) -> Self:
+        """Return the cases with an SNR or a plain significance to reach; without either, a detection."""
+        return self._with(objective="significance" if snr is None else "snr", value=sigma if snr is None else snr)
 
     def of_contrast(self, contrast: FloatArray) -> Self:
         """Return the cases with other contrasts; what does not follow them is kept."""
@@ -431,7 +434,7 @@ class Cases(Record, eq=False):
         planet_e_s = self.rates.planet_e_s * factor
         return replace(self.rates, planet_e_s=planet_e_s, peak_planet_e_s=peak, peak_in_hole_e_s=own + peak)
 
-    def level(self, programme: Programme, problem: FrameProblem) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    def level(self, programme: Programme, problem: FrameProblem) -> Level:
         """Return the level of a programme: of the length of its visits, and of noise over signal squared.
 
         It is that of cases with three elements where none is defined, which can be solved like others.
@@ -439,12 +442,13 @@ class Cases(Record, eq=False):
         at = self.level_at(programme)
         if self.steady:
             return lambda visit_s, inverse: at(np.zeros_like(inverse), visit_s)
-        averaging, signal2 = programme.law(self._averaging[0]), problem.signal_e_s**2
+        with np.errstate(divide="ignore", over="ignore"):
+            averaging = programme.law(self._averaging[0]).scaled(problem.signal_e_s**-2.0)
 
         def level(visit_s: FloatArray, inverse: FloatArray) -> FloatArray:
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 residual = problem.residual(visit_s)
-                light = self.light_share(visit_s) * averaging.variance(visit_s) / signal2 / residual
+                light = self.light_share(visit_s) * averaging.variance(visit_s) / residual
                 return at(residual / inverse, visit_s, light)
 
         return level
@@ -469,9 +473,8 @@ class Cases(Record, eq=False):
 
     def light_share(self, visit_s: FloatArray) -> FloatArray:
         """Return the share of the errors' light in what visits average."""
-        crossed, light = (part.variance(visit_s) for part in self._averaging[1:])
-        whole = light + crossed
-        return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+        light, whole = (part.variance(visit_s) for part in self._averaging[1:])
+        return np.asarray(light / np.maximum(whole, 1e-300))
 
     def chances(self, visit_s: FloatArray, noise: StackNoise) -> Chances:
         """Return the probabilities of a detection in the programme."""
@@ -571,14 +574,14 @@ class Cases(Record, eq=False):
         if alike:
             return in_programme(self._single[objective], self.rates, made, objective)
         other = framed(made)
-        return replace(other, best_s=spread(self._single[objective].best_s, other.signal_e_s.shape))
+        return replace(other, best_s=spread(self._single[objective].best_s, other.shape))
 
     def noise(self, choice: FrameChoice) -> StackNoise:
         """Return the signal and noise of chosen frames."""
         return self.noise_of(self.rates, self.free_camera, choice)
 
     def noise_of(
-        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: float = 1.0
+        self, rates: ApertureRates, camera: FrameCamera, choice: FrameChoice, ratio: FloatArray | None = None
     ) -> StackNoise:
         """Return signal and noise of chosen frames, for other rates, another camera, or more reference frames.
 
@@ -588,11 +591,11 @@ class Cases(Record, eq=False):
         camera : FrameCamera
         choice : FrameChoice
             Frames of every case.
-        ratio : float
+        ratio : ndarray, optional
             Reference frames over those of the strategy.
         """
         strategy = self.model.strategy
-        if ratio != 1.0:
+        if ratio is not None:
             strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
         frames = choice.exposure_s, choice.n_frames, choice.em_gain
         return stack_noise(rates, *frames, camera, strategy, self.programme)
@@ -681,7 +684,7 @@ class Cases(Record, eq=False):
         """
         visit_s = float(self.model.time_s(self._shortest_s))
         most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
-        return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))
+        return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))[0]
 
     def bottom_s(self, visits: FloatArray, longest_s: FloatArray) -> FloatArray:
         """Return the length of visits that comes nearest to the level, up to a bit beyond the longest; else ``inf``.
@@ -709,8 +712,8 @@ class Cases(Record, eq=False):
         """Return ``(level / SNR)^2`` of visits of a length."""
         return self._missed(visits, visits * self.model.time_s(length_s))
 
-    def quickest(self) -> FloatArray:
-        """Return the numbers of visits that reach the level in least wall time; 1 where none does."""
+    def quickest(self) -> tuple[FloatArray, FloatArray]:
+        """Return the numbers of visits that reach the level in least wall time, 1 where none does, and that time."""
         most = np.full(self.shape, float(MAX_VISITS))
         return lowest_whole(lambda visits: visits * self.model.time_s(self.solved(visits, about=True)[0]), most)
 
@@ -740,9 +743,9 @@ class Cases(Record, eq=False):
 
     def _missed(self, visits: FloatArray, time_s: ArrayLike) -> FloatArray:
         """Return ``(level / SNR)^2`` of programmes in a wall time."""
-        each_s = np.asarray(time_s, float) / visits
-        programme = self.programme_of(visits, each_s)
-        problem, camera, visit = self.problem_in(programme), self.camera, self.model.visit_s(each_s)
+        each_s, camera = np.asarray(time_s, float) / visits, self.camera
+        problem, level = self._asked(visits, each_s)
+        visit = self.model.visit_s(each_s)
         exposure = np.minimum(self._alone[0], visit - camera.readout_s)
         possible = exposure >= camera.exposure_min_s * (1.0 - 1e-12)
         exposure = np.where(possible, exposure, camera.exposure_min_s)
@@ -756,7 +759,19 @@ class Cases(Record, eq=False):
             visit = np.minimum(longest_s, peak_visit_s(problem, cost))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = np.where(possible & np.isfinite(cost), cost / visit + problem.residual(visit), np.inf)
-            return np.asarray(inverse * self.level(programme, problem)(visit, inverse) ** 2)
+            return np.asarray(inverse * level(visit, inverse) ** 2)
+
+    def _asked(self, visits: FloatArray, wall_s: FloatArray) -> tuple[FrameProblem, Level]:
+        """Return the problem of visits of a wall time, and their level; once where the time does not matter."""
+        kept: tuple[FloatArray, tuple[FrameProblem, Level]] | None = vars(self).get("_visits")
+        if kept is not None and kept[0] is visits:
+            return kept[1]
+        programme = self.programme_of(visits, wall_s)
+        problem = self.problem_in(programme)
+        made = problem, self.level(programme, problem)
+        if self.model.strategy.n_modes == 0 and self.model.instrument.drift.correlation_time_h == 0.0:
+            vars(self)["_visits"] = visits, made
+        return made
 
     def solved(self, visits: ArrayLike, *, about: bool = False) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits with which programmes reach the level (``inf`` where none does), and the level.
@@ -809,25 +824,23 @@ class Cases(Record, eq=False):
         self, visits: FloatArray, wall_s: FloatArray, *, about: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of programmes with gaps and modes of visits of a length, and the level."""
-        programme, best_s = self.programme_of(visits, wall_s), self._alone[0]
-        problem, camera = self.problem_in(programme), self.camera
+        (problem, wanted), best_s, camera = self._asked(visits, wall_s), self._alone[0], self.camera
         shortest_s, frame_s = (exposure + camera.readout_s for exposure in (camera.exposure_min_s, best_s))
-        visit, level = self._reached(programme, problem, _cost(problem, best_s), about)
+        visit, level = self._reached(wanted, problem, _cost(problem, best_s), about)
         if np.any(visit < frame_s):  # not even one frame of that exposure: a shorter one, or one whole
             exposure = np.clip(visit - camera.readout_s, camera.exposure_min_s, best_s)
-            other, its_level = self._reached(programme, problem, _cost(problem, exposure), about)
+            other, its_level = self._reached(wanted, problem, _cost(problem, exposure), about)
             whole = (visit < frame_s) & (other > frame_s)
             visit, level = np.where(whole, frame_s, other), np.where(whole, level, its_level)
         return np.maximum(visit, shortest_s), level
 
     def _reached(
-        self, programme: Programme, problem: FrameProblem, cost: FloatArray, about: bool
+        self, wanted: Level, problem: FrameProblem, cost: FloatArray, about: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return the shortest visits of the level, and the level, by secants of logarithms from a falling curve's left.
 
         White noise alone falls with the slope -1, which no step overshoots.
         """
-        wanted = self.level(programme, problem)
         if self.steady:
             most = wanted(np.ones_like(cost), np.zeros_like(cost))
             return smooth_least_visit_s(problem, most, cost), most
@@ -874,12 +887,8 @@ class Cases(Record, eq=False):
         excess: Callable[[FloatArray], FloatArray], left: FloatArray, right: FloatArray, wanted: NDArray[np.bool_]
     ) -> FloatArray:
         """Return the first root of a function between two points, or the bottom of a valley that stays above 0."""
-        low, high = left, right
-        for _ in range(_ROUNDS):
-            share = np.linspace(0.0, 1.0, _POINTS).reshape((-1,) + (1,) * left.ndim)
-            grid = low + (high - low) * share
-            low, best, high = around_lowest(grid, values := excess(grid))
-        least = values.min(axis=0)
+        length_s, least = _lowest(lambda at: excess(np.log(at)), np.exp(left), np.exp(right))
+        best = np.log(length_s)
         crossed = wanted & (least <= 0.0)
         ends = np.exp(left), np.exp(np.where(crossed, best, left))
         found = first_root_of_all(lambda at: np.exp(excess(np.log(at))), *ends, crossed, tolerance=1e-11)
@@ -905,7 +914,7 @@ class Cases(Record, eq=False):
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FloatArray]:
         """Return the programmes of so many visits in a time, with the length of their science visits."""
         programme = self.programme_of(visits, time_s / visits)
-        shape = self.problem_in(programme).signal_e_s.shape
+        shape = self.problem_in(programme).shape
         return programme, spread(self.model.visit_s(time_s / visits), shape)
 
     def in_time(self, span: Span, exact: bool) -> "Solution":
@@ -938,7 +947,7 @@ class Cases(Record, eq=False):
         """
         programme = self.programme_of(visits, visit_time_s)
         problem = self.problem_in(programme)
-        visit_s = spread(self.model.visit_s(visit_time_s), problem.signal_e_s.shape)
+        visit_s = spread(self.model.visit_s(visit_time_s), problem.shape)
         choice = best_in_visit(problem, visit_s, **settings)
         for _ in range(_LEVEL_STEPS if self.model.strategy.n_modes else 0):
             last, programme = choice, self.programme_of(visits, visit_time_s, choice)
@@ -958,7 +967,7 @@ class Cases(Record, eq=False):
             return self._in_visits(visits, span.visit_time_s)
         if span.visits is not None:
             return self.at_level(np.full(self.shape, float(span.visits)))
-        best = self.quickest()
+        best = self.quickest()[0]
         near = np.stack([*_beside(best), np.full_like(best, MAX_VISITS)])
         found = self.at_level(near)
         cost = np.where(found.choice.n_frames >= 1, near * model.time_s(found.choice.visit_s), np.inf)
@@ -1165,8 +1174,7 @@ def cases_by_camera(
     cameras = {band: _fixed_camera(model, band, exposure_s) for band in names}
     alike = [[band for band in cameras if cameras[band] == one] for one in dict.fromkeys(cameras.values())]
     asked: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain, "offsets_arcsec": offsets_arcsec}
-    asked |= {"objective": "significance" if snr is None else "snr", "value": sigma if snr is None else snr}
-    return [cases_of(model, targets, same, planets, **asked) for same in alike]
+    return [cases_of(model, targets, same, planets, **asked).asked_for(snr=snr, sigma=sigma) for same in alike]
 
 
 def _fixed_camera(model: EtcModel, band: str, exposure_s: float | None) -> FrameCamera:
@@ -1268,9 +1276,8 @@ def in_programme(
     level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
     z0, z1, z2 = residuals(rates, level, programme)
     shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
-    parts = {"z0": z0, "z1": z1, "z2": z2, "visits": programme.visits}
-    wide = problem if problem.signal_e_s.shape == shape else problem.spread(shape)
-    return replace(wide, **{name: spread(part, shape) for name, part in parts.items()})
+    signal_e_s = spread(problem.signal_e_s, shape)
+    return replace(problem, z0=z0, z1=z1, z2=z2, visits=programme.visits, signal_e_s=signal_e_s)
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:

@@ -9,7 +9,6 @@ import functools
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from cpic_core import (
     ArrayLike,
@@ -21,6 +20,7 @@ from cpic_core import (
     Record,
     Status,
     check_positive,
+    checked_array,
     special,
 )
 from cpic_planner.results import VerdictText
@@ -68,7 +68,7 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
     return Outcome.refuse(Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text, unit="sigma")
 
 
-def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike = 5.0) -> npt.NDArray[np.float64]:
+def threshold_array(n_resolution_elements: ArrayLike, sigma: ArrayLike = 5.0) -> FloatArray:
     """Return the same as `detection_threshold`, for arrays.
 
     Parameters
@@ -88,12 +88,9 @@ def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike =
     InputError
         If an element is not a finite number in range.
     """
-    elements = _numbers("n_resolution_elements", n_resolution_elements, "finite and at least 0")
-    if not (np.isfinite(elements) & (elements >= 0)).all():
-        raise InputError("n_resolution_elements", n_resolution_elements, allowed="finite and at least 0")
-    level = _numbers("sigma", sigma, f"above 0 and at most {MAX_SIGMA:g}")
-    if not ((level > 0) & (level <= MAX_SIGMA)).all():
-        raise InputError("sigma", sigma, unit="sigma", allowed=f"above 0 and at most {MAX_SIGMA:g}")
+    elements = checked_array("n_resolution_elements", n_resolution_elements, low=0.0)
+    above = f"above 0 and at most {MAX_SIGMA:g}"
+    level = checked_array("sigma", sigma, low=5e-324, high=MAX_SIGMA, unit="sigma", allowed=above)
     defined = elements >= MIN_ELEMENTS
     n = np.where(defined, elements, float(MIN_ELEMENTS))
     # Lower tail of the symmetric law: its probability keeps full relative precision where 1 - p would not.
@@ -120,13 +117,6 @@ def _thresholds(sigma: float) -> tuple[FloatArray, FloatArray]:
     """Return the numbers of resolution elements, and logarithms of the thresholds of that level."""
     elements = MIN_ELEMENTS - 1.0 + np.geomspace(1.0, 1e5, _N_ELEMENTS)
     return elements, np.log(threshold_array(elements, sigma))
-
-
-def _numbers(key: str, value: npt.ArrayLike, allowed: str) -> npt.NDArray[np.float64]:
-    array = np.asarray(value)
-    if array.dtype.kind not in "iuf":
-        raise InputError(key, value, allowed=f"numbers, {allowed}")
-    return array.astype(np.float64)
 
 
 def verdict_of(status: Status, detected: bool) -> VerdictText:
@@ -403,9 +393,7 @@ def false_alarms(threshold: ArrayLike, region: SearchedRegion, roughness: float)
     """
     ndtr = special().ndtr
 
-    level = np.asarray(threshold, dtype=np.float64)
-    if not ((level >= _LOWEST) & (level <= _MOST_LEVEL)).all():
-        raise InputError("threshold", threshold, allowed=f"{_LOWEST:g} to {_MOST_LEVEL:g}")
+    level = checked_array("threshold", threshold, low=_LOWEST, high=_MOST_LEVEL)
     check_positive("roughness", roughness, "1/px2")
     slope, curve = math.sqrt(roughness), np.exp(-0.5 * level**2)
     return np.asarray(

@@ -233,6 +233,12 @@ class _BandLaws(SearchLaw, eq=False):
     first: IntArray
 
     def _rows(self, separation_arcsec: FloatArray) -> tuple[IntArray, FloatArray]:
+        kept: tuple[FloatArray, tuple[IntArray, FloatArray]] | None = vars(self).get("_last")
+        if kept is None or kept[0] is not separation_arcsec:  # a question asks for programmes at the same places
+            kept = vars(self)["_last"] = separation_arcsec, self._found(separation_arcsec)
+        return kept[1]
+
+    def _found(self, separation_arcsec: FloatArray) -> tuple[IntArray, FloatArray]:
         each = zip(self.laws, np.moveaxis(separation_arcsec, -3, 0), self.first, strict=True)
         cells = [(first, *law._rows(place)) for law, place, first in each]
         return np.stack([first + low for first, low, _ in cells], -3), np.stack([share for *_, share in cells], -3)

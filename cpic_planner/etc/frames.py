@@ -38,7 +38,7 @@ _LONGER = 1.1, 2.0, 5.0, 20.0, 200.0, np.inf
 
 
 class FrameProblem(CaseArrays, Record):
-    """The numbers that decide the frames of any number of cases; arrays of one shape.
+    """The numbers that decide the frames of any number of cases; arrays that broadcast to the shape of the signal.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class FrameProblem(CaseArrays, Record):
     z0: FloatArray
     z1: FloatArray
     z2: FloatArray
-    loss_per_s: FloatArray
+    loss_per_s: FloatArray | float
     peak_columns_e_s: FloatArray
     peak_in_hole_e_s: FloatArray
     register_tail_e_s: FloatArray
@@ -80,13 +80,19 @@ class FrameProblem(CaseArrays, Record):
     counting: CountingLight | None = None
     best_s: FloatArray | None = None
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the cases."""
+        return self.signal_e_s.shape
+
     def fixed_gain(self) -> float | None:
         """Return the gain that is not to be chosen; counting uses the largest one."""
         return self.camera.em_gain_max if self.em_gain is None and self.counting is not None else self.em_gain
 
     def peaks_e_s(self, index: Any = ...) -> tuple[Any, Any, Any]:
         """Return the light that must not saturate: in the hole's columns, inside it, and before the register."""
-        return self.peak_columns_e_s[index], self.peak_in_hole_e_s[index], self.register_tail_e_s[index]
+        peaks = self.peak_columns_e_s, self.peak_in_hole_e_s, self.register_tail_e_s
+        return peaks if index is ... else tuple(spread(peak, self.shape)[index] for peak in peaks)
 
     @functools.cached_property
     def longest_s(self) -> FloatArray:
@@ -171,28 +177,28 @@ def frame_problem(
     ratio = made.frame_ratio(strategy.reference_ratio)
     white = white_term(rates, camera, ratio) if white is None else white
     own = own_noise(rates, camera, made) if with_planet else 0.0
-    residual = dict(zip(("z0", "z1", "z2"), residuals(rates, level, made), strict=True))
-    arrays = _broadcast(
-        alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
-        beta_e=camera.light_factor * share * white.charge_e,
-        gamma_e2=share * white.output_e2,
-        signal_e_s=rates.planet_e_s,
-        **residual,
-        loss_per_s=rates.loss_per_s,
-        peak_columns_e_s=rates.peak_columns_e_s,
-        peak_in_hole_e_s=rates.peak_in_hole_e_s,
-        register_tail_e_s=rates.register_tail_e_s,
-        visits=made.visits,
-    )
-    counting = None
+    z0, z1, z2 = residuals(rates, level, made)
+    arrays: dict[str, Any] = {
+        "alpha_e_s": camera.light_factor * share * white.rate_e_s + own,
+        "beta_e": camera.light_factor * share * white.charge_e,
+        "gamma_e2": share * white.output_e2,
+        "z0": z0,
+        "z1": z1,
+        "z2": z2,
+        "loss_per_s": rates.loss_per_s,
+        "peak_columns_e_s": rates.peak_columns_e_s,
+        "peak_in_hole_e_s": rates.peak_in_hole_e_s,
+        "register_tail_e_s": rates.register_tail_e_s,
+        "visits": made.visits,
+    }
+    counting, shape = None, np.broadcast(rates.planet_e_s, *arrays.values()).shape
     if strategy.mode == "photon_counting":
         if camera.of_past:
             allowed = "off: what frames leave in the next one is not known for frames of counted photons"
             raise InputError(f"switches.{camera.added[0][0]}", True, allowed=allowed)
         pixels = rates.noise_fraction * factor * rates.aperture_pixels
         law = counting_probabilities(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
-        parts = _broadcast(
-            arrays["alpha_e_s"],
+        counting = CountingLight(
             planet_e_s=rates.planet_e_s / rates.aperture_pixels,
             quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
             reference_e_s=reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
@@ -201,19 +207,11 @@ def frame_problem(
             science_pixels=pixels,
             mean_pixels=pixels * (level - 1.0),
             reference_pixels=level * pixels * rates.reference_scale / ratio,
+            law=law,
+            own_noise=with_planet,
         )
-        counting = CountingLight(**parts, law=law, own_noise=with_planet)
-    return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
-
-
-def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
-    """Return the named arrays of one shape, that of all of them and of the others."""
-    arrays = [np.asarray(value) for value in values.values()]
-    shape = np.broadcast(*arrays, *others).shape
-    return {
-        name: array if array.shape == shape else spread(array, shape)
-        for name, array in zip(values, arrays, strict=True)
-    }
+    signal_e_s = spread(rates.planet_e_s, shape)
+    return FrameProblem(signal_e_s=signal_e_s, **arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
 class FrameChoice(CaseArrays, Record):
@@ -244,7 +242,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     if problem.best_s is not None:
         t = np.array(problem.best_s)
         return t, np.where(usable, problem.frame_noise(t)[0] * (t + camera.readout_s), np.inf)
-    low = np.full(longest.shape, camera.exposure_min_s)
+    low = np.full(problem.shape, camera.exposure_min_s)
     high = np.maximum(longest, low)
 
     def cost(part: FrameProblem, t: FloatArray) -> FloatArray:
@@ -338,7 +336,7 @@ def best_in_visit(
         Of the settings that reach as much, give the one of least time; not needed for the SNR alone.
     """
     camera = problem.camera
-    visit = spread(np.asarray(visit_s, float), problem.signal_e_s.shape)
+    visit = spread(np.asarray(visit_s, float), problem.shape)
     t_best, cost = best_exposure_s(problem)
     aim = visit if whole else np.minimum(visit, peak_visit_s(problem, cost, _ELASTICITY))
     frames = _candidates(aim * (1.0 + 1e-12), t_best + camera.readout_s)
@@ -348,14 +346,13 @@ def best_in_visit(
     shortest = camera.exposure_min_s
     feasible = (top >= shortest * (1.0 - 1e-12)) & np.isfinite(cost)
     top = np.maximum(top, shortest)
-    wide = problem.spread(top.shape)
     t = top
     if whole:
         filled = np.where(feasible, frames * (top + camera.readout_s), 0.0)
         feasible &= filled >= filled.max(axis=0) * (1.0 - 1e-9)
     else:
-        t = _paying_exposure_s(wide, frames, top, spread(np.maximum(longest, shortest), top.shape))
-    value = wide.inverse_snr2(t, frames)
+        t = _paying_exposure_s(problem, frames, top, spread(np.maximum(longest, shortest), top.shape))
+    value = problem.inverse_snr2(t, frames)
     chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
     return chosen if whole or not quickest else shortened(problem, chosen, visit)
 
@@ -405,14 +402,14 @@ def least_time(
     """
     camera = problem.camera
     t_best, cost = best_exposure_s(problem)
-    given = None if callable(level) else spread(np.asarray(level, float), problem.signal_e_s.shape)
+    given = None if callable(level) else spread(np.asarray(level, float), problem.shape)
     if given is not None:
         about_s = smooth_least_visit_s(problem, given, cost)
     assert about_s is not None
     possible = np.isfinite(about_s)
     lower = np.where(possible, about_s, 0.0)
     frames = _candidates(lower, t_best + camera.readout_s)
-    wide, shape, lower = problem.spread(frames.shape), frames.shape, lower * (1.0 - 1e-9)
+    shape, lower = frames.shape, lower * (1.0 - 1e-9)
     own = None if given is None else spread(np.where(possible, given, 1.0), shape)
     wanted = level if own is None else own
     longest = spread(np.maximum(problem.longest_s, camera.exposure_min_s), shape)
@@ -421,7 +418,7 @@ def least_time(
     possible = possible & (frames * (longest + camera.readout_s) >= lower)
 
     def over(exposure_s: FloatArray) -> FloatArray:
-        return _over_level(wide, exposure_s, frames, wanted)
+        return _over_level(problem, exposure_s, frames, wanted)
 
     start = top = low
     reached = over(low) <= 1.0 + _ROUNDING
@@ -433,7 +430,7 @@ def least_time(
         reached |= left & (over(top) <= 1.0 + _ROUNDING)
     left = possible & ~reached
     if own is not None and left.any():
-        part, n, aim = wide.at(left), frames[left], own[left]
+        part, n, aim = problem.at(left), frames[left], own[left]
         start[left], high, least = bracketed(part, _over_level, low[left], longest[left], n, aim)
         near = (least > 1.0) & (least < _NEARLY)  # a valley between two points may reach it
         if near.any():
@@ -443,7 +440,7 @@ def least_time(
     reached &= possible
     t = first_root_of_all(over, start, top, reached)
     visit = frames * (t + camera.readout_s)
-    return _pick(problem, t, frames, np.where(reached, visit, np.inf), wide.inverse_snr2(t, frames))
+    return _pick(problem, t, frames, np.where(reached, visit, np.inf), problem.inverse_snr2(t, frames))
 
 
 def smooth_least_visit_s(
@@ -461,7 +458,7 @@ def smooth_least_visit_s(
     cost : ndarray, optional
         Least ``G`` of the problem, where it is known (`best_exposure_s`).
     """
-    aim = 1.0 / spread(np.asarray(level, float), problem.signal_e_s.shape) ** 2
+    aim = 1.0 / spread(np.asarray(level, float), problem.shape) ** 2
     cost = best_exposure_s(problem)[1] if cost is None else cost
     peak = peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -499,7 +499,7 @@ class EtcModel(Record, eq=False):
         """Return the length of the science visit in an observation of ``time_s`` of wall time."""
         return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / self._time_factor
 
-    @property
+    @functools.cached_property
     def _time_factor(self) -> float:
         return self.strategy.reference_library.time_factor(self.strategy)
 

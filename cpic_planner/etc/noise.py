@@ -380,25 +380,15 @@ def balance_of(
     programme : Programme
         The visits; modes are left out.
     """
-    exposure, each, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
+    exposure, each = np.asarray(exposure_s, float), np.asarray(n_frames, float)
     made = programme.of_mean()
-    ratio = made.frame_ratio(strategy.reference_ratio)
-    share = frames_per_clean(rates.loss_per_s, exposure) * rates.noise_fraction / (each * made.visits * exposure**2)
-    if strategy.mode == "photon_counting":
-        law = counting_probabilities(camera, float(gain.flat[0]), strategy)
-        counts, _ = counted_terms(rates, exposure, share / rates.noise_fraction, law, camera, ratio)
-        reference, white = counts["reference"], counts["reference"] + counts["counting"]
-    else:
-        factor2 = light_factor2(camera, gain)
-        reference, white = (
-            share * term.variance_e2(exposure, factor2, gain)
-            for term in (reference_term(rates, camera, ratio), white_term(rates, camera, ratio))
-        )
+    stack = stack_noise(rates, exposure, each, em_gain, camera, strategy, made)
+    integrated = (each * made.visits * exposure) ** 2 * rates.variance_factor
     visit = each * (exposure + camera.readout_s)
     one = rates.speckle.reference.stretched(made.reference_length).variance(visit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        of_one = np.sqrt(reference * made.reference_visits / one)
-        of_all = np.sqrt(white / made.law(rates.speckle).variance(visit))
+        of_one = np.sqrt(stack.terms["reference"] / integrated * made.reference_visits / one)
+        of_all = np.sqrt(stack.white / integrated / made.law(rates.speckle).variance(visit))
     return Balance(*(np.nan_to_num(part, nan=np.inf, posinf=np.inf) for part in (of_one, of_all)))
 
 

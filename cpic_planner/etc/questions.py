@@ -324,7 +324,7 @@ def _required(
 
 def _calmer(cases: Cases, choice: FrameChoice, noise: StackNoise) -> FloatArray:
     """Return the largest factor on the drift at which the same frames detect the planet; ``inf`` if not even 0 does."""
-    programme, laws = cases.programme, cases.residual_parts
+    programme, laws = cases.programme, cases.rates.parts
     crossed, light = (programme.law(law).variance(choice.visit_s) for law in laws)
     beating, shining = (law.averaging().law().variance(choice.visit_s) for law in laws)
     level = cases.level_at(programme)

@@ -34,7 +34,7 @@ from simulator.signal import (
     companion_tables,
     error_variance_nm2,
     lit_rows,
-    programme_law,
+    programme_parts,
     sky_pixel_e_s,
 )
 from simulator.target import albedo_notes, albedo_source, contrast_at, needs_insolation, phase_value, sin_phase
@@ -276,6 +276,8 @@ class ApertureRates(CaseArrays, Record):
         frame add to the variance, once scaled.
     variance_factor : float
         1, or 1/2 where both halves of the frames show the planet (two rolls).
+    parts : tuple of ProgrammeLaw
+        Residual in units of the star's light: cross term with the static field, and light of the errors.
     """
 
     planet_e_s: FloatArray
@@ -305,6 +307,7 @@ class ApertureRates(CaseArrays, Record):
     smear_e: FloatArray
     reference_smear_e: FloatArray
     variance_factor: float
+    parts: tuple[ProgrammeLaw, ...] = ()
 
     @property
     def background_e_s(self) -> FloatArray:
@@ -371,7 +374,7 @@ def aperture_rates(
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis if zodis is None else zodis, x, y, core)
     dark = np.full((1,) * dims, model.camera(band).dark_e_s) * area
     width, ratio_of_lengths = strategy.annulus_lambda_d, strategy.reference_ratio
-    law = programme_law(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
+    parts = programme_parts(metrics, instrument.drift, separation, width, ratio_of_lengths, model.timing)
     reference, rolled = model.library_noise(band, star), _planet_left(model, band, x, y)
     left = rolled * seen.planet_left
     smear = _smear(model, band, x, star, columns_e_s, sky)
@@ -387,7 +390,8 @@ def aperture_rates(
         dark_e_s=dark,
         planet_left=left,
         core=core,
-        speckle=law.scaled(star**2 * reference.speckle),
+        speckle=parts[0].beside(parts[1]).scaled(star**2 * reference.speckle),
+        parts=parts,
         wings_e2_s2=wings_e2_s2,
         peak_in_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
         peak_planet_e_s=peak_planet,

@@ -5,7 +5,7 @@ Functions are searched in the logarithm of their argument.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def mapped(function: Callable[..., Any], first: Any, *others: Any) -> Any:
 
 
 class CaseArrays:
-    """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
+    """Base of dataclasses of arrays that broadcast, a case each; what is no array is the same for all cases."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -85,7 +85,9 @@ class CaseArrays:
 
     def at(self, index: Any) -> Self:
         """Return the cases of a mask, as flat arrays, or one element of the first axis."""
-        return self._combined(lambda array: array[index])
+        masked = isinstance(index, np.ndarray) and index.dtype == np.bool_
+        shape = index.shape if masked else getattr(self, "shape", None)
+        return self._combined(lambda array: (array if shape is None else spread(array, shape))[index])
 
     def spread(self, shape: tuple[int, ...]) -> Self:
         """Return the cases repeated along new first axes."""
@@ -108,22 +110,8 @@ class CaseArrays:
         return cases[0]._combined(lambda *arrays: np.stack(arrays, axis), *cases[1:])
 
 
-class _Selectable(Protocol):
-    def at(self, mask: NDArray[np.bool_]) -> Any: ...
-
-
-Problem = TypeVar("Problem", bound=_Selectable)
-
-
-class _AllCases:
-    """Cases that are never looked at apart."""
-
-    def at(self, _: Any) -> Self:
-        return self
-
-
 def lowest(
-    problem: Problem,
+    problem: Any,
     function: Callable[..., FloatArray],
     low: FloatArray,
     high: FloatArray,
@@ -229,8 +217,8 @@ def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray
     return points
 
 
-def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> FloatArray:
-    """Return the whole number from 1 to ``most`` of least cost, where cost has one valley; to 4 % beyond some 25.
+def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the whole number from 1 to ``most`` of least cost, to 4 % beyond some 25, and it; cost has one valley.
 
     Parameters
     ----------
@@ -244,7 +232,8 @@ def lowest_whole(cost: Callable[[FloatArray], FloatArray], most: FloatArray) -> 
     for _ in range(2):
         low, high = around_lowest(grid, cost(grid))[::2]
         grid = np.round(low * (high / low) ** _NINE.reshape(axis))
-    return around_lowest(grid, cost(grid))[1]
+    values = cost(grid)
+    return around_lowest(grid, values)[1], np.fmin.reduce(values)
 
 
 def around_lowest(grid: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -299,7 +288,7 @@ def last_true(condition: Callable[[FloatArray], NDArray[np.bool_]], shape: tuple
 
 
 def bracketed(
-    problem: Problem, function: Callable[..., FloatArray], low: FloatArray, high: FloatArray, *more: FloatArray
+    problem: Any, function: Callable[..., FloatArray], low: FloatArray, high: FloatArray, *more: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return closer brackets of the first root of `first_root`, from a grid between the given ones.
 
@@ -323,7 +312,7 @@ def bracketed(
 
 
 def first_root(
-    problem: Problem,
+    problem: Any,
     function: Callable[..., FloatArray],
     low: FloatArray,
     high: FloatArray,
@@ -336,7 +325,7 @@ def first_root(
     Parameters
     ----------
     problem, function, *more
-        As in `lowest`; all arrays of the shape of ``low``.
+        As in `lowest`; all arrays of the shape of ``low``. A function that knows all cases or none has None for them.
     low, high : ndarray
         Brackets; the value at ``high`` is at most 1. Where that at ``low`` is so already, ``low`` is returned.
     wanted : ndarray of bool
@@ -358,7 +347,7 @@ def first_root(
     mask = wanted & (high > low)
     if not mask.any():
         return t
-    part, others = problem.at(mask), [array[mask] for array in more]
+    part, others = None if problem is None else problem.at(mask), [array[mask] for array in more]
     start, end = np.log(low[mask]), np.log(high[mask])
     at_start, at_end = (np.log(function(part, ends[mask], *others)) for ends in (low, high))
     at_low, at_end = at_start <= 0.0, np.minimum(at_end, 0.0)
@@ -369,7 +358,7 @@ def first_root(
     new = np.where((new > start) & (new < end), new, 0.5 * (start + end))
     for _ in range(_MAX_STEPS):
         below = np.where(fx <= 0.0, fx, f_other)
-        roundings = _ULPS * np.maximum(np.abs(x), 1.0)
+        roundings = np.maximum(_ULPS * np.maximum(np.abs(x), 1.0), 0.05 * tolerance)
         if (at_low | (below > -tolerance) | (np.abs(x - other) <= 0.25 * roundings)).all():
             break
         f_new = np.log(function(part, np.exp(new), *others))
@@ -411,4 +400,4 @@ def first_root_of_all(
         return np.where(wanted, np.clip(function(t.reshape(low.shape)), 1e-300, 1e300), 1.0).ravel()
 
     ends = low.ravel(), np.maximum(high, low * (1.0 + 1e-15)).ravel()
-    return first_root(_AllCases(), value, *ends, np.ones(low.size, bool), tolerance=tolerance).reshape(low.shape)
+    return first_root(None, value, *ends, np.ones(low.size, bool), tolerance=tolerance).reshape(low.shape)

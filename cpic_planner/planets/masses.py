@@ -100,10 +100,16 @@ def least_mass(radius_rjup: ArrayLike) -> FloatArray:
     if np.any(radius <= 0.0):
         raise InputError("radius_rjup", float(radius.min()), unit="R_Jup", allowed="above 0")
     earths = radius * EARTHS_IN_RJUP
-    turns = radius_from_mass(np.array(_TURNS) / EARTHS_IN_MJUP) * EARTHS_IN_RJUP
+    turns = _turns()
     small = (np.minimum(earths, turns[0]) / _CONSTANT) ** (1.0 / _INDICES[0])
     middle = (np.clip(earths, *turns) / turns[0]) ** (1.0 / _INDICES[1])
     return np.asarray(small * middle / EARTHS_IN_MJUP)
+
+
+@functools.cache
+def _turns() -> FloatArray:
+    """Return the radii at which the relation turns, R_Earth."""
+    return radius_from_mass(np.array(_TURNS) / EARTHS_IN_MJUP) * EARTHS_IN_RJUP
 
 
 def catalogue_masses_msun(names: Sequence[str]) -> FloatArray:

@@ -5,7 +5,7 @@ Visits have each a wavefront of their own, which means over visits average; what
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -138,6 +138,12 @@ class ProgrammeLaw(NamedTuple):
         turned = None if self.turned is None else self.turned.scaled(factor)
         return ProgrammeLaw(science, reference, common, self.correlation_time_h, turned)
 
+    def beside(self, other: "ProgrammeLaw") -> "ProgrammeLaw":
+        """Return the law of two residuals of the same visits that know nothing of each other."""
+        science, reference, common = (_summed(*pair) for pair in zip(self[:3], other[:3], strict=True))
+        turned = None if self.turned is None or other.turned is None else _summed(self.turned, other.turned)
+        return ProgrammeLaw(science, reference, common, self.correlation_time_h, turned)
+
     def averaging(self) -> "ProgrammeLaw":
         """Return the law without what is common to all visits."""
         return self._replace(common=SpeckleLaw(*np.zeros(3)))
@@ -145,7 +151,10 @@ class ProgrammeLaw(NamedTuple):
 
 def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     """Return the law of residuals that know nothing of each other."""
-    return SpeckleLaw(*(sum(part[1:], part[0]) for part in zip(*laws, strict=True)))
+    (k0, k1, k2), *others = laws
+    for more in others:
+        k0, k1, k2 = k0 + more.k0, k1 + more.k1, k2 + more.k2
+    return SpeckleLaw(k0, k1, k2)
 
 
 def speckle_law(
@@ -207,9 +216,7 @@ def programme_law(
     ``LOW_ORDER_SQUARE`` of b); from 10 nm on they break the dark hole, which is not in the law.
     """
     crossed, light = programme_parts(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio, timing)
-    science, reference, common = (_summed(*pair) for pair in zip(crossed[:3], light[:3], strict=True))
-    turned = None if crossed.turned is None or light.turned is None else _summed(crossed.turned, light.turned)
-    return ProgrammeLaw(science, reference, common, crossed.correlation_time_h, turned)
+    return crossed.beside(light)
 
 
 def programme_parts(
@@ -365,16 +372,19 @@ def error_variance_nm2(drift: Drift) -> float:
 
 def annulus_floor(metrics: PsfMetrics, annulus_lambda_d: float, separation_arcsec: ArrayLike) -> tuple[FloatArray, ...]:
     """Return `PsfMetrics.floor_linear` and `floor_square` of the annulus around separations: mean of its apertures."""
-    place, *tables = _annulus_table(metrics, annulus_lambda_d)
+    start, step, *tables = _annulus_table(metrics, annulus_lambda_d)
     # Even steps: a row is a division, which takes a tenth of a search.
-    row = np.clip((np.asarray(separation_arcsec, float) - place[0]) / (place[1] - place[0]), 0.0, _N_TABLE - 1.0)
+    row = np.minimum(np.maximum((np.asarray(separation_arcsec, float) - start) / step, 0.0), _N_TABLE - 1.0)
     low = np.minimum(row.astype(np.intp), _N_TABLE - 2)
-    return tuple(np.asarray(np.exp(table[low] + (row - low) * np.diff(table)[low])) for table in tables)
+    return tuple(np.asarray(np.exp(table[low] + (row - low) * rise[low])) for table, rise in tables)
 
 
 @functools.lru_cache(maxsize=64)
-def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the separations, and the logarithms there of the mean coefficients over the whole apertures of an annulus.
+def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[Any, ...]:
+    """Return the first of separations in even steps, the step, and a table of either mean coefficient over an annulus.
+
+    A table holds the logarithms at the separations, and by how much each rises to the next. The mean is that of whole
+    apertures.
 
     Apertures count by the azimuth that is left to them in the zone: few fit near the corners of square quadrants.
     """
@@ -390,10 +400,8 @@ def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatA
     alone = np.broadcast_to(np.arange(_N_ANNULUS) == _N_ANNULUS // 2, weight.shape)
     weight = np.where(total > 0.0, weight / np.where(total > 0.0, total, 1.0), alone)
     bins = metrics.floor_separation_arcsec
-    linear, square = (
-        np.log((weight * np.exp(_followed(around, bins, part))).sum(axis=1)) for part in metrics.floor_logs()
-    )
-    return place, linear, square
+    means = ((weight * np.exp(_followed(around, bins, part))).sum(axis=1) for part in metrics.floor_logs())
+    return place[0], place[1] - place[0], *((np.log(mean), np.diff(np.log(mean))) for mean in means)
 
 
 def _followed(at: FloatArray, bins: FloatArray, values: FloatArray) -> FloatArray:

@@ -180,7 +180,7 @@ def test_the_closed_optimum_of_a_visit():
     )
     assert answer[0].value == pytest.approx(least_s, rel=0.02)
     assert answer[0].visits == pytest.approx(level**2 * (residual + cost / math.sqrt(cost * 300.0 / residual)), rel=0.3)
-    assert float(asked.quickest()[0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
+    assert float(asked.quickest()[0][0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
 
 
 def test_where_drift_rules_noise_falls_with_the_root_of_visits():

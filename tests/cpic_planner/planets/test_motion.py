@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import integrate, special
 
 from catalogs import load_known_planets
 from cpic_core import InputError
@@ -13,7 +14,7 @@ from cpic_planner.planets import (
     span_days,
     star_masses_msun,
 )
-from cpic_planner.planets.motion import _SMEARS, MOST_SHIFT_LAMBDA_D
+from cpic_planner.planets.motion import _SMEARS, MOST_SHIFT_LAMBDA_D, aperture_track
 from cpic_planner.planets.published_orbits import draw_known, known_uniforms, places_at
 from simulator.imaging import single_band_psf
 from tests.programme_motion import motion_of, programme_motion
@@ -220,3 +221,17 @@ def test_the_fit_of_smeared_light_is_that_of_the_track():
     fit = np.linalg.lstsq(powers, 1.0 / smeared(way) - 1.0, rcond=None)[0]
     np.testing.assert_allclose(_SMEARS, fit, rtol=1e-10)
     np.testing.assert_allclose(1.0 / (1.0 + powers @ _SMEARS), smeared(way), rtol=1e-6)
+
+
+@pytest.mark.parametrize("place", [0, 3, 700, 2000])
+def test_light_in_an_aperture_beside_an_image_is_that_of_an_adaptive_quadrature(place):
+    def light(offset):
+        def at(angle):
+            frequency = 2.0 * math.pi * 0.65 * math.cos(angle)
+            transfer = angle - math.sin(angle) * math.cos(angle)
+            return transfer * math.sin(angle) * special.j1(0.7 * frequency) * special.j0(offset * frequency)
+
+        return integrate.quad(at, 0.0, math.pi / 2.0, epsabs=1e-14, epsrel=1e-12, limit=400)[0]
+
+    track = aperture_track()
+    assert track.light[place] == pytest.approx(light(track.offset[place]) / light(0.0), abs=1e-12)
