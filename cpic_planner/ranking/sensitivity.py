@@ -891,7 +891,7 @@ def _ranked_by_all(
 ) -> tuple[Order, Order]:
     """Return the pool's stars under every instrument, the pool grown as needed, and all stars under some.
 
-    Most stars that the pool needs besides matter where the drift's cross term with the static field is least or largest:
+    Most stars that the pool needs besides matter where the drift's cross term with the static field is least or most:
     ranked with it from the start, they cost little.
     """
     crossed = [drawn.get("drift", 1.0) * math.sqrt(drawn.get(CONTRAST, 1.0)) for drawn in draws]
