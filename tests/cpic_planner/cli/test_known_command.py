@@ -123,13 +123,11 @@ def test_a_table_of_one_s_own(call, done, tmp_path):
         (["--years", "3"], "only with a STAR"),
         (["--scene", "x.yaml"], "only with a STAR"),
         (["eps Eri", "--scene", "x.txt"], "ends in .yaml"),
-        (["eps Eri", "--plot", "x.doc"], "png"),
         (["eps Eri", "--v-mag-max", "5"], "only without a STAR"),
         (["eps Eri", "--date", "soon"], "--date = soon UTC"),
         (["eps Eri", "--years", "0"], "years = 0"),
         (["eps Eri", "--planets", "0"], "--planets = 0"),
         (["eps Eri", "--known-planets", "nowhere.csv"], "nowhere.csv"),
-        (["eps Eri", "--band", "F999"], "F999"),
     ],
 )
 def test_refusals_are_one_line(refuses, arguments, says):
