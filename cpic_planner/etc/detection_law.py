@@ -127,7 +127,8 @@ class SearchLaw(Record, eq=False):
         found = np.empty(shape or (1,))
         step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
         for block in (slice(start, start + step) for start in range(0, len(found), step)):
-            found[block] = _looked_up(tables, *(part[block] if len(part) > 1 else part for part in wide))
+            *at, speckled, light = (part[block] if len(part) > 1 else part for part in wide)
+            found[block] = _polynomial(_polynomial(_polynomials_at(tables, *at), speckled), light)
         return found if shape else found[0]
 
     def half(
@@ -265,21 +266,6 @@ def _together(laws: tuple[SearchLaw, ...]) -> SearchLaw:
 def bands_law(model: EtcModel, bands: Sequence[str]) -> SearchLaw:
     """Return the law of bands of a model, of arguments ``(..., n_band, n_star, n_planet)``; as `band_law`."""
     return _together(tuple(band_law(model, band) for band in bands))
-
-
-def _looked_up(
-    tables: FloatArray,
-    which: IntArray,
-    low: IntArray,
-    share: FloatArray,
-    few: IntArray,
-    of_visits: FloatArray,
-    speckled: FloatArray,
-    light: FloatArray,
-) -> FloatArray:
-    """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
-    found = _polynomials_at(tables, which, low, share, few, of_visits)
-    return _polynomial(_polynomial(found, speckled), light)
 
 
 def _polynomials_at(
