@@ -859,6 +859,8 @@ class Cases(Record, eq=False):
                 x = self._in_valley(lambda at: excess(at)[0], last[0], end, over)
                 f, level = excess(x)
             visit = np.where(solvable & (f < found), np.exp(x), np.inf)
+            if np.isfinite(visit).all():
+                return visit, level
             # At a known place the level stops growing: longer ones may reach it.
             most = wanted(np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
