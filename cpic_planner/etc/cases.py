@@ -58,7 +58,6 @@ from cpic_planner.etc.rates import (
     aperture_rates,
     planet_offsets,
     reference_contrast,
-    reference_distance_au,
     reference_notes,
 )
 from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, spread, taken
@@ -69,6 +68,7 @@ from simulator.detectors import FrameTerm
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.imaging import quadrant_of
 from simulator.signal import ProgrammeLaw, SpeckleLaw
+from simulator.target import sin_phase
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
@@ -642,22 +642,17 @@ class Cases(Record, eq=False):
         if planets.contrast is not None or place <= 0:
             return ()
         notes = reference_notes(self.model, self.targets, self.bands[band], place, planets.models[planet], star)
-        return (*notes, "excluded_by_rv") if self._excluded[band][star, planet] else notes
+        return (*notes, "excluded_by_rv") if self._excluded[band, star, planet] else notes
 
     @functools.cached_property
-    def _excluded(self) -> list[BoolArray]:
-        """Planets that velocities exclude, whatever their orientation, by band."""
+    def _excluded(self) -> BoolArray:
+        """Planets that velocities exclude, whatever their orientation."""
         limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
-        found: dict[tuple[Any, ...], BoolArray] = {}
-        every = [(planets.separation_arcsec.tobytes(), *map(id, planets.models)) for planets in self.planets]
-        for alike, planets in zip(every, self.planets, strict=True):
-            if alike not in found:  # bands have other planets only where places follow the band
-                places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
-                each = zip(places, planets.models, strict=True)
-                distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
-                mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
-                found[alike] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
-        return [found[alike] for alike in every]
+        bodies = [[(body.radius_rjup, body.phase_deg) for body in planets.models] for planets in self.planets]
+        radius, phase_deg = np.moveaxis(np.array(bodies)[:, None], -1, 0)
+        place = np.maximum([planets.separation_arcsec for planets in self.planets], NEAREST_ARCSEC)[:, None]
+        distance_au = self.targets.distance_pc[:, None] * place / sin_phase(phase_deg)
+        return limits.excluded_by_velocities(star, distance_au, least_mass(radius))
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
