@@ -361,8 +361,9 @@ class Programme(CaseArrays, Record, eq=False):
             Which says how long wavefronts remember each other.
         """
         own = law.independent(self.visits, self.gap_s)
-        alike = self.reference_visits is self.visits
-        return effective_visits(own, own if alike else law.independent(self.reference_visits, self.gap_s))
+        if self.reference_visits is self.visits:
+            return own
+        return effective_visits(own, law.independent(self.reference_visits, self.gap_s))
 
 
 ONE_VISIT = Programme()
