@@ -18,19 +18,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from catalogs import known_planets
 from catalogs.archives import Refresh, RefreshError, TapService, answer_columns, ask, ecsv_of, loss_refused, read_answer
 from catalogs.coordinates import separation_arcsec
-from catalogs.known_planets import (
-    COLUMNS,
-    NUMBERS,
-    TABLE_COLUMNS,
-    KnownPlanetTable,
-    flags_of,
-    load_known_planets,
-    planet_key,
-    reference_text,
-    settle,
-)
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 from catalogs.stars import StarTable, load_stars
@@ -115,7 +105,7 @@ def read_archive(answer: RawTable, stars: StarTable) -> ArchivePlanets:
         except InputError as error:
             left_out[name] = str(error)
             continue
-        if rows.setdefault(planet_key(star, row["planet"]), row) is not row:
+        if rows.setdefault(known_planets.planet_key(star, row["planet"]), row) is not row:
             left_out[name] = f"another planet of the archive is {row['planet']} too"
         notes += remarks
     if not rows:
@@ -202,9 +192,9 @@ def _planet(star: str, published: Sequence[Row]) -> tuple[Row, tuple[str, ...]]:
         "star": star,
         "planet": f"{star} {default.get('pl_letter') or name.split()[-1]}",
         "discovery_method": default.get("discoverymethod", ""),
-        "reference": reference_text(orbit.get("pl_refname", "")),
+        "reference": known_planets.reference_text(orbit.get("pl_refname", "")),
         "updated": default.get("rowupdate", "")[:10],
-        "flags": ";".join(flags_of(numbers, given + flags)),
+        "flags": ";".join(known_planets.flags_of(numbers, given + flags)),
     }
     return texts | numbers, tuple(remarks)
 
@@ -249,7 +239,7 @@ def settled(row: Mapping[str, Any], orbit: Mapping[str, Any], where: str) -> tup
         sides = [abs(float(given[key])) for end in ("err1", "err2") if given.get(key := f"{column}{end}", "") != ""]
         if error := sum(sides) / max(len(sides), 1):
             numbers[about["error"]] = float(f"{error:.6g}")
-    return settle(numbers, str(row.get("pl_bmassprov", "")), where)
+    return known_planets.settle(numbers, str(row.get("pl_bmassprov", "")), where)
 
 
 def believe(where: str, name: str, value: float) -> None:
@@ -269,7 +259,7 @@ def believe(where: str, name: str, value: float) -> None:
     InputError
         If it is outside the range that is believed.
     """
-    believed = COLUMNS[name]
+    believed = known_planets.COLUMNS[name]
     if not believed.low <= value <= believed.high:
         raise InputError(f"{where} {name}", value, unit=believed.unit, allowed=believed.allowed)
 
@@ -322,7 +312,7 @@ def refresh_planets(
     url, when = archive_url(service), datetime.now(UTC).replace(microsecond=0)
     answer = ask(service, url, PLANETS_QUERY, narrower=NARROWER, tell=tell)
     step("planets")
-    planets, shipped = read_archive(answer, load_stars()), load_known_planets()
+    planets, shipped = read_archive(answer, load_stars()), known_planets.load_known_planets()
     step("table")
     changes = compare_planets(planets, shipped)
     what = "counted planets of the shipped table"
@@ -331,7 +321,7 @@ def refresh_planets(
     return RefreshedPlanets(**story, **vars(planets), changes=changes, refusal=refusal)
 
 
-def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> dict[str, Any]:
+def compare_planets(planets: ArchivePlanets, shipped: known_planets.KnownPlanetTable) -> dict[str, Any]:
     """Return what differs from a table of planets.
 
     Parameters
@@ -357,11 +347,11 @@ def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> dict[
     with several published orbits all must differ.
     """
     names = shipped.text("planet")
-    old = dict(zip(map(planet_key, shipped.text("star"), names), range(len(shipped)), strict=True))
-    new = {planet_key(row["star"], row["planet"]): row for row in planets.rows}
+    old = dict(zip(map(known_planets.planet_key, shipped.text("star"), names), range(len(shipped)), strict=True))
+    new = {known_planets.planet_key(row["star"], row["planet"]): row for row in planets.rows}
     counted = {key: row for key, row in old.items() if shipped.counted[row]}
     moved = {key: _moved(row, shipped.orbits_of(counted[key])) for key, row in new.items() if key in counted}
-    left_out = {planet_key(name.rpartition(" ")[0], name): why for name, why in planets.left_out.items()}
+    left_out = {known_planets.planet_key(name.rpartition(" ")[0], name): why for name, why in planets.left_out.items()}
     gone = {names[row]: left_out.get(key, "not in the answer") for key, row in counted.items() if key not in new}
     return {
         "same": sum(not found for found in moved.values()),
@@ -371,7 +361,7 @@ def compare_planets(planets: ArchivePlanets, shipped: KnownPlanetTable) -> dict[
     }
 
 
-def _moved(row: Row, orbits: KnownPlanetTable) -> list[dict[str, Any]]:
+def _moved(row: Row, orbits: known_planets.KnownPlanetTable) -> list[dict[str, Any]]:
     """Return the elements of a row that have moved from those of all the orbits of its planet."""
     found = []
     for name, error in _ELEMENTS.items():
@@ -416,6 +406,11 @@ def planets_ecsv(made: RefreshedPlanets, versions: Mapping[str, str]) -> str:
     versions : mapping of str to str
         Software that made it.
     """
-    values = {name: [row.get(name, math.nan if name in NUMBERS else "") for row in made.rows] for name in TABLE_COLUMNS}
+    values = {
+        name: [row.get(name, math.nan if name in known_planets.NUMBERS else "") for row in made.rows]
+        for name in known_planets.TABLE_COLUMNS
+    }
     about = {"notes": list(made.notes), "licence": _LICENCE, "credit": CREDIT}
-    return ecsv_of(made, [COLUMNS[name] for name in TABLE_COLUMNS], values, versions, **about)
+    return ecsv_of(
+        made, [known_planets.COLUMNS[name] for name in known_planets.TABLE_COLUMNS], values, versions, **about
+    )

@@ -29,17 +29,9 @@ from cpic_core import (
     is_file,
     load_mapping,
 )
+from cpic_planner import results
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, pace, run
 from cpic_planner.queries import called, called_as
-from cpic_planner.results import (
-    ModellingRecord,
-    PlannedSequenceRow,
-    SimulatedProgramme,
-    SimulatedSequence,
-    SimulationEstimate,
-    SimulationResult,
-    VisitRow,
-)
 from cpic_planner.validation import modelling_record
 from cpic_planner.version import __version__
 from simulator import config, observing, products
@@ -343,7 +335,7 @@ def sequence_choice(item: PlannedSequence) -> Choice | None:
     return observation_choice(entry.scene, entry.instrument, **settings, **frames, **light)
 
 
-def modelled(item: PlannedSequence) -> ModellingRecord | None:
+def modelled(item: PlannedSequence) -> results.ModellingRecord | None:
     """Return the record of what a sequence models and leaves out; None where nothing may be left out."""
     choice = sequence_choice(item)
     if choice is None:
@@ -517,7 +509,9 @@ _MEMORY_MB = 250.0
 _MEMORY_MB_MPX = 150.0
 
 
-def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int = 1) -> SimulationEstimate:
+def simulation_estimate(
+    simulation: SimulationConfig, *, truth: bool = True, workers: int = 1
+) -> results.SimulationEstimate:
     """Return the sequences of a simulation, and what they would cost: wall time, memory of a worker, disk.
 
     Raises
@@ -529,10 +523,10 @@ def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, wor
     check_light(planned)
     records = [modelled(item) for item in planned]
     rows = [
-        PlannedSequenceRow.of(item, **item.about, modelled=record)
+        results.PlannedSequenceRow.of(item, **item.about, modelled=record)
         for item, record in zip(planned, records, strict=True)
     ]
-    return SimulationEstimate(
+    return results.SimulationEstimate(
         name=simulation.name,
         n_sequences=len(planned),
         n_frames=sum(item.n_frames for item in planned),
@@ -543,7 +537,7 @@ def simulation_estimate(simulation: SimulationConfig, *, truth: bool = True, wor
 
 
 def sequences_cost(
-    planned: Sequence[PlannedSequence], records: Sequence[ModellingRecord | None], *, truth: bool
+    planned: Sequence[PlannedSequence], records: Sequence[results.ModellingRecord | None], *, truth: bool
 ) -> Cost:
     """Return the expected cost of sequences.
 
@@ -591,7 +585,7 @@ def _n_sources(item: PlannedSequence) -> int:
     return sum(map(scene.is_lit, scene.stars)) + bool(scene.planets or scene.extended)
 
 
-def _time_s(item: PlannedSequence, record: ModellingRecord | None) -> float:
+def _time_s(item: PlannedSequence, record: results.ModellingRecord | None) -> float:
     gone = {row.key for row in record.effects if row.decision == "skipped"} if record else set()
     instrument = item.entry.instrument
     detector = instrument.channel(item.camera).detector
@@ -644,7 +638,7 @@ RESULT_VERSION = 3
 
 def simulation_job(
     planned: Sequence[PlannedSequence], simulation: SimulationConfig, *, truth: bool, notes: Sequence[str] = ()
-) -> Job[SimulationResult]:
+) -> Job[results.SimulationResult]:
     """Return the job that makes the Level-0 products of a simulation.
 
     Parameters
@@ -660,7 +654,7 @@ def simulation_job(
     hashes, files = _hashes(planned)
     settings = [item.settings(hashes) for item in planned]
 
-    def work(runner: Runner[Any]) -> SimulationResult:
+    def work(runner: Runner[Any]) -> results.SimulationResult:
         folder = runner.folder
         for item in planned:
             products.refuse_taken(folder.path / item.folder, item.name, overwrite=True)
@@ -668,7 +662,7 @@ def simulation_job(
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
         bodies = runner.finish(make_sequence, tasks, tells=True)
         rows = [_row(item, own, bodies[item.obsid], truth) for item, own in zip(planned, settings, strict=True)]
-        return SimulationResult(
+        return results.SimulationResult(
             version=__version__,
             config_hash=runner.digest,
             name=simulation.name,
@@ -680,7 +674,7 @@ def simulation_job(
             notes=list(notes),
         )
 
-    def write(folder: RunFolder, result: SimulationResult, bodies: Mapping[str, Any]) -> None:
+    def write(folder: RunFolder, result: results.SimulationResult, bodies: Mapping[str, Any]) -> None:
         for programme in result.programmes:
             folder.write(programme.file, dump_json(programme.model_dump(mode="json")))
 
@@ -702,7 +696,7 @@ def simulate(
     truth: bool = True,
     notes: Sequence[str] = (),
     **how: Unpack[RunSettings],
-) -> Runner[SimulationResult]:
+) -> Runner[results.SimulationResult]:
     """Make the Level-0 products of a simulation.
 
     Parameters
@@ -818,12 +812,12 @@ def _manifests(planned: Sequence[PlannedSequence]) -> dict[str, list[PlannedSequ
     return found
 
 
-def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -> Iterator[SimulatedProgramme]:
+def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -> Iterator[results.SimulatedProgramme]:
     """Yield what each programme is."""
     for file, items in _manifests(planned).items():
         science = next(item for item in items if item.entry.role == "science").entry
         looked = {item.target for item in items if item.entry.role == "reference"}
-        yield SimulatedProgramme(
+        yield results.SimulatedProgramme(
             fingerprint=str(fingerprint()),
             file=file,
             target=science.scene.name if science.scene else "",
@@ -838,9 +832,9 @@ def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -
         )
 
 
-def _visit_row(item: PlannedSequence, streams: list[str | int]) -> VisitRow:
+def _visit_row(item: PlannedSequence, streams: list[str | int]) -> results.VisitRow:
     assert item.part is not None
-    return VisitRow.of(
+    return results.VisitRow.of(
         item.part,
         item,
         item.entry,
@@ -862,8 +856,10 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
         raise InputError("--out", str(root), allowed=allowed, hint=hint)
 
 
-def _row(item: PlannedSequence, settings: dict[str, Any], body: Mapping[str, Any], truth: bool) -> SimulatedSequence:
-    return SimulatedSequence.of(
+def _row(
+    item: PlannedSequence, settings: dict[str, Any], body: Mapping[str, Any], truth: bool
+) -> results.SimulatedSequence:
+    return results.SimulatedSequence.of(
         item,
         **item.about,
         modelled=modelled(item),

@@ -17,17 +17,7 @@ from pydantic import BaseModel
 
 from cpic_core import InputError
 from cpic_planner import report
-from cpic_planner.cli.command import (
-    REJECTS,
-    STRICT,
-    check_file,
-    check_plot,
-    console,
-    note,
-    place_of,
-    print_json,
-    refuse_together,
-)
+from cpic_planner.cli import command
 from cpic_planner.cli.progress import is_verbose
 from cpic_planner.queries.question import asked, asked_changes
 from simulator.config import FrozenModel
@@ -116,16 +106,16 @@ class Output(JsonOutput):
             If a form is asked for that the answer has no table for.
         """
         if self.written == "json":
-            print_json(result)
+            command.print_json(result)
         elif self.names == ("help",):
             sys.stdout.write(report.offered_text(self._table(blocks, "csv")))
         elif self.written != "table":
             sys.stdout.write(self.text(self.written, result, blocks))
         elif self.names:
-            report.print_table(report.chosen(self._table(blocks, "table"), self.names), console(), chosen=True)
+            report.print_table(report.chosen(self._table(blocks, "table"), self.names), command.console(), chosen=True)
         else:
             shown = _up_to_table(blocks) if self.brief else blocks
-            report.print_blocks(shown, console(), full=is_verbose() and not self.brief)
+            report.print_blocks(shown, command.console(), full=is_verbose() and not self.brief)
         if not found and getattr(self, "strict", False):
             raise typer.Exit(NOTHING_FOUND)
 
@@ -150,7 +140,7 @@ class Output(JsonOutput):
     def tell_rows(self, rows: int, every: int) -> None:
         """Print on stderr of how many rows a table for other programs has the first ones."""
         if self.written not in ("table", "json") and rows < every:
-            note(f"the first {rows} of {every} rows: --limit {every} gives all")
+            command.note(f"the first {rows} of {every} rows: --limit {every} gives all")
 
 
 def _up_to_table(blocks: Iterable[report.Block]) -> Iterator[report.Block]:
@@ -169,19 +159,19 @@ class Drawn(Output):
 
     def _check_values(self) -> None:
         super()._check_values()
-        check_plot(self.plot)  # before any work
+        command.check_plot(self.plot)  # before any work
 
     def draw(self, figure: Callable[[], Figure], remark: str = "") -> None:
         """Write the figure, where one is asked for, and say so; ``remark`` stands behind its name."""
         if self.plot is not None:
             report.write_figure(figure(), self.plot)
-            note(f"wrote {place_of(self.plot)}{remark}")
+            command.note(f"wrote {command.place_of(self.plot)}{remark}")
 
 
 class Answer(Output):
     """The output of a command that asks for something that may not be there."""
 
-    strict: bool = asked(False, STRICT)
+    strict: bool = asked(False, command.STRICT)
 
 
 class EtcOutput(Drawn, Answer):
@@ -199,8 +189,8 @@ class EtcOutput(Drawn, Answer):
             ("--budget", self.budget, "JSON holds every budget"),
             ("--explain", self.explain, "JSON holds all"),
         ):
-            refuse_together({name: value, "--json": self.written == "json"}, held)
-            refuse_together({name: value} | about, "it has one table")
+            command.refuse_together({name: value, "--json": self.written == "json"}, held)
+            command.refuse_together({name: value} | about, "it has one table")
 
 
 class SearchOutput(Drawn, Answer):
@@ -238,7 +228,7 @@ class RankOutput(Drawn, Answer):
 
     def _check_values(self) -> None:
         super()._check_values()
-        check_file(self.out, tuple(FORM_OF_ENDING), "--out")
+        command.check_file(self.out, tuple(FORM_OF_ENDING), "--out")
 
 
 class KnownOutput(Drawn):
@@ -252,7 +242,7 @@ class KnownOutput(Drawn):
 
     def _check_values(self) -> None:
         super()._check_values()
-        check_file(self.scene, (".yaml", ".yml"), "--scene")
+        command.check_file(self.scene, (".yaml", ".yml"), "--scene")
 
 
 class VisibilityOutput(Drawn, Answer):
@@ -263,7 +253,7 @@ class VisibilityOutput(Drawn, Answer):
 
     def _check_values(self) -> None:
         super()._check_values()
-        check_file(self.out, (".csv",), "--out")
+        command.check_file(self.out, (".csv",), "--out")
 
 
 class RunOutput(Output):
@@ -354,7 +344,7 @@ class ColumnsOutput(JsonOutput):
     taken_as: Literal["stars", "planets"] | None = asked(
         None, "Take FILE as a table of this kind.", option="--as", unset="each kind that it can be"
     )
-    rejects: Path | None = asked(None, REJECTS, metavar="FILE")
+    rejects: Path | None = asked(None, command.REJECTS, metavar="FILE")
     strict: bool = asked(False, "Refuse FILE for the first row or cell that cannot be used.")
 
 

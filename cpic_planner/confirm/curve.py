@@ -13,21 +13,9 @@ from typing import Any
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, Record, special
-from cpic_planner import etc, validation
+from cpic_planner import etc, results, validation
 from cpic_planner.jobs import Cost, Job, Runner, Task
 from cpic_planner.queries import CurveQuestion, ReferencePlanet, RocQuestion, SearchedQuestion
-from cpic_planner.results import (
-    CompletenessMap,
-    CurveResult,
-    CurveRow,
-    EtcAnswer,
-    RecoveredRow,
-    ReferencePlanetRecord,
-    RocProgramme,
-    RocResult,
-    RocRow,
-    SearchedProgramme,
-)
 from cpic_planner.targets import Targets
 from cpic_planner.validation import azimuth_share, azimuths_inside, fraction_interval
 from cpic_planner.version import __version__
@@ -69,7 +57,7 @@ class Observed(Record, eq=False):
     star: Targets
     band: str
     frames: validation.Frames
-    answer: EtcAnswer
+    answer: results.EtcAnswer
 
     @property
     def setting(self) -> tuple[float, int, float]:
@@ -142,7 +130,7 @@ def clearest_place(
     return float(planets.separation_arcsec[np.argmin(missed)])
 
 
-def observed(model: etc.EtcModel, star: Targets, answer: EtcAnswer) -> Observed | None:
+def observed(model: etc.EtcModel, star: Targets, answer: results.EtcAnswer) -> Observed | None:
     """Return the programme that an answer is about; None where it has no frame."""
     frames = validation.Frames.of(answer)
     if frames is None:
@@ -284,9 +272,9 @@ def _job(
     model: etc.EtcModel,
     asked: AskedStar,
     *,
-    programme: Callable[[str], tuple[EtcAnswer, Observed | None]],
+    programme: Callable[[str], tuple[results.EtcAnswer, Observed | None]],
     tasks: Callable[[Observed], list[validation.SearchTask]],
-    row: type[SearchedProgramme],
+    row: type[results.SearchedProgramme],
     answered: Callable[[dict[str, Any], Sequence[tuple[Observed, Searched | None]]], Any],
     **how: Any,
 ) -> Job[Any]:
@@ -341,7 +329,7 @@ FAINTEST_INJECTED, BRIGHTEST_INJECTED = 0.5, 3.0
 _TRIAL = 1e-9
 
 
-def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[CurveResult]:
+def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[results.CurveResult]:
     """Return the job that makes the contrast curves of a star, its maps of completeness, and recovers planets.
 
     Parameters
@@ -366,7 +354,7 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
         places = [row.separation_arcsec for row in rows]
         return search_tasks(question, seen, places, _injected(question, rows), question.injections)
 
-    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> CurveResult:
+    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> results.CurveResult:
         points, maps, recovered = [], [], []
         for seen, images in found:
             rows = curve(seen)
@@ -375,7 +363,9 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
                 rows = _measured(rows, images)
                 recovered += _recovered(seen, _injected(question, rows), images)
             points += rows
-        return CurveResult(**about, injections=question.injections, points=points, maps=maps, recovered=recovered)
+        return results.CurveResult(
+            **about, injections=question.injections, points=points, maps=maps, recovered=recovered
+        )
 
     return _job(
         question,
@@ -383,7 +373,7 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
         asked,
         programme=lambda band: _curve_programme(question, model, asked, band),
         tasks=tasks,
-        row=SearchedProgramme,
+        row=results.SearchedProgramme,
         answered=answered,
         kind="curve",
         results=CURVE_VERSION,
@@ -395,7 +385,7 @@ def curve_job(question: CurveQuestion, model: etc.EtcModel, asked: AskedStar) ->
 
 def _curve_programme(
     question: CurveQuestion, model: etc.EtcModel, asked: AskedStar, band: str
-) -> tuple[EtcAnswer, Observed | None]:
+) -> tuple[results.EtcAnswer, Observed | None]:
     """Return the programme of faintest limit, at the best separation, and the answer that chose it."""
     grid = question.separation_arcsec or etc.separation_grid(model, band).tolist()
     place = clearest_place(question, model, asked.target, band, grid)
@@ -404,7 +394,7 @@ def _curve_programme(
     return best, observed(model, asked.target, best)
 
 
-def _curve(question: CurveQuestion, seen: Observed) -> list[CurveRow]:
+def _curve(question: CurveQuestion, seen: Observed) -> list[results.CurveRow]:
     """Return the limits of a programme by closed forms."""
     inner, *_, outer = etc.separation_grid(seen.model, seen.band).tolist()
     places = [*(question.separation_arcsec or np.geomspace(inner, outer, N_PLACES).tolist())]
@@ -423,7 +413,7 @@ def _curve(question: CurveQuestion, seen: Observed) -> list[CurveRow]:
     rows = []
     for blind, known, of_trial in zip(*limits, margin.tolist(), strict=True):
         reached = blind.value is not None or known.value is not None
-        row = CurveRow.of(
+        row = results.CurveRow.of(
             blind,
             contrast_limit_blind=blind.value,
             contrast_limit_known_place=known.value,
@@ -437,12 +427,12 @@ def _curve(question: CurveQuestion, seen: Observed) -> list[CurveRow]:
     return rows
 
 
-def _limits(rows: Sequence[CurveRow]) -> FloatArray:
+def _limits(rows: Sequence[results.CurveRow]) -> FloatArray:
     """Return the blind limits of a curve, those that there are."""
     return np.array([row.contrast_limit_blind for row in rows if row.contrast_limit_blind is not None], float)
 
 
-def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
+def _map(seen: Observed, rows: Sequence[results.CurveRow]) -> list[results.CompletenessMap]:
     """Return the map of the places of a curve that are in the dark hole; none where nothing can be found."""
     limits = _limits(rows)
     inside = [row for row in rows if row.azimuth_share > 0.0 and row.threshold is not None]
@@ -460,7 +450,7 @@ def _map(seen: Observed, rows: Sequence[CurveRow]) -> list[CompletenessMap]:
         for chance in (expected.chances.blind, expected.chances.known_place)
     )
     return [
-        CompletenessMap(
+        results.CompletenessMap(
             band=seen.band,
             separation_arcsec=places,
             contrast=contrast.tolist(),
@@ -477,7 +467,7 @@ def _spread(angle: FloatArray) -> FloatArray:
     return np.asarray(angle[(middles * len(angle)).astype(int)])
 
 
-def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
+def _injected(question: CurveQuestion, rows: Sequence[results.CurveRow]) -> Planets:
     """Return the planets that are put into the images of a curve."""
     limits, inside = _limits(rows), [row.separation_arcsec for row in rows if row.azimuth_share > 0.0]
     if not question.injections or not limits.size or not inside:
@@ -490,7 +480,7 @@ def _injected(question: CurveQuestion, rows: Sequence[CurveRow]) -> Planets:
     return [(place, contrasts, []) for place in chosen]
 
 
-def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
+def _measured(rows: Sequence[results.CurveRow], images: Searched) -> list[results.CurveRow]:
     """Return the rows of a curve with the limits that images showed beside the predicted ones."""
     told = []
     for row, sigma, left in zip(rows, images.sigma.T, images.throughput.T, strict=True):
@@ -507,7 +497,7 @@ def _measured(rows: Sequence[CurveRow], images: Searched) -> list[CurveRow]:
     return told
 
 
-def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[RecoveredRow]:
+def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[results.RecoveredRow]:
     """Return the fractions of injected planets that were found, beside those that the law expects."""
     rows = []
     for (place, contrasts, _), (offsets, alarms) in zip(planets, images.planets, strict=True):
@@ -516,7 +506,7 @@ def _recovered(seen: Observed, planets: Planets, images: Searched) -> list[Recov
             hits = int(images.detected(alarms[:, number], seen.model.strategy.sigma).sum())
             low, high = fraction_interval(hits, n)
             expected = seen.prospect_in_images(offsets[:, 0], offsets[:, 1], np.full(n, contrast)).chances.blind
-            row = RecoveredRow(
+            row = results.RecoveredRow(
                 band=seen.band,
                 separation_arcsec=place,
                 contrast=contrast,
@@ -537,7 +527,7 @@ LEVELS = tuple(np.arange(3.0, 7.01, 0.25).tolist())
 """Levels of a detection beside that of the strategy."""
 
 
-def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[RocResult]:
+def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job[results.RocResult]:
     """Return the job that makes the operating characteristics of a search for a planet.
 
     Parameters
@@ -562,11 +552,13 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
         place = [float(part) for part in etc.planet_offsets(seen.model, seen.star, seen.band, separation)]
         return search_tasks(question, seen, [], [(separation, [contrast], place)], question.images)
 
-    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> RocResult:
+    def answered(about: dict[str, Any], found: Sequence[tuple[Observed, Searched | None]]) -> results.RocResult:
         planet = question.planet
-        record = ReferencePlanetRecord.of(planet, albedo=planet.albedo.label) if question.contrast is None else None
+        record = (
+            results.ReferencePlanetRecord.of(planet, albedo=planet.albedo.label) if question.contrast is None else None
+        )
         levels = [row for seen, images in found for row in _levels(seen, images)]
-        return RocResult(**about, reference_planet=record, levels=levels)
+        return results.RocResult(**about, reference_planet=record, levels=levels)
 
     return _job(
         question,
@@ -574,7 +566,7 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
         asked,
         programme=lambda band: _roc_programme(question, model, asked, band),
         tasks=tasks,
-        row=RocProgramme,
+        row=results.RocProgramme,
         answered=answered,
         kind="roc",
         results=ROC_VERSION,
@@ -586,7 +578,7 @@ def roc_job(question: RocQuestion, model: etc.EtcModel, asked: AskedStar) -> Job
 
 def _roc_programme(
     question: RocQuestion, model: etc.EtcModel, asked: AskedStar, band: str
-) -> tuple[EtcAnswer, Observed | None]:
+) -> tuple[results.EtcAnswer, Observed | None]:
     """Return the programme that shows the planet clearest, at its separation or the best, and the answer for it."""
     place, times = question.separation_arcsec, (question.wall_s, question.visit_time_s)
     if place is None:
@@ -598,7 +590,7 @@ def _roc_programme(
     return best, observed(model, asked.target, best)
 
 
-def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
+def _levels(seen: Observed, images: Searched | None) -> list[results.RocRow]:
     """Return the levels of a search with what is expected of them, and with what the images showed."""
     answer, tail = seen.answer, special().ndtr
     assert answer.contrast is not None  # as every answer about a planet has it
@@ -608,7 +600,7 @@ def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
     for level in sigma.tolist():
         chances = expected.at_level(level).chances
         blind, known = (float(chance[0, 0]) for chance in (chances.blind, chances.known_place))
-        row = RocRow(
+        row = results.RocRow(
             band=seen.band,
             sigma=level,
             false_alarms=float(seen.elements * tail(-level)),
@@ -620,7 +612,7 @@ def _levels(seen: Observed, images: Searched | None) -> list[RocRow]:
     return rows
 
 
-def _counted(row: RocRow, images: Searched) -> RocRow:
+def _counted(row: results.RocRow, images: Searched) -> results.RocRow:
     """Return a level with the detections of images."""
     false = sum(int(images.detected(peaks, row.sigma).sum()) for peaks in images.alarms)
     peaks = images.planets[0][1][:, 0]

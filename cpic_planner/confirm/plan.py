@@ -15,18 +15,7 @@ import numpy as np
 from catalogs import Catalogue
 from cpic_core import InputError, Record, announce, dump_json
 from cpic_planner import results
-from cpic_planner.confirm.scene import (
-    RESULT_VERSION,
-    confirmed_target,
-    first_roll_deg,
-    image_tasks,
-    images_cost,
-    plan_tasks,
-    programme_task,
-    result_header,
-    tasks_of,
-    why_not_imaged,
-)
+from cpic_planner.confirm import scene
 from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, run
 from cpic_planner.planets import PopulationChoice
@@ -97,7 +86,7 @@ def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
         return _of_schedule(config, ready, listed, source)
     chosen, period, sights = seen_stars(config, rank, model)
     each = [_star(ready, row) for row in chosen]
-    tasks, refused = plan_tasks(model, each, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
+    tasks, refused = scene.plan_tasks(model, each, chosen, time_s=time_s, planet=config.planet, **config.image_settings)
     return replace(ready, chosen=chosen, tasks=tasks, refused=refused, period=period, sights=sights)
 
 
@@ -132,7 +121,7 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
         except InputError:
             refuse(visit, "no star of the catalogue has this name")
             continue
-        message = why_not_imaged(config, visit)
+        message = scene.why_not_imaged(config, visit)
         if message or name not in rows:
             refuse(visit, message or "the star is not among those that are ranked")
             continue
@@ -149,16 +138,16 @@ def _of_schedule(config: PlanQuestion, ready: _Prepared, listed: Sequence[Schedu
         raise InputError("schedule", source, allowed="visits that can be imaged", hint=hint)
     names = list(programmes)[: config.top]
     chosen = [rows[name] for name in names]
-    rolls = {name: first_roll_deg(programmes[name]) for name in names}
+    rolls = {name: scene.first_roll_deg(programmes[name]) for name in names}
     stars = {name: _star(ready, rows[name], rolls[name]) for name in names}
     prepared = [
         [
-            programme_task(ready.model, star, band, own, planet=config.planet, **config.image_settings)
+            scene.programme_task(ready.model, star, band, own, planet=config.planet, **config.image_settings)
             for band, own in programmes[name].items()
         ]
         for name, star in stars.items()
     ]
-    tasks, refused = tasks_of(chosen, prepared)
+    tasks, refused = scene.tasks_of(chosen, prepared)
     for name in names:
         for band, own in programmes[name].items():
             if answer := refused.get(f"{name} {band}"):
@@ -199,7 +188,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         return sensitivity(ready.model, ready.targets, population=ready.drawn, first=config.top, **asked)
 
     def work(runner: Runner[Any]) -> results.PlanResult:
-        bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
+        bodies = runner.finish(confirm_task, scene.image_tasks(prepared().tasks))
         return _result(config, prepared(), runner.digest, bodies, firmness())
 
     def write(folder: RunFolder, plan: results.PlanResult, bodies: Mapping[str, Any]) -> None:
@@ -215,7 +204,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
 
     return Job(
         kind="plan",
-        results=RESULT_VERSION,
+        results=scene.RESULT_VERSION,
         decides=lambda: _decides(config, prepared()),
         work=work,
         write=write,
@@ -283,11 +272,11 @@ def _result(
     extremes = {star.name: star.model_dump(include={"rank_lowest", "rank_highest"}) for star in firm.stars}
     targets = []
     for row in prepared.chosen:
-        target = confirmed_target(model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
+        target = scene.confirmed_target(model, row, prepared.refused, bodies, roll_deg=prepared.rolls_deg.get(row.name))
         target = with_telescope_time(target, model, prepared.sights)
         targets.append(target.model_copy(update=extremes.get(row.name)))
     return results.PlanResult(
-        **result_header(config, digest, [band for target in targets for band in target.bands]),
+        **scene.result_header(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
         reference_planet=results.ReferencePlanetRecord.of(config.planet, albedo=config.planet.albedo.label),
@@ -303,7 +292,7 @@ def _result(
 
 def _cost(tasks: Sequence[ConfirmTask], n_targets: int, n_ranked: int, n_bands: int) -> Cost:
     """Return the cost of images, and of ranking the stars, under other assumptions too, and of the report."""
-    cost = images_cost(tasks, n_targets=n_targets)
+    cost = scene.images_cost(tasks, n_targets=n_targets)
     return replace(cost, start_s=cost.start_s + _RANK_S * n_ranked * n_bands + _REPORT_S)
 
 
@@ -318,7 +307,7 @@ def _expected_cost(config: PlanQuestion, catalog: CatalogSource) -> Cost:
     rows = ranked[:: max(-(-len(ranked) // _STAND_INS), 1)]
     alone = [near.select(near.name == row.name) for row in rows]
     settings: dict[str, Any] = config.image_settings
-    tasks, _ = plan_tasks(model, alone, rows, time_s=time_s, planet=config.planet, **settings)
+    tasks, _ = scene.plan_tasks(model, alone, rows, time_s=time_s, planet=config.planet, **settings)
     own = [[task for task in tasks if task.name == row.name] for row in rows]
     every = [task for i in range(n_targets) for task in own[i * len(own) // n_targets]]
     return _cost(every, n_targets, len(stars), len(model.bands))

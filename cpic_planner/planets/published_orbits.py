@@ -772,7 +772,6 @@ def ephemeris(
     n_draws: int,
     seed: int,
     distance_pc: float,
-    star_mass_msun: float | None = None,
 ) -> Ephemeris:
     """Return the quantiles of separation, distance and phase of one planet at some dates.
 
@@ -785,8 +784,6 @@ def ephemeris(
     n_draws, seed : int
     distance_pc : float
         Of the star.
-    star_mass_msun : float, optional
-        Where the table has none.
 
     Returns
     -------
@@ -804,7 +801,7 @@ def ephemeris(
     """
     dates = np.atleast_1d(check_finite("mjd", mjd, "d"))
     uniforms = known_uniforms(table, [row], n_draws, seed)
-    drawn = draw_known(table, [row], uniforms, epoch_mjd=float(dates[0]), star_mass_msun=star_mass_msun)
+    drawn = draw_known(table, [row], uniforms, epoch_mjd=float(dates[0]))
     block = max(1, _AT_ONCE // n_draws)
     parts = [places_at(drawn, 0, dates[start : start + block]) for start in range(0, len(dates), block)]
     separation = np.concatenate([np.hypot(part.east_au, part.north_au) for part in parts], axis=1) / distance_pc

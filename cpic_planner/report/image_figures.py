@@ -648,7 +648,6 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     axes.set(xlim=(low, high), ylim=(min(shown) / unit - 0.04 * spread, max(shown) / unit + 0.08 * spread))
     axes.set(xlabel="wavelength (nm)", ylabel=f"contrast ($10^{{{round(np.log10(unit))}}}$)")
     chance = "" if fit.p_value is None else f", p {significant(fit.p_value, 2)}"
-    grey = "" if fit.grey == 1.0 else f", common factor {decimals(fit.grey, 2)}"
     count = len(fit.bands)
-    axes.set_title(f"chi-square {decimals(fit.chi2, 1)} of {count} band{'s' * (count > 1)}{chance}{grey}", fontsize=9.5)
+    axes.set_title(f"chi-square {decimals(fit.chi2, 1)} of {count} band{'s' * (count > 1)}{chance}", fontsize=9.5)
     axes.legend(handles=handles, ncols=3, handletextpad=0.6, columnspacing=1.4, **_BELOW)

@@ -17,7 +17,7 @@ from simulator.knobs import Quantity
 
 _WIDE, _WIDEST = 60, 1000
 """Widths of last columns that hold sentences."""
-_FEW = 3
+_FEW, _MOST = 3, 40
 _OPTION = {"stars": "--catalog", "planets": "--known-planets"}
 """Option that takes a table of each kind."""
 
@@ -189,17 +189,17 @@ def _sequence_columns(
     )
 
 
-def simulation_blocks(result: results.SimulationResult, out: Path, *, limit: int = 40) -> Iterator[doc.Block]:
+def simulation_blocks(result: results.SimulationResult, out: Path) -> Iterator[doc.Block]:
     """Yield what the frames of each sequence hold, and where its files are."""
     sequences = result.sequences
     more = "em_gain adu saturated_pixels cosmic_rays/1 size_bytes"
     columns = _sequence_columns(results.SimulatedSequence, sequences, more)
-    yield doc.Table(f"{result.name}: {counted(len(sequences), 'sequence')}", columns, sequences[:limit])
-    left = len(sequences) - limit
+    yield doc.Table(f"{result.name}: {counted(len(sequences), 'sequence')}", columns, sequences[:_MOST])
+    left = len(sequences) - _MOST
     note = "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
     yield from doc.notes(f"... and {left} more: see {out / 'simulation.json'}" * (left > 0), note)
     for programme in result.programmes:
-        yield from _programme_blocks(programme, out, limit)
+        yield from _programme_blocks(programme, out)
     yield from _left_out_blocks(sequences)
     files = [str(out / item.file) for item in sequences]
     if len(sequences) > _FEW:
@@ -208,7 +208,7 @@ def simulation_blocks(result: results.SimulationResult, out: Path, *, limit: int
     yield from doc.notes(*files, look="whole")
 
 
-def _programme_blocks(programme: results.SimulatedProgramme, out: Path, limit: int) -> Iterator[doc.Block]:
+def _programme_blocks(programme: results.SimulatedProgramme, out: Path) -> Iterator[doc.Block]:
     """Yield when the visits of a programme are, and where its list is."""
     title = f"{programme.target}: {counted(programme.visits, 'science visit')}"
     if programme.reference_visits:
@@ -227,8 +227,8 @@ def _programme_blocks(programme: results.SimulatedProgramme, out: Path, limit: i
         ),
         window=doc.own_column("windows", lambda rows: str(len(rows))),
     )
-    yield doc.Table(title, columns, list(visits.values())[:limit])
-    more = len(visits) - limit
+    yield doc.Table(title, columns, list(visits.values())[:_MOST])
+    more = len(visits) - _MOST
     scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
     said = [f"{count_text(more)} more are not shown."] * (more > 0)
     said += [f"The programme spans {words.decimals(programme.span_days, 2)} days{scheme}."]
@@ -249,12 +249,12 @@ def _left_out_blocks(sequences: Sequence[results.PlannedSequenceRow]) -> Iterato
     yield from doc.notes(*(f"{way}: {said}" for way, said in ways_texts(modelled)))
 
 
-def planned_blocks(plan: results.SimulationEstimate, *, limit: int = 40) -> Iterator[doc.Block]:
+def planned_blocks(plan: results.SimulationEstimate) -> Iterator[doc.Block]:
     """Yield the sequences of a simulation that has not been run, and what it would plan."""
     columns = _sequence_columns(results.PlannedSequenceRow, plan.sequences, "em_gain/1 start_utc/3")
     title = f"{plan.name}: {counted(plan.n_sequences, 'sequence')}"
-    yield doc.Table(title, columns, plan.sequences[:limit], last_width=19)
-    yield from doc.notes(f"... and {plan.n_sequences - limit} more" * (plan.n_sequences > limit))
+    yield doc.Table(title, columns, plan.sequences[:_MOST], last_width=19)
+    yield from doc.notes(f"... and {plan.n_sequences - _MOST} more" * (plan.n_sequences > _MOST))
     yield from _left_out_blocks(plan.sequences)
     time, disk = words.duration_text(plan.wall_s), words.size_text(1e6 * plan.disk_mb)
     memory = f"{words.significant(plan.memory_mb)} MB memory a worker"

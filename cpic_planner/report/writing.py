@@ -173,7 +173,7 @@ def _with_heading(item: Column) -> Column:
     return replace(item, short=item.short or f"{item.label} {doc.unit_shown(item)}".strip())
 
 
-def chosen(table: doc.Table, names: Sequence[str], key: str = "--columns") -> doc.Table:
+def chosen(table: doc.Table, names: Sequence[str]) -> doc.Table:
     """Return a table of columns by their names in files, in the given order; none of them gives way.
 
     Raises
@@ -184,9 +184,9 @@ def chosen(table: doc.Table, names: Sequence[str], key: str = "--columns") -> do
     every = offered(table.columns)
     for number, name in enumerate(names):
         if name not in every:
-            raise InputError(key, name, allowed=f"{key} help lists them", hint=nearest(name, every))
+            raise InputError("--columns", name, allowed="--columns help lists them", hint=nearest(name, every))
         if name in names[:number]:
-            raise InputError(key, name, allowed="each column once")
+            raise InputError("--columns", name, allowed="each column once")
     picked = (every[name] for name in names)
     shown = [replace(one, gives_way=0, look="" if one.look == "files" else one.look) for one in picked]
     return replace(table, columns=shown)

@@ -819,7 +819,7 @@ def rows_of(kind: type[Result]) -> dict[str, type[Result]]:
     return found
 
 
-def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";", digits: int = 0) -> str:
+def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined: str = ";") -> str:
     """Return rows as CSV text: a heading of names, one line a row, units in the names.
 
     Parameters
@@ -827,16 +827,13 @@ def csv_text(names: Sequence[str], rows: Iterable[Mapping[str, Any]], *, joined:
     names : sequence of str
         Columns, in order.
     rows : iterable of mapping
-        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`.
+        Cells by name. Missing and null ones are empty, yes and no are 1 and 0; texts are `cpic_core.guarded`,
+        numbers the shortest text that reads back to the same double.
     joined : str
         What stands between the items of a list.
-    digits : int
-        Significant digits of numbers; 0: all, the shortest text that reads back to the same double.
     """
 
     def cell(value: Any) -> Any:
-        if isinstance(value, float) and digits:
-            return f"{value:.{digits}g}"
         plain = "" if value is None else int(value) if isinstance(value, bool) else _joined_text(value, joined)
         return guarded(plain) if isinstance(plain, str) else plain
 

@@ -388,11 +388,11 @@ def _relative(values: FloatArray) -> float:
     return float(values.std(ddof=1) / values.mean() / math.sqrt(values.size)) if values.size > 1 else 0.0
 
 
-def speed_ups(rows: Iterable[TradeoffRow], *, beside: str = "etc") -> dict[str, float]:
-    """Return the wall clock of the reference over that of another way on the same machine, by scene."""
+def speed_ups(rows: Iterable[TradeoffRow]) -> dict[str, float]:
+    """Return the wall clock of the reference over that of a closed form on the same machine, by scene."""
     times = {(row.scene, row.machine, row.point): row.wall_s for row in rows if row.wall_s}
     return {
-        scene: wall_s / times[scene, machine, beside]
+        scene: wall_s / times[scene, machine, "etc"]
         for (scene, machine, point), wall_s in times.items()
-        if point == REFERENCE and (scene, machine, beside) in times
+        if point == REFERENCE and (scene, machine, "etc") in times
     }

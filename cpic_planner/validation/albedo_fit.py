@@ -29,8 +29,6 @@ class AlbedoModel(Record, eq=False):
         Photon-weighted geometric albedo at the nodes.
     phase : ndarray, shape (m, f)
         Brightness at the planet's phase relative to full phase.
-    clear : ndarray, shape (m, band)
-        Contrast of cloud-free planets.
     full_contrast : float
         Contrast of albedo 1 at full phase, (R/r)^2.
     insolation_au : float
@@ -46,7 +44,6 @@ class AlbedoModel(Record, eq=False):
     log10_fsed: FloatArray
     albedo: FloatArray
     phase: FloatArray
-    clear: FloatArray
     full_contrast: float
     insolation_au: float
     flags: tuple[str, ...] = ()
@@ -152,11 +149,11 @@ def albedo_model(
         measure = measure * np.interp(x, wavelength, photlam)
         rules.append((x, measure / measure.sum()))
 
-    def means(metal: float, cloud: float | None) -> list[float]:
+    def means(metal: float, cloud: float) -> list[float]:
         node = parametric_family(metal, cloud, insolation_au).at(insolation_au)
         return [float(share @ np.interp(x, node.wavelength_nm, node.albedo)) for x, share in rules]
 
-    def phase(metal: float, cloud: float | None) -> float:
+    def phase(metal: float, cloud: float) -> float:
         tree = {"log10_mh": metal, "log10_fsed": cloud, "insolation_au": insolation_au}
         spec = ParametricAlbedo.model_validate(tree | {"phase_function": phase_function})
         return float(phase_value(spec, phase_deg))
@@ -169,7 +166,7 @@ def albedo_model(
         "extrapolated": any(band.support_nm[1] > grid.documented_to_nm for band in chosen),
     }
     pairs = [[(float(metal), float(cloud)) for cloud in clouds] for metal in metals]
-    clear = [np.array(means(float(metal), None)) * phase(float(metal), None) for metal in metals]
+    albedo = np.array([[means(*pair) for pair in row] for row in pairs])
     if not (full > 0 and phase(*pairs[0][0]) > 0):
         allowed = "a planet with light: radius above 0, phase below 180"
         raise InputError("phase_deg", phase_deg, unit="deg", allowed=allowed)
@@ -180,9 +177,8 @@ def albedo_model(
         width_nm=np.diff(ends, axis=1)[:, 0],
         log10_mh=metals,
         log10_fsed=clouds,
-        albedo=np.array([[means(*pair) for pair in row] for row in pairs]),
+        albedo=albedo,
         phase=np.array([[phase(*pair) for pair in row] for row in pairs]),
-        clear=full * np.array(clear),
         full_contrast=full,
         insolation_au=float(insolation_au),
         flags=tuple(name for name, there in names.items() if there),
@@ -245,16 +241,12 @@ class AlbedoFit(Record, eq=False):
         95 % region reaches the edge of the allowed range (`open_edges` says which).
     log10_mh, log10_fsed : float
         Best fit, the smallest chi2. In a degenerate fit one of many.
-    grey : float
-        Common factor on all contrasts at the best fit; 1 where none was allowed.
     chi2 : float
-        At the best fit, the prior of the common factor included.
+        At the best fit.
     degrees_of_freedom : int
         Bands less 2, at least 0.
     p_value : float or None
         Chance of a chi2 at least this large if the model holds; None without degrees of freedom.
-    clear_chi2 : float
-        The same for the best cloud-free planet, which lies outside the grid of log10_fsed.
     mean, covariance : ndarray, shapes (2,) and (2, 2)
         Of the posterior over (log10_mh, log10_fsed), with flat priors on the allowed ranges.
     correlation : float
@@ -268,7 +260,7 @@ class AlbedoFit(Record, eq=False):
     contrasts, errors : ndarray, shape (band,)
         As measured.
     model_contrasts : ndarray, shape (band,)
-        At the best fit, common factor included.
+        At the best fit.
     open_edges : tuple of str
         Ends of the allowed ranges that the 95 % region reaches: ``log10_mh_low``, ``log10_mh_high``,
         ``log10_fsed_low``, ``log10_fsed_high`` (f_sed 6, above which all is the same).
@@ -279,11 +271,9 @@ class AlbedoFit(Record, eq=False):
     status: Constraint
     log10_mh: float
     log10_fsed: float
-    grey: float
     chi2: float
     degrees_of_freedom: int
     p_value: float | None
-    clear_chi2: float
     mean: FloatArray
     covariance: FloatArray
     correlation: float
@@ -299,40 +289,17 @@ class AlbedoFit(Record, eq=False):
 
     def level(self, probability: float) -> float:
         """Return the posterior density on the edge of the smallest region of this probability, between 0 and 1."""
-        _check_probability(probability)
         return _level(self.posterior, _cells(self.log10_mh_grid, self.log10_fsed_grid), probability)
 
-    def contains(self, log10_mh: float, log10_fsed: float, probability: float = LEVELS[0]) -> bool:
-        """Return whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6.
-
-        Parameters
-        ----------
-        log10_mh : float
-            Logarithm of the metallicity relative to the Sun's.
-        log10_fsed : float
-            Logarithm of the sedimentation efficiency of the clouds.
-        probability : float, optional
-            Probability, 0 to 1.
-        """
-        mh, fsed = float(log10_mh), min(float(log10_fsed), LOG10_FSED_MAX)
-        axes = self.log10_mh_grid, self.log10_fsed_grid
-        if not all(axis[0] <= value <= axis[-1] for axis, value in zip(axes, (mh, fsed), strict=True)):
-            return False
-        along = np.array([np.interp(fsed, axes[1], row) for row in self.posterior])
-        return bool(np.interp(mh, axes[0], along) >= self.level(probability))
-
-    def interval(self, name: Literal["log10_mh", "log10_fsed"], probability: float = LEVELS[0]) -> tuple[float, float]:
-        """Return the central interval of one parameter, the other integrated over; its median lies in it.
+    def interval(self, name: Literal["log10_mh", "log10_fsed"]) -> tuple[float, float]:
+        """Return the central 68 % of one parameter, the other integrated over; its median lies in it.
 
         Parameters
         ----------
         name : {"log10_mh", "log10_fsed"}
             Name of the parameter.
-        probability : float, optional
-            Probability, 0 to 1.
         """
-        _check_probability(probability)
-        low, high = self._quantiles(name, 0.5 - 0.5 * probability, 0.5 + 0.5 * probability)
+        low, high = self._quantiles(name, 0.5 - 0.5 * LEVELS[0], 0.5 + 0.5 * LEVELS[0])
         return low, high
 
     def median(self, name: Literal["log10_mh", "log10_fsed"]) -> float:
@@ -343,8 +310,6 @@ class AlbedoFit(Record, eq=False):
         return self._quantiles(name, 0.5)[0]
 
     def _quantiles(self, name: str, *levels: float) -> list[float]:
-        if name not in ("log10_mh", "log10_fsed"):
-            raise InputError("name", name, allowed="log10_mh, log10_fsed")
         axis, other, posterior = self.log10_mh_grid, self.log10_fsed_grid, self.posterior
         if name == "log10_fsed":
             axis, other, posterior = other, axis, posterior.T
@@ -354,9 +319,7 @@ class AlbedoFit(Record, eq=False):
 
 
 @numeric_context()
-def fit_albedo(
-    measured: Mapping[str, tuple[float, float]], model: AlbedoModel, *, grey_error: float = 0.0
-) -> AlbedoFit:
+def fit_albedo(measured: Mapping[str, tuple[float, float]], model: AlbedoModel) -> AlbedoFit:
     """Fit metallicity and clouds to the contrasts measured in some bands.
 
     Parameters
@@ -365,9 +328,6 @@ def fit_albedo(
         Contrast of the planet in each band and its 1-sigma error, above 0; bands of the model. Values may be negative.
     model : AlbedoModel
         Of the planet, see `albedo_model`: size, distance, phase and insolation are known.
-    grey_error : float, optional
-        Relative 1-sigma error of what scales all bands alike, (R/r)^2 times the phase function and the star's rate:
-        the contrasts are those of the model times a factor drawn from N(1, grey_error). 0 to 10.
 
     Returns
     -------
@@ -380,26 +340,21 @@ def fit_albedo(
 
     Notes
     -----
-    The common factor g is integrated over in closed form. With ``m`` the model, ``D`` the variances and ``r = d - m``,
-    ``chi2 = r^T (D + s^2 m m^T)^-1 r``, which is also the least ``sum((d - g m)^2 / D) + ((g - 1) / s)^2`` over g; the
-    likelihood is ``exp(-chi2 / 2) / sqrt(det(D + s^2 m m^T))``. The posterior takes it on a grid with flat priors in
-    log10_mh (0 to 2) and log10_fsed (-2 to log10 6); its regions hold the truth as often as they say when truths are
-    spread like the prior. Errors are widened by what the model changes within a cell of the grid, which counts for
-    errors well below a per cent only.
+    The posterior takes the likelihood ``exp(-chi2 / 2)`` on a grid with flat priors in log10_mh (0 to 2) and log10_fsed
+    (-2 to log10 6); its regions hold the truth as often as they say when truths are spread like the prior. Errors are
+    widened by what the model changes within a cell of the grid, which counts for errors well below a per cent only.
     """
     names, values, errors = _measured(measured, model)
-    if not 0.0 <= grey_error <= 10.0:
-        raise InputError("grey_error", grey_error, allowed="0 to 10")
     columns = [model.bands.index(name) for name in names]
 
-    def terms(contrast: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return _terms(values, errors, contrast[..., columns], grey_error)
+    def chi2_of(contrast: FloatArray) -> FloatArray:
+        return np.asarray(np.sum(((values - contrast[..., columns]) / errors) ** 2, axis=-1))
 
     def log_likelihood(contrast: FloatArray) -> FloatArray:
         seen = contrast[..., columns]
         wide = np.hypot(errors, _within_cell(seen))
-        chi2, log_volume, _ = _terms(values, wide, seen, grey_error)
-        return np.asarray(-0.5 * chi2 - log_volume - np.log(wide / errors).sum(axis=-1))
+        chi2 = np.sum(((values - seen) / wide) ** 2, axis=-1)
+        return np.asarray(-0.5 * chi2 - np.log(wide / errors).sum(axis=-1))
 
     ranges = [(float(nodes[0]), float(nodes[-1])) for nodes in (model.log10_mh, model.log10_fsed)]
     axes = [np.linspace(*ends, GRID_POINTS) for ends in ranges]
@@ -416,12 +371,12 @@ def fit_albedo(
     cells = _cells(*axes)
     posterior = np.exp(log_posterior - log_posterior.max())
     posterior /= float((posterior * cells).sum())
-    starts = _lowest(terms(contrast)[0], *axes)
+    starts = _lowest(chi2_of(contrast), *axes)
     best = starts[0]
     if len(names) >= N_PARAMETERS:
 
         def chi2_at(place: FloatArray) -> float:
-            return float(terms(model.contrast_grid(place[:1], place[1:]))[0][0, 0])
+            return float(chi2_of(model.contrast_grid(place[:1], place[1:]))[0, 0])
 
         steps = [float(axis[1] - axis[0]) for axis in axes]
         ends = [_polished(start, steps, ranges, chi2_at) for start in starts]
@@ -429,7 +384,7 @@ def fit_albedo(
         # Not the very least: rounding must not choose between ends of one valley.
         best = next(end for end in ends if chi2_at(end) <= least + SAME_CHI2)
     contrast = model.contrast(best[0], best[1])
-    chi2, _, grey = (float(part) for part in terms(contrast))
+    chi2 = float(chi2_of(contrast))
     mean, covariance = _moments(posterior * cells, *axes)
     spread = np.sqrt(np.diag(covariance))
     open_edges = _open_edges(posterior >= _level(posterior, cells, LEVELS[1]), axes, ranges)
@@ -439,11 +394,9 @@ def fit_albedo(
         status="degenerate" if len(names) < N_PARAMETERS else status,
         log10_mh=float(best[0]),
         log10_fsed=float(best[1]),
-        grey=grey,
         chi2=chi2,
         degrees_of_freedom=free,
         p_value=chi2_p_value(chi2, free),
-        clear_chi2=float(terms(model.clear)[0].min()),
         mean=mean,
         covariance=covariance,
         correlation=float(covariance[0, 1] / (spread[0] * spread[1])),
@@ -453,15 +406,10 @@ def fit_albedo(
         bands=names,
         contrasts=values,
         errors=errors,
-        model_contrasts=grey * contrast[columns],
+        model_contrasts=contrast[columns],
         open_edges=open_edges,
         flags=model.flags,
     )
-
-
-def _check_probability(probability: float) -> None:
-    if not 0.0 < probability < 1.0:
-        raise InputError("probability", probability, allowed="between 0 and 1")
 
 
 def _measured(
@@ -480,21 +428,6 @@ def _measured(
         pairs[name] = (float(value), float(error))
     values, errors = np.array(list(pairs.values())).T
     return tuple(pairs), values, errors
-
-
-def _terms(
-    values: FloatArray, errors: FloatArray, contrast: FloatArray, grey_error: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return chi2, half the logarithm of the determinant that depends on the model, and the best common factor."""
-    relative, residual = contrast / errors, (values - contrast) / errors
-    pull, size = np.sum(relative * residual, axis=-1), np.sum(relative**2, axis=-1)
-    variance = grey_error**2
-    widened = 1.0 + variance * size
-    # Both terms are large where the factor takes up most of the residual: chi2 by the residual that it leaves.
-    grey = 1.0 + variance * pull / widened
-    left = (values - grey[..., None] * contrast) / errors
-    prior = variance * (pull / widened) ** 2
-    return np.sum(left**2, axis=-1) + prior, 0.5 * np.log(widened), grey
 
 
 def _within_cell(contrast: FloatArray) -> FloatArray:

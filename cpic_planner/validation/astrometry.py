@@ -19,6 +19,8 @@ from cpic_planner.validation.rdi import ReducedStack
 from simulator.imaging import AnyPsf
 from simulator.target import detector_to_sky, sky_to_detector
 
+# Radius of the pixels that are fitted, and half width of the annulus in which speckles are sampled.
+WINDOW_LAMBDA_D, ANNULUS_LAMBDA_D = 1.5, 2.0
 MAX_ITERATIONS = 25
 STILL_PIXELS = 1e-3
 # Noise bends the model's peak so that full steps may swing about it: steps that turn back are shortened.
@@ -97,10 +99,6 @@ class PositionFitter:
     ----------
     stack : ReducedStack
     psf : Psf or ExternalPsf
-    window_lambda_d : float
-        Half width of the window, lambda/D.
-    annulus_lambda_d : float
-        Half width of the annulus, lambda/D.
     exclude : sequence of tuple of float
         Pixels that are left out.
 
@@ -127,18 +125,11 @@ class PositionFitter:
         Whether the stack has no white noise.
     """
 
-    def __init__(
-        self,
-        stack: ReducedStack,
-        psf: AnyPsf,
-        window_lambda_d: float,
-        annulus_lambda_d: float,
-        exclude: Sequence[tuple[float, float]],
-    ) -> None:
+    def __init__(self, stack: ReducedStack, psf: AnyPsf, exclude: Sequence[tuple[float, float]]) -> None:
         scale = psf.geometry.pixel_scale_arcsec
         self.stack, self.psf, self.lambda_d_pixel = stack, psf, psf.geometry.lambda_d_arcsec / scale
-        self.window_pixel = window_lambda_d * self.lambda_d_pixel
-        self.annulus_pixel = annulus_lambda_d * self.lambda_d_pixel
+        self.window_pixel = WINDOW_LAMBDA_D * self.lambda_d_pixel
+        self.annulus_pixel = ANNULUS_LAMBDA_D * self.lambda_d_pixel
         self._excluded_pixel = EXCLUSION_RADII * psf.geometry.aperture_radius_arcsec / scale
         self.others = np.array(exclude, dtype=np.float64).reshape(-1, 2) / scale
         if not np.isfinite(self.others).all():
@@ -448,8 +439,6 @@ def fit_position(
     *,
     roll_deg: float = 0.0,
     parity: int | None = None,
-    window_lambda_d: float = 1.5,
-    annulus_lambda_d: float = 2.0,
     exclude: Sequence[tuple[float, float]] = (),
 ) -> Astrometry:
     """Fit position and flux of a planet near a given place.
@@ -466,10 +455,6 @@ def fit_position(
         Roll of the sky on the detector.
     parity : {-1, +1}, optional
         Orientation of the detector; that of the PSF's instrument if omitted.
-    window_lambda_d : float, optional
-        Radius of the pixels that are fitted, 0.8 to 4 lambda/D.
-    annulus_lambda_d : float, optional
-        Speckles are sampled at separations within this many lambda/D of the planet's, 0.5 or more.
     exclude : sequence of (x_arcsec, y_arcsec), optional
         Other known sources: pixels within 1.5 aperture radii of them are left out of everything.
 
@@ -493,14 +478,11 @@ def fit_position(
     ``S = sum_i (d_i d_i^T - A_i V A_i^T) / sum_i (H_i H_i)^(1/2)`` is measured by the fit at other places i of the same
     separation, radial and tangential components apart, since speckles of a wide band are drawn out radially.
     """
-    require("window_lambda_d", window_lambda_d, 0.8 <= window_lambda_d <= 4.0, "lambda/D", "0.8 to 4")
-    require("annulus_lambda_d", annulus_lambda_d, annulus_lambda_d >= 0.5, "lambda/D", "at least 0.5")
-    orientation = psf.instrument.detector.parity if parity is None else parity
     scale = psf.geometry.pixel_scale_arcsec
     reach = (len(stack.region) // 2) * scale
     for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec)):
         require(key, value, abs(value) <= reach, "arcsec", f"{-reach:g} to {reach:g}")
-    fitter = PositionFitter(stack, psf, window_lambda_d, annulus_lambda_d, exclude)
+    fitter = PositionFitter(stack, psf, exclude)
     start = np.array([x_arcsec, y_arcsec]) / scale
     if not fitter.coverage(start) >= LEAST_COVERAGE:
         allowed = "a place with half of the planet's squared light in the region"
@@ -519,7 +501,9 @@ def fit_position(
         "edge": fitter.coverage(fit.place) < WHOLE_COVERAGE,
         "whole_region": speckles.whole_region,
     }
-    rotation = _to_sky(roll_deg, orientation)
+    # From detector offsets (x, y) to (east, north): the transpose of what `sky_to_detector` does.
+    parity = psf.instrument.detector.parity if parity is None else parity
+    rotation = np.column_stack(sky_to_detector(np.ones(2), np.array([90.0, 0.0]), roll_deg=roll_deg, parity=parity))
     return Astrometry(
         x_arcsec=x,
         y_arcsec=y,
@@ -535,12 +519,6 @@ def fit_position(
         shift_arcsec=float(np.hypot(*(fit.place - start)) * scale),
         flags=tuple(flag for flag, there in flags.items() if there),
     )
-
-
-def _to_sky(roll_deg: float, parity: int) -> FloatArray:
-    """Return the matrix from detector offsets (x, y) to (east, north): the transpose of what `sky_to_detector` does."""
-    x, y = sky_to_detector(np.ones(2), np.array([90.0, 0.0]), roll_deg=roll_deg, parity=parity)
-    return np.column_stack([x, y])
 
 
 def _on_sky(offset: FloatArray, covariance: FloatArray) -> dict[str, float]:

@@ -11,18 +11,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, Record, Status, announce, stream
 from cpic_planner.etc import diagonal
-from cpic_planner.validation.measure import (
-    PlanetTemplate,
-    SpeckleModel,
-    forced_photometry,
-    maps_of,
-    obstacle,
-    place_at,
-    reduced_around,
-    searcher_of,
-    speckles_of,
-    with_image,
-)
+from cpic_planner.validation import measure
 from cpic_planner.validation.rdi import ReducedStack
 from cpic_planner.validation.realise import Realisation, VisitPair, visit_pair
 from cpic_planner.validation.search import BlindSearch, Candidate, Searcher
@@ -221,20 +210,20 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
         why = visits.stackable.message or "sums of frames are not accurate enough for this scene"
         return {"refused": why}
     rate_e_s = visits.science.truth.sources[0].rate_e_s
-    geometry, maps = visits.geometry, maps_of(visits)
+    geometry, maps = visits.geometry, measure.maps_of(visits)
     places = []
     for separation in own.places_arcsec:
         x, y = (float(part) for part in diagonal(geometry.zone, separation))
-        place = place_at(geometry, visits.strategy, "place", ((x, y),), visits.beside_arcsec)
-        measured = obstacle(place, geometry, visits.strategy) is None
-        places.append(with_image(visits, place) if measured else None)
-    speckles = speckles_of(visits, rate_e_s)
+        place = measure.place_at(geometry, visits.strategy, "place", ((x, y),), visits.beside_arcsec)
+        measured = measure.obstacle(place, geometry, visits.strategy) is None
+        places.append(measure.with_image(visits, place) if measured else None)
+    speckles = measure.speckles_of(visits, rate_e_s)
     seen = functools.lru_cache(maxsize=8)(functools.partial(visits.optics.at, margin_pixels=0))
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
         drawn = visits.draw(number)
         body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, speckles) for place in places])
-        blind = searcher_of(visits, drawn.reduced, rate_e_s, maps)
+        blind = measure.searcher_of(visits, drawn.reduced, rate_e_s, maps)
         empty = blind.search(drawn.reduced.image_e)
         noise = empty.apart_from(visits.beside_arcsec, geometry)
         body["alarms"].append([one.false_alarms for one in noise])
@@ -247,13 +236,17 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
 
 
 def _noise_at(
-    visits: VisitPair, drawn: Realisation, place: PlanetTemplate | None, rate_e_s: float, model: SpeckleModel | None
+    visits: VisitPair,
+    drawn: Realisation,
+    place: measure.PlanetTemplate | None,
+    rate_e_s: float,
+    model: measure.SpeckleModel | None,
 ) -> list[float | None]:
     """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
     if place is None:
         return [None, None]
-    near = reduced_around(drawn, place, visits)
-    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
+    near = measure.reduced_around(drawn, place, visits)
+    measured = measure.forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
     star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
     return [float(measured.sigma_background / star_e), float(measured.throughput)]
 

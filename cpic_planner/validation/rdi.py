@@ -597,21 +597,19 @@ def pedestal_e(detector: AnyDetector, exposure_s: float) -> float:
     return FrameNoise.of(detector, 1.0, exposure_s).pedestal_e
 
 
-def smoothed(image: FloatArray, region: BoolArray, width_pixels: float = SMOOTHING_PIXELS) -> FloatArray:
+def smoothed(image: FloatArray, region: BoolArray) -> FloatArray:
     """Return the Gaussian mean over the pixels of a region alone, 0 outside.
 
     Parameters
     ----------
     image : ndarray, shape (y, x)
     region : ndarray of bool, shape (y, x)
-    width_pixels : float
-        Standard deviation of the Gaussian, above 0.
     """
     from scipy.ndimage import gaussian_filter
 
     inside = np.where(region, image, 0.0)
-    weight = gaussian_filter(region.astype(float), width_pixels)
-    smooth = gaussian_filter(inside, width_pixels) / np.where(region, weight, 1.0)
+    weight = gaussian_filter(region.astype(float), SMOOTHING_PIXELS)
+    smooth = gaussian_filter(inside, SMOOTHING_PIXELS) / np.where(region, weight, 1.0)
     return np.where(region, smooth, 0.0)
 
 

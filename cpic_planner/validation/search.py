@@ -44,18 +44,8 @@ from cpic_planner.etc import (
 )
 from cpic_planner.validation.photometry import checked_image
 from cpic_planner.validation.rdi import ReducedStack, smoothed
+from simulator import imaging
 from simulator.config import Drift, content_hash
-from simulator.imaging import (
-    AnyPsf,
-    BandGeometry,
-    ExternalPsf,
-    Psf,
-    TablePsf,
-    centred_axis,
-    matched_kernel,
-    metrics_key,
-    visit_responses,
-)
 from simulator.signal import programme_law
 
 _MAX_STEPS, _MAX_CHANGE, _DONE = 15, 2.0, 1e-3
@@ -212,9 +202,9 @@ class SpeckleMaps(Record, eq=False):
     kernel: FloatArray
 
 
-def filter_kernel(psf: AnyPsf) -> FloatArray:
+def filter_kernel(psf: imaging.AnyPsf) -> FloatArray:
     """Return the weights of the matched filter of a PSF (`simulator.imaging.matched_kernel`)."""
-    return matched_kernel(psf.off_axis, psf.geometry.lambda_d_arcsec / psf.geometry.pixel_scale_arcsec)
+    return imaging.matched_kernel(psf.off_axis, psf.geometry.lambda_d_arcsec / psf.geometry.pixel_scale_arcsec)
 
 
 def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
@@ -237,7 +227,7 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
     return np.asarray(sums[..., :rows, :columns])
 
 
-def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> SpeckleMaps:
+def speckle_maps(psf: imaging.AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> SpeckleMaps:
     """Return the maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache.
 
     Parameters
@@ -257,13 +247,13 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     """
     if n_visits < 32:
         raise InputError("n_visits", n_visits, allowed="at least 32")
-    tabled, weights = isinstance(psf, TablePsf), filter_kernel(psf)
+    tabled, weights = isinstance(psf, imaging.TablePsf), filter_kernel(psf)
     visit_nm = 1.0 if tabled else drift.visit_nm or drift.walk_nm_per_sqrt_hour
-    if not visit_nm > 0 or (isinstance(psf, ExternalPsf) and not tabled):
+    if not visit_nm > 0 or (isinstance(psf, imaging.ExternalPsf) and not tabled):
         nominal = np.where(psf.geometry.hole, np.asarray(psf.on_axis, float), 0.0)
         empty = np.zeros(nominal.shape)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
-    optics = cast(Psf | TablePsf, psf)
+    optics = cast(imaging.Psf | imaging.TablePsf, psf)
     unit = _unit_maps(_Keyed(_key(optics, drift, n_visits), optics, drift, n_visits))
     return SpeckleMaps(
         linear=visit_nm**2 * unit["linear"],
@@ -278,10 +268,10 @@ def speckle_maps(psf: AnyPsf, drift: Drift, *, n_visits: int = N_VISITS) -> Spec
     )
 
 
-def _key(psf: Psf | TablePsf, drift: Drift, n_visits: int) -> str:
+def _key(psf: imaging.Psf | imaging.TablePsf, drift: Drift, n_visits: int) -> str:
     """Return everything that decides the maps."""
-    optics = metrics_key(psf.instrument, psf.band)
-    if isinstance(psf, TablePsf):
+    optics = imaging.metrics_key(psf.instrument, psf.band)
+    if isinstance(psf, imaging.TablePsf):
         return content_hash({"table": optics, "drift": drift.model_dump(mode="json")})
     spectrum = None
     if psf.spectrum is not None:
@@ -304,7 +294,7 @@ class _Keyed(Record):
     """Optics, drift and visits that count as equal to any others of their key."""
 
     key: str
-    psf: Psf | TablePsf = field(compare=False)
+    psf: imaging.Psf | imaging.TablePsf = field(compare=False)
     drift: Drift = field(compare=False)
     n_visits: int
 
@@ -313,7 +303,7 @@ class _Keyed(Record):
 def _unit_maps(keyed: _Keyed) -> Mapping[str, FloatArray]:
     """Return the maps of an offset of 1 nm: of a table, from the cache, or measured."""
     psf = keyed.psf
-    if isinstance(psf, TablePsf):
+    if isinstance(psf, imaging.TablePsf):
         return _maps_of_table(psf, keyed.drift, keyed.n_visits)
     names = ("linear", "square", "nominal", "stray", "tails")
     return compute_once(
@@ -328,16 +318,16 @@ def _hole_axes(hole: BoolArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
 
 
-def _measured(psf: Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
+def _measured(psf: imaging.Psf, slope: float, n_visits: int) -> dict[str, FloatArray]:
     announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
     hole, imager = psf.geometry.hole, psf.imager
-    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    offset = imaging.centred_axis(len(hole), imager.pixel_scale_arcsec)
     axes = [imager.axis(offset[part], masked=True) for part in _hole_axes(hole)]
-    responses = visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
+    responses = imaging.visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
     return _filtered_maps(hole, filter_kernel(psf), responses)
 
 
-def _maps_of_table(psf: TablePsf, drift: Drift, n_visits: int) -> dict[str, FloatArray]:
+def _maps_of_table(psf: imaging.TablePsf, drift: Drift, n_visits: int) -> dict[str, FloatArray]:
     """Return the maps of a table: of visits of an hour, each with half of what is left of a pair."""
     place, hole = psf.figures.floor_separation_arcsec, psf.geometry.hole
     left = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D).law(1.0, 1.0).variance(_HOUR_S)
@@ -578,13 +568,15 @@ class BlindSearch(Record, eq=False):
             if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach_arcsec
         ]
 
-    def apart_from(self, places_arcsec: Sequence[tuple[float, float]], geometry: BandGeometry) -> list[Candidate]:
+    def apart_from(
+        self, places_arcsec: Sequence[tuple[float, float]], geometry: imaging.BandGeometry
+    ) -> list[Candidate]:
         """Return the candidates that are no detection of a source at one of some places, offsets on the detector."""
         reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
         near = [id(one) for place in places_arcsec for one in self.near(*place, reach)]
         return [one for one in self.candidates if id(one) not in near]
 
-    def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: BandGeometry) -> Candidate | None:
+    def strongest_near(self, x_arcsec: float, y_arcsec: float, geometry: imaging.BandGeometry) -> Candidate | None:
         """Return the strongest candidate that is as near to a place as a detection of a planet there; None without one.
 
         Parameters
@@ -661,7 +653,7 @@ class Searcher:
     def __init__(
         self,
         stack: ReducedStack,
-        psf: AnyPsf,
+        psf: imaging.AnyPsf,
         maps: SpeckleMaps,
         *,
         star_rate_e_s: float,
@@ -1152,7 +1144,7 @@ _LEAST_SAMPLES = 3.0
 MAX_VISITS = 10_000
 
 
-def search(stack: ReducedStack, psf: AnyPsf, maps: SpeckleMaps, **how: Any) -> BlindSearch:
+def search(stack: ReducedStack, psf: imaging.AnyPsf, maps: SpeckleMaps, **how: Any) -> BlindSearch:
     """Look for sources everywhere in the dark hole of a stack; arguments as of `Searcher`.
 
     Parameters

@@ -15,31 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs import open_catalogue, table_readings, tables_read, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
-from cpic_planner import report
+from cpic_planner import queries, report, results
 from cpic_planner.api import Answered, answered, prepared, visibility_of
 from cpic_planner.api.one_star import star_or_planet
-from cpic_planner.queries import (
-    FILTERS,
-    EtcQuestion,
-    KnownQuestion,
-    RankQuestion,
-    VisibilityQuestion,
-    called_as,
-    instrument_rows,
-    instrument_title,
-    observed_utc,
-    read_instrument,
-)
-from cpic_planner.results import (
-    ColumnsResult,
-    EtcResult,
-    InstrumentResult,
-    KnownResult,
-    RankedTarget,
-    RankResult,
-    StarResult,
-    TwoInstrumentsResult,
-)
 from cpic_planner.web.addresses import ETC, RANK, Addresses, Pairs, Q, Submission, address, check_shipped, python_lines
 from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
 from cpic_planner.web.pages import MEDIA, Answer, Page, cited, elsewhere, figure_blocks, notes_blocks
@@ -57,7 +35,7 @@ DEFAULT_ROWS, MOST_ROWS = 50, 1500
 @contextlib.contextmanager
 def _question(addresses: Addresses[Q], pairs: Pairs, submission: Submission | None) -> Iterator[Q]:
     """Yield the question of an address; the files that were sent are the only ones that are read."""
-    with only_sent_files({} if submission is None else submission.files), called_as(addresses.names):
+    with only_sent_files({} if submission is None else submission.files), queries.called_as(addresses.names):
         question: Any = addresses.question(pairs)
         if submission is not None and submission.files:
             check_shipped(question.instrument, question.band_names())
@@ -133,7 +111,7 @@ ETC_PAGE = Page(
     ETC.canonical,
     etc_form,
     _etc,
-    EtcResult,
+    results.EtcResult,
     lambda pairs, name: etc_answer(pairs).figure,
     figures=("",),
     media=tuple(MEDIA),
@@ -145,7 +123,7 @@ ETC_PAGE = Page(
 
 
 @functools.lru_cache(maxsize=16)
-def ranking(pairs: Pairs) -> RankResult:
+def ranking(pairs: Pairs) -> results.RankResult:
     """Return the ranking of an address; the last ones are kept, and filters choose from the kept ranking of all stars.
 
     Cuts (``v_mag_max``, ``dwarfs_only``, ``singles_only``) rank anew: they say which stars are ranked at all, so that
@@ -156,19 +134,19 @@ def ranking(pairs: Pairs) -> RankResult:
     InputError
         As `etc_answer`.
     """
-    with called_as(RANK.names):
+    with queries.called_as(RANK.names):
         ready = prepared(RANK.question(pairs))
         if ready.stars.chosen is None:
             return _whole_ranking(pairs)
-        return ready.of_all(_whole_ranking(_without(pairs, *FILTERS)))
+        return ready.of_all(_whole_ranking(_without(pairs, *queries.FILTERS)))
 
 
 @functools.lru_cache(maxsize=4)
-def _kept_ranking(pairs: Pairs) -> RankResult:
+def _kept_ranking(pairs: Pairs) -> results.RankResult:
     return prepared(RANK.question(pairs)).ranked()
 
 
-def _whole_ranking(pairs: Pairs) -> RankResult:
+def _whole_ranking(pairs: Pairs) -> results.RankResult:
     """Return the ranking of all stars; who asks while it is worked out waits for it."""
     with _RANKER:
         return _kept_ranking(pairs)
@@ -206,7 +184,7 @@ def _rank_figure(pairs: Pairs, name: str) -> Callable[[], Figure]:
     return partial(report.rank_figure, ranking(_without(pairs, "limit")), min(_rows(pairs), report.MOST_STARS))
 
 
-def _rank_blocks(result: RankResult, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
+def _rank_blocks(result: results.RankResult, pairs: Pairs, submission: Submission | None) -> list[report.Block]:
     asked, limit = _without(pairs, "limit"), _rows(pairs)
     blocks = list(report.rank_blocks(result, limit=limit, full=False))
     if result.targets:
@@ -224,7 +202,7 @@ RANK_PAGE = Page(
     rank_pairs,
     rank_form,
     _rank,
-    RankResult,
+    results.RankResult,
     _rank_figure,
     figures=("",),
     media=tuple(MEDIA),
@@ -291,12 +269,12 @@ def _star_form(given: Sequence[tuple[str, str]], error: InputError | None = None
 
 @functools.lru_cache(maxsize=1)
 def _prepared() -> Prepared:
-    return prepared(RankQuestion())
+    return prepared(queries.RankQuestion())
 
 
 @functools.lru_cache(maxsize=64)
 @only_sent_files({})
-def star_answer(pairs: Pairs) -> StarResult:
+def star_answer(pairs: Pairs) -> results.StarResult:
     """Return what is known of the star of an address; the last ones are kept.
 
     Raises
@@ -310,13 +288,13 @@ def star_answer(pairs: Pairs) -> StarResult:
     given = dict(pairs)
     if "name" not in given:
         raise InputError("name", "missing", allowed="a star")
-    with called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
+    with queries.called_as({"target": "name", "star": "name", "epoch_utc": "date_utc"}):
         date = {"date_utc": given["date_utc"]} if "date_utc" in given else {}
         table = open_catalogue()
-        star, note, _ = star_or_planet(EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
+        star, note, _ = star_or_planet(queries.EtcQuestion.of({"target": given["name"]} | date), given["name"], table)
         name, ready = str(star.name[0]), _prepared()
-        question = KnownQuestion.of({"star": name} | date)
-        utc = observed_utc(question)
+        question = queries.KnownQuestion.of({"star": name} | date)
+        utc = queries.observed_utc(question)
         rank = ranking(())
         explanation = known = None
         if any(row.name == name for row in rank.targets):
@@ -326,13 +304,13 @@ def star_answer(pairs: Pairs) -> StarResult:
         choice = KnownChoice.at("snapshot", utc, question.albedo, question.instrument, **drawn)
         if choice.table.listed_rows_of(name):
             known = known_answer(ready.model, star, choice, years=_YEARS, catalogue=table.provenance)
-        seasons = visibility_of(VisibilityQuestion.of({"target": name, "start_utc": utc}))
+        seasons = visibility_of(queries.VisibilityQuestion.of({"target": name, "start_utc": utc}))
     told = {"name": name, "note": note, "date_utc": utc, "catalogue": table.provenance}
     found: dict[str, Any] = {"explanation": explanation, "known": known, "seasons": seasons}
-    return StarResult.of(star, at=0, hip=int(star.hip[0]) or None, **told, **found)
+    return results.StarResult.of(star, at=0, hip=int(star.hip[0]) or None, **told, **found)
 
 
-def _followed(known: KnownResult | None) -> bool:
+def _followed(known: results.KnownResult | None) -> bool:
     """Return whether there is a known planet whose place is followed in time."""
     return known is not None and any(row.track is not None for row in known.planets)
 
@@ -351,7 +329,7 @@ def _star(pairs: Pairs, submission: Submission | None) -> Answer:
     return Answer(report.full_name(answer.name, answer.hip or 0), answer, partial(_star_blocks, answer, pairs))
 
 
-def _star_blocks(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
+def _star_blocks(answer: results.StarResult, pairs: Pairs) -> Iterator[report.Block]:
     yield from _facts(answer)
     yield report.Heading("Priority, and what is missing")
     yield from _priority(answer)
@@ -378,7 +356,7 @@ _STAR_FACTS = {
 }
 
 
-def _facts(star: StarResult) -> Iterator[report.Block]:
+def _facts(star: results.StarResult) -> Iterator[report.Block]:
     if star.note:
         yield report.Paragraph(star.note, "note")
     yield report.Facts(report.facts_of(star, _STAR_FACTS), wide=False)
@@ -391,7 +369,7 @@ def _facts(star: StarResult) -> Iterator[report.Block]:
     yield report.Paragraph(["Ask the calculator: ", asked[0], ", ", asked[1], ", ", asked[2], "."])
 
 
-def _priority(answer: StarResult) -> Iterator[report.Block]:
+def _priority(answer: results.StarResult) -> Iterator[report.Block]:
     why = answer.explanation
     if why is None:
         yield report.Paragraph("The ranking does not have this star: it ends at V 7.")
@@ -404,7 +382,7 @@ def _priority(answer: StarResult) -> Iterator[report.Block]:
     yield report.Paragraph(_velocities(answer.name, why.star))
 
 
-def _velocities(name: str, row: RankedTarget) -> str:
+def _velocities(name: str, row: results.RankedTarget) -> str:
     """Return what radial velocities say."""
     limit = velocity_limit(name)
     if limit is None:
@@ -416,7 +394,7 @@ def _velocities(name: str, row: RankedTarget) -> str:
     return f"{counted} {reach}{found}. {limit.reference}."
 
 
-def _planets(answer: StarResult, pairs: Pairs) -> Iterator[report.Block]:
+def _planets(answer: results.StarResult, pairs: Pairs) -> Iterator[report.Block]:
     known = answer.known
     if known is None:
         yield report.Paragraph("None is listed.")
@@ -437,7 +415,7 @@ STAR = Page(
     partial(_few_pairs, _STAR_FIELDS),
     _star_form,
     _star,
-    StarResult,
+    results.StarResult,
     _star_figure,
     figures=("seasons", "planets"),
 )
@@ -478,17 +456,17 @@ def _compare(pairs: Pairs, submission: Submission | None) -> Answer:
     """Return two instruments, and a question answered with each where one names a star."""
     asked, names = _without(pairs, OTHER), dict(pairs)
     star = "target" in names or "v_mag" in names
-    with called_as(ETC.names):
+    with queries.called_as(ETC.names):
         question = ETC.question(asked if star else (*asked, ("target", "tau Cet")))
-    first, other = question.instrument, read_instrument(names.get(OTHER))
+    first, other = question.instrument, queries.read_instrument(names.get(OTHER))
     if submission is not None and submission.files:
         check_shipped(first, question.band_names())
         check_shipped(other, question.bands or other.visible_bands(), OTHER)
-    title = f"{instrument_title(first)} beside {instrument_title(other)}"
-    differing = InstrumentResult(title=title, values=instrument_rows(first, other=other))
+    title = f"{queries.instrument_title(first)} beside {queries.instrument_title(other)}"
+    differing = results.InstrumentResult(title=title, values=queries.instrument_rows(first, other=other))
     both = (question, question.model_copy(update={"instrument": other})) if star else ()
     found = tuple(map(answered, both))
-    result = TwoInstrumentsResult(differences=differing, answers=[answer.result for answer in found])
+    result = results.TwoInstrumentsResult(differences=differing, answers=[answer.result for answer in found])
     labels = (first.name, other.name)
     if first.name == other.name:
         labels = (f"{first.name}, first", f"{other.name}, other")
@@ -497,7 +475,7 @@ def _compare(pairs: Pairs, submission: Submission | None) -> Answer:
 
 
 def _differences(
-    differing: InstrumentResult, labels: tuple[str, str], answers: Sequence[Answered]
+    differing: results.InstrumentResult, labels: tuple[str, str], answers: Sequence[Answered]
 ) -> Iterable[report.Block]:
     if differing.values:
         yield from report.instrument_blocks(differing, "key value other unit")
@@ -530,7 +508,7 @@ COMPARE = Page(
     _compare_pairs,
     _compare_form,
     _compare,
-    TwoInstrumentsResult,
+    results.TwoInstrumentsResult,
     takes_files=True,
 )
 
@@ -556,7 +534,7 @@ def _columns(pairs: Pairs, submission: Submission | None) -> Answer:
     given: dict[str, Any] = dict(pairs)
     if submission is None or given.get(_TABLE) not in submission.files:
         raise InputError(_TABLE, "missing", allowed="a file that is sent with the form")
-    result = ColumnsResult.of_files(table_readings(given[_TABLE], given.get(_KIND)))
+    result = results.ColumnsResult.of_files(table_readings(given[_TABLE], given.get(_KIND)))
     command = f"cpic catalog columns {result.file}{f' --as {given[_KIND]}' if _KIND in given else ''}"
     return Answer(
         f"Columns of {given[_TABLE]}", result, lambda: [*report.columns_blocks(result), *elsewhere([command], None)]
@@ -570,7 +548,7 @@ COLUMNS = Page(
     partial(_few_pairs, _COLUMNS_FIELDS),
     _columns_form,
     _columns,
-    ColumnsResult,
+    results.ColumnsResult,
     takes_files=True,
 )
 

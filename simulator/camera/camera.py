@@ -19,7 +19,7 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -128,17 +128,6 @@ MAX_FRAMES = 1_000_000
 MAX_MEAN_E = 1e12
 MAX_EXPOSURE_S = 1e6
 MAX_RATE_E_S = 1e300
-
-
-class _GivenHits(NamedTuple):
-    """Particles that the caller gives instead of those that the camera draws."""
-
-    map_e: FloatArray
-    n_events: int
-
-    def image(self) -> FloatArray:
-        """Return the electrons per pixel."""
-        return self.map_e
 
 
 class Camera:
@@ -645,89 +634,9 @@ def camera_keywords(detector: AnyDetector, em_gain: float) -> dict[str, Any]:
     values: dict[str, Any] = {"GAIN": detector.gain_e_adu, "RDNOISE": detector.read_noise_e}
     values |= {"BIASLEV": bias_level_adu(detector), "FULLWELL": detector.full_well_e}
     if isinstance(detector, Detector):
-        voltage = float(detectors.em_voltage_of(em_gain, detector.temperature_k).voltage_v)
+        voltage = float(detectors.em_voltage_of(em_gain, detector.temperature_k))
         values |= {"CCDTEMP": detector.temperature_k, "EMVOLT": voltage}
     return values
-
-
-_MOST_ADU = 1e100
-
-
-def expected_adu_map(rate_e_s_map: ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
-    """Return the mean ADU of every pixel, without noise and without rounding.
-
-    Parameters
-    ----------
-    rate_e_s_map : array_like
-        Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape around the star.
-    exposure_s : float
-        Exposure of the frame, 0 to 1e6 s (0 is a bias frame).
-    em_gain : float
-        Actual gain of the register, 1 to ``detector.em_gain_max``.
-    detector : Detector
-        The camera.
-
-    Returns
-    -------
-    ndarray
-        As `simulator.camera.VisibleCamera.expected_adu`. With every effect off ``rate t g / K + bias``.
-
-    Raises
-    ------
-    InputError
-        For a rate that is NaN, infinite or negative (naming the pixel), or another argument out of range.
-    """
-    camera = VisibleCamera(detector)
-    return camera.expected_adu(camera.prepare(rate_e_s_map, exposure_s, em_gain))
-
-
-def expose_frame(
-    rate_map_e_s: ArrayLike,
-    exposure_s: float,
-    em_gain: float,
-    detector: Detector,
-    *,
-    seed: int,
-    path: Sequence[PathPart],
-) -> Frame:
-    """Return one noisy frame, without cosmic rays.
-
-    Parameters
-    ----------
-    rate_map_e_s : array_like
-        Photo-electrons per second and pixel, 2-D (y, x): the whole frame, or a window of any shape around the star.
-    exposure_s, em_gain, detector
-        As `expected_adu_map`.
-    seed : int
-        Seed of the run.
-    path : sequence of str or int
-        Names of target, role, band, realisation, frame. Each effect draws from a stream of its own.
-
-    Returns
-    -------
-    Frame
-
-    Raises
-    ------
-    InputError
-        For a rate that is NaN, infinite or more negative than 1e-9 of the largest (naming the pixel), or
-        another argument out of range.
-    """
-    camera = VisibleCamera(detector)
-    return camera.expose(camera.prepare(rate_map_e_s, exposure_s, em_gain), seed=seed, path=path)
-
-
-def to_electrons(adu: ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
-    """Return electrons at the register input: ``(adu - bias) gain_e_adu / em_gain``; dark and clock charge included.
-
-    Raises
-    ------
-    InputError
-        If ``em_gain`` is out of range, or a number is not finite.
-    """
-    gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
-    level = checked_array("adu", adu, low=-_MOST_ADU, high=_MOST_ADU, unit="ADU", allowed="finite")
-    return (level - detector.bias_adu) * (detector.gain_e_adu / gain)
 
 
 def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
@@ -911,35 +820,6 @@ class InfraredCamera(Camera):
             stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
         return stack.result()[0]
 
-    def expose(
-        self,
-        exposure: Exposure,
-        *,
-        seed: int,
-        path: Sequence[PathPart],
-        past: Sequence[PastExposure] = (),
-        cosmic_rays: detectors.Hits | None = None,
-    ) -> Frame:
-        """Return one noisy frame; parameters and errors as `Camera.expose`.
-
-        Parameters
-        ----------
-        exposure, seed, path, past
-        cosmic_rays : tuple of array_like, optional
-            Flat pixel indices and electrons of what particles left during the exposure, instead of those that the
-            camera draws. Left out where their switch is off. In a ramp, pixels that touch were hit at one time.
-
-        Raises
-        ------
-        InputError
-            For hits outside the array.
-        """
-        if cosmic_rays is not None:
-            hits = detectors.checked_hits(cosmic_rays, exposure.mean_e.shape)
-            given = _GivenHits(hits, detectors.tracks_of(hits > 0)[1])
-            exposure = dataclasses.replace(exposure, tracks=lambda shape, rng: given)
-        return super().expose(exposure, seed=seed, path=path, past=past)
-
     def _read(self, work: Work, exposure: Exposure) -> tuple[NDArray[np.uint16], int]:
         detector, collected, stack = self.detector, work.image, self._stack(work.image.shape)
         streams = {effect.switch: work.stream(effect.switch) for effect in self.voltage}
@@ -985,10 +865,6 @@ class InfraredCamera(Camera):
             stack.add(fraction, work.image / detector.gain_e_adu + bias_adu, work.saturated)
         rounded = math.sqrt(n_frames / 12.0) * work.stream("quantisation").standard_normal(work.image.shape)
         return np.asarray((stack.result()[0] - bias_adu + rounded) * detector.gain_e_adu)
-
-    def to_electrons(self, adu: ArrayLike) -> FloatArray:
-        """Return the electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
-        return (np.asarray(adu, dtype=np.float64) - self.detector.bias_adu) * self.detector.gain_e_adu
 
     def _stack(self, shape: tuple[int, ...]) -> ReadStack:
         return ReadStack(self.detector.readout_mode, shape, self.detector.bias_adu, self.detector.adc_max_adu)

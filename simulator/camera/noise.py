@@ -7,9 +7,9 @@ from dataclasses import field
 
 import numpy as np
 
-from cpic_core import ArrayLike, FloatArray, Record, checked_array, checked_scalar, special
+from cpic_core import ArrayLike, FloatArray, Record, checked_scalar, special
 from simulator.config import AnyDetector, CosmicRayConfig, Detector, Instrument
-from simulator.detectors import MOST, FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
+from simulator.detectors import FrameTerm, added_variance, excess_noise_factor2, frame_variance_e2
 from simulator.effects import TemplateSet, cosmic_ray_rate, generated_projection_um, read_templates
 
 
@@ -94,12 +94,6 @@ class FrameNoise(Record):
         return self._rest.of_past
 
     @property
-    def added_e2(self) -> dict[str, float]:
-        """Variance of a pixel without light that each of these effects adds, by its term in budgets of noise."""
-        past_e = self.dark_e * self.photons
-        return {name: float(term.variance_e2(0.0, self.factor2, 1.0, past_e)) for name, term in self.added.items()}
-
-    @property
     def gaussian_e2(self) -> float:
         """Variance of amplifier and converter together, and what else comes behind the register."""
         return self.read_e2 + self.rounding_e2 + self.rest_e2
@@ -139,40 +133,6 @@ def register_factor2(detector: AnyDetector, em_gain: ArrayLike, exposure_s: floa
         factor2 = excess_noise_factor2(em_gain, detector.register_stages)
         return factor2 if detector.switches.em_register else np.ones_like(factor2)
     return np.full(np.shape(em_gain), detector.ramp(exposure_s)[1])
-
-
-def pixel_variance_e2(photon_e: ArrayLike, cic_e: ArrayLike, em_gain: ArrayLike, detector: Detector) -> FloatArray:
-    """Return the variance of one pixel of one frame, referred to the register input.
-
-    Parameters
-    ----------
-    photon_e : array_like
-        Mean electrons collected during the exposure (photo-electrons and dark current), 0 to 1e100.
-    cic_e : array_like
-        Mean clock-induced electrons per frame, 0 to 1e100.
-    em_gain : array_like
-        Gain of the register, 1 to 1e4.
-    detector : Detector
-        Gives read noise (electrons at the register output), ADC gain and number of stages; what is switched off counts
-        nothing.
-
-    Returns
-    -------
-    ndarray
-        ``F^2 (photon + cic) + read_noise^2 / g^2 + (K / g)^2 / 12`` in electrons^2, with ``K`` in e-/ADU;
-        arguments broadcast. The last term is the rounding of the converter, uniform as long as the noise
-        before it exceeds about half an ADU.
-
-    Raises
-    ------
-    InputError
-        If an argument is negative, not finite or out of range.
-    """
-    photon = checked_array("photon_e", photon_e, low=0.0, high=MOST, unit="e-")
-    cic = checked_array("cic_e", cic_e, low=0.0, high=MOST, unit="e-")
-    behind = FrameNoise.of(detector, 1.0, 0.0).gaussian_e2
-    factor2 = register_factor2(detector, em_gain)
-    return np.asarray(frame_variance_e2(photon + cic, factor2, behind, np.asarray(em_gain, float)))
 
 
 _CM_PER_UM = 1e-4

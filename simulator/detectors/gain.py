@@ -15,20 +15,17 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cpic_core import (
     ArrayLike,
-    BoolArray,
     ComplexArray,
     FloatArray,
     InputError,
     IntArray,
     NDArray,
-    Outcome,
-    Record,
     checked_array,
     element_name,
     load_kernels,
@@ -208,23 +205,6 @@ def stage_probability(gain: ArrayLike, stages: int = 604) -> FloatArray:
     return _probability(_checked_gain(gain, stages), stages)
 
 
-def gain_variance(gain: ArrayLike, stages: int = 604) -> FloatArray:
-    """Return the variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
-
-    Parameters and errors as `stage_probability`. ``n`` electrons at the input give ``n`` times as much.
-
-    Parameters
-    ----------
-    gain : array_like
-        Gain of the multiplication register, at least 1.
-    stages : int, optional
-        Stages of the multiplication register.
-    """
-    g = _checked_gain(gain, stages)
-    p = _probability(g, stages)
-    return g * (g - 1.0) * (1.0 - p) / (1.0 + p)
-
-
 def excess_noise_factor2(gain: ArrayLike, stages: int = 604) -> FloatArray:
     """Return the squared excess noise factor for Poisson input.
 
@@ -379,80 +359,11 @@ def _checked_electrons(electrons: ArrayLike) -> IntArray:
 # sheet (gain against clock amplitude, 223 K to 293 K, read to 10 %). Its slope has no zero: one voltage per gain.
 _A, _B, _C, _D = 0.582, 0.860, -0.0530, 0.01465
 _REFERENCE_V, _REFERENCE_K, _V_PER_K = 39.0, 223.0, 0.029
-VOLTAGE_RANGE_V = (20.0, 50.0)
 TEMPERATURE_RANGE_K = (120.0, 320.0)
-FITTED_TEMPERATURE_K = (223.0, 293.0)
-FITTED_GAIN = (5.0, 300.0)
 
 
-class GainSetting(Record, eq=False):
-    """Gain, voltage and temperature that belong together; arrays of one shape.
-
-    Attributes
-    ----------
-    em_gain, voltage_v, temperature_k : ndarray
-        Mean gain of the register, amplitude of its high-voltage clock, temperature of the detector.
-    clipped : ndarray of bool
-        Where the fit fell below 1 and the gain is 1.
-    beyond_temperature : ndarray of bool
-        Where the temperature is outside the 223 K to 293 K of the fitted curves.
-    beyond_gain : ndarray of bool
-        Where the gain is outside the 5 to 300 for which the fit is good.
-    """
-
-    em_gain: FloatArray
-    voltage_v: FloatArray
-    temperature_k: FloatArray
-    clipped: BoolArray
-    beyond_temperature: BoolArray
-    beyond_gain: BoolArray
-
-    def flags(self, index: tuple[int, ...] | int = ()) -> tuple[str, ...]:
-        """Return the caveats of one element."""
-        names = "clamped", "extrapolated_temperature", "extrapolated_gain"
-        where = self.clipped, self.beyond_temperature, self.beyond_gain
-        return tuple(name for name, flagged in zip(names, where, strict=True) if flagged[index])
-
-    def gain(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
-        """Return the gain of one element as a typed answer."""
-        return Outcome.ok(float(self.em_gain[index]), flags=self.flags(index))
-
-    def voltage(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
-        """Return the voltage of one element as a typed answer."""
-        return Outcome.ok(float(self.voltage_v[index]), unit="V", flags=self.flags(index))
-
-
-def em_gain_of(voltage_v: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
-    """Return the gain of the register at a clock voltage and temperature.
-
-    Parameters
-    ----------
-    voltage_v : array_like
-        Amplitude of the high-voltage clock, 20 to 50 V.
-    temperature_k : array_like
-        Temperature of the detector, 120 to 320 K; broadcasts.
-
-    Returns
-    -------
-    GainSetting
-        Gain of at least 1, rising with the voltage and falling with the temperature. Against the data sheet of the
-        e2v CCD201-20: within 15 % for gains of 5 to 300 at 223 K to 273 K, 28 % low at gain 5.5 and 293 K, up to 40 %
-        high near gain 1000; below gain 5 only good (15 %) at 223 K and 233 K. What lies outside is flagged.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range or not finite.
-    """
-    voltage = checked_array("voltage_v", voltage_v, low=VOLTAGE_RANGE_V[0], high=VOLTAGE_RANGE_V[1], unit="V")
-    temperature = _checked_temperature(temperature_k)
-    v = voltage - _shift(temperature)
-    log_gain = _A + v * (_B + v * (_C + v * _D))
-    return _setting(np.exp(np.maximum(log_gain, 0.0)), voltage, temperature, log_gain < 0.0)
-
-
-def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
-    """Return the clock voltage that gives a gain at a temperature: the inverse of `em_gain_of`.
+def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> FloatArray:
+    """Return the clock voltage that gives a gain at a temperature.
 
     Parameters
     ----------
@@ -463,8 +374,10 @@ def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
 
     Returns
     -------
-    GainSetting
-        For gain 1 the highest voltage that gives it. Accuracy and flags as `em_gain_of`.
+    ndarray
+        Amplitude of the high-voltage clock, V; for gain 1 the highest that gives it. The gain of that voltage, against
+        the data sheet of the e2v CCD201-20: within 15 % for gains of 5 to 300 at 223 K to 273 K, 28 % low at gain 5.5
+        and 293 K, up to 40 % high near gain 1000; below gain 5 only good (15 %) at 223 K and 233 K.
 
     Raises
     ------
@@ -472,35 +385,11 @@ def em_voltage_of(em_gain: ArrayLike, temperature_k: ArrayLike) -> GainSetting:
         If an argument is out of range or not finite.
     """
     gain = checked_array("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
-    temperature = _checked_temperature(temperature_k)
+    low, high = TEMPERATURE_RANGE_K
+    temperature = checked_array("temperature_k", temperature_k, low=low, high=high, unit="K")
     # The one real root of the cubic (Vieta's hyperbolic form): with v = t - c/3d it reads t^3 + p t + q = 0, p > 0.
     shift = _C / (3.0 * _D)
     p = _B / _D - 3.0 * shift**2
     q = 2.0 * shift**3 - shift * _B / _D + (_A - np.log(gain)) / _D
     t = -2.0 * np.sqrt(p / 3.0) * np.sinh(np.arcsinh(1.5 * q / p * np.sqrt(3.0 / p)) / 3.0)
-    return _setting(gain, t - shift + _shift(temperature), temperature, np.False_)
-
-
-def _shift(temperature: FloatArray) -> FloatArray:
-    return _REFERENCE_V + _V_PER_K * (temperature - _REFERENCE_K)
-
-
-def _checked_temperature(temperature_k: ArrayLike) -> FloatArray:
-    low, high = TEMPERATURE_RANGE_K
-    return checked_array("temperature_k", temperature_k, low=low, high=high, unit="K")
-
-
-def _setting(gain: FloatArray, voltage: FloatArray, temperature: FloatArray, clipped: Any) -> GainSetting:
-    gain, voltage, temperature, clipped = map(np.array, np.broadcast_arrays(gain, voltage, temperature, clipped))
-    return GainSetting(
-        em_gain=gain,
-        voltage_v=voltage,
-        temperature_k=temperature,
-        clipped=clipped,
-        beyond_temperature=_outside(temperature, FITTED_TEMPERATURE_K),
-        beyond_gain=_outside(gain, FITTED_GAIN),
-    )
-
-
-def _outside(values: FloatArray, limits: tuple[float, float]) -> BoolArray:
-    return np.asarray((values < limits[0]) | (values > limits[1]))
+    return np.asarray(t - shift + _REFERENCE_V + _V_PER_K * (temperature - _REFERENCE_K))

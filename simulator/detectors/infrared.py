@@ -48,9 +48,6 @@ class InfraredPersistence(FrozenModel):
     decay_s: Annotated[float, Field(gt=0, le=1e7)]
 
 
-Hits = tuple[ArrayLike, ArrayLike]
-
-
 class LateCharge(Protocol):
     """A law of the charge that earlier frames leave in a frame."""
 
@@ -341,32 +338,6 @@ def well_signal(charge_e: ArrayLike, full_well_e: float, loss: float) -> FloatAr
     if over.any():
         signal[over] -= (1.0 - 2.0 * loss) * KNEE * np.expm1((1.0 - x[over]) / KNEE)
     return np.asarray(signal * full_well_e)
-
-
-def checked_hits(cosmic_rays: Hits, shape: tuple[int, ...]) -> FloatArray:
-    """Return the electrons of cosmic rays as a map.
-
-    Raises
-    ------
-    InputError
-        Unless indices are integers inside the array and electrons whole, at least 0, and as many.
-    """
-    size = int(np.prod(shape))
-    pixels = np.asarray(cosmic_rays[0])
-    electrons = checked_array("cosmic_rays electrons", cosmic_rays[1], low=0.0, high=MAX_MEAN_E, unit="e-")
-    if pixels.dtype.kind not in "iu" and pixels.size:
-        raise InputError("cosmic_rays pixels", f"array of {pixels.dtype}", allowed="integer indices of the flat array")
-    if pixels.ndim != 1 or pixels.shape != electrons.shape:
-        given = f"shapes {pixels.shape} and {electrons.shape}"
-        raise InputError("cosmic_rays", given, allowed="two lists of one length: indices and electrons")
-    pixels = pixels.astype(np.int64)
-    outside = (pixels < 0) | (pixels >= size)
-    if outside.any():
-        raise InputError("cosmic_rays pixels", int(pixels[outside][0]), allowed=f"0 to {size - 1}")
-    broken = electrons[electrons != np.rint(electrons)]
-    if broken.size:
-        raise InputError("cosmic_rays electrons", float(broken[0]), unit="e-", allowed="whole electrons")
-    return np.bincount(pixels, weights=electrons, minlength=size).reshape(shape).astype(np.float64)
 
 
 def tracks_of(hit: BoolArray) -> tuple[NDArray[np.int32], int]:

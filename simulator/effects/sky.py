@@ -21,15 +21,7 @@ import numpy as np
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, bracket, load_reference_spectrum, load_zodi_table
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, Record, check_number
-from simulator.config import (
-    FIRST_YEAR,
-    LAST_YEAR,
-    ExtraLight,
-    Instrument,
-    checked_utc,
-    declination_deg,
-    right_ascension_deg,
-)
+from simulator import config
 from simulator.imaging import read_maps, real_map
 from simulator.passbands import Passbands
 
@@ -102,7 +94,7 @@ def _plain(text: str) -> str:
 _UNIT = "electron/s"
 
 
-def stray_light_map(instrument: Instrument, band: str, shape: tuple[int, int]) -> FloatArray | None:
+def stray_light_map(instrument: config.Instrument, band: str, shape: tuple[int, int]) -> FloatArray | None:
     """Return the electrons per second and pixel of earthshine and stray light that are given on the detector.
 
     Parameters
@@ -130,7 +122,7 @@ def stray_light_map(instrument: Instrument, band: str, shape: tuple[int, int]) -
 
 
 def stray_light_parts(
-    instrument: Instrument,
+    instrument: config.Instrument,
     band: str,
     shape: tuple[int, int],
     *,
@@ -174,7 +166,7 @@ def _cut(whole: FloatArray, first_pixel: tuple[int, int], window: tuple[int, int
     return part
 
 
-def effect_files(instrument: Instrument, band: str) -> list[str]:
+def effect_files(instrument: config.Instrument, band: str) -> list[str]:
     """Return the names of the files that cosmic rays, earthshine and stray light of a band read, for headers.
 
     Parameters
@@ -188,7 +180,7 @@ def effect_files(instrument: Instrument, band: str) -> list[str]:
     return [Path(path).name for path in paths if path is not None]
 
 
-def extra_lights(instrument: Instrument) -> dict[str, ExtraLight]:
+def extra_lights(instrument: config.Instrument) -> dict[str, config.ExtraLight]:
     """Return the light besides the sky, by the name of its section."""
     return {"earthshine": instrument.sky.earthshine, "stray_light": instrument.sky.stray_light}
 
@@ -211,7 +203,7 @@ def _read_map(key: str, path: str, shape: tuple[int, int]) -> FloatArray:
 
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-_ALLOWED = f"{FIRST_YEAR} to {LAST_YEAR}, as 2028-01-01T00:00:00"
+_ALLOWED = f"{config.FIRST_YEAR} to {config.LAST_YEAR}, as 2028-01-01T00:00:00"
 
 
 def parse_utc(name: str, value: Any) -> datetime:
@@ -231,7 +223,7 @@ def parse_utc(name: str, value: Any) -> datetime:
         If it is no date or outside 1972 to 2100.
     """
     try:
-        plain = checked_utc(name, value)
+        plain = config.checked_utc(name, value)
     except InputError:
         plain = ""
     if plain[17:19] == "60":
@@ -241,7 +233,7 @@ def parse_utc(name: str, value: Any) -> datetime:
     except (AttributeError, ValueError):
         raise InputError(name, value, allowed=f"a date, {_ALLOWED}") from None
     found = found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
-    if not FIRST_YEAR <= found.year <= LAST_YEAR:
+    if not config.FIRST_YEAR <= found.year <= config.LAST_YEAR:
         raise InputError(name, value, allowed=f"a date, {_ALLOWED}")
     return found
 
@@ -259,7 +251,7 @@ def decimal_year(name: str, value: Any) -> float:
         start = datetime(found.year, 1, 1, tzinfo=UTC)
         return found.year + (found - start) / (datetime(found.year + 1, 1, 1, tzinfo=UTC) - start)
     year = check_number(name, value, "yr")
-    if not FIRST_YEAR <= year <= LAST_YEAR + 1:
+    if not config.FIRST_YEAR <= year <= config.LAST_YEAR + 1:
         raise InputError(name, value, unit="yr", allowed=f"a year, {_ALLOWED}")
     return year
 
@@ -420,7 +412,7 @@ class SkyLevel(Record):
 
 
 def sky_rate_e_s_arcsec2(
-    instrument: Instrument,
+    instrument: config.Instrument,
     band: str,
     *,
     ra_deg: float | str | None = None,
@@ -453,8 +445,8 @@ def sky_rate_e_s_arcsec2(
     -----
     Light that is given as a rate on the detector or as a map is not in it: `stray_light_map`.
     """
-    ra = math.nan if ra_deg is None else right_ascension_deg(ra_deg)
-    dec = math.nan if dec_deg is None else declination_deg(dec_deg)
+    ra = math.nan if ra_deg is None else config.right_ascension_deg(ra_deg)
+    dec = math.nan if dec_deg is None else config.declination_deg(dec_deg)
     parts, avoided = _parts(instrument, band, np.array([ra]), np.array([dec]), start_utc)
     flags = [SOLAR_AVOIDANCE] if avoided[0] else []
     if sky_place_unknown(instrument, ra, dec)[()]:
@@ -464,7 +456,7 @@ def sky_rate_e_s_arcsec2(
 
 
 def sky_rates_e_s_arcsec2(
-    instrument: Instrument,
+    instrument: config.Instrument,
     band: str,
     ra_deg: FloatArray,
     dec_deg: FloatArray,
@@ -491,14 +483,14 @@ def sky_rates_e_s_arcsec2(
     return sum(parts.values(), np.zeros(len(ra_deg)))
 
 
-def sky_place_unknown(instrument: Instrument, ra_deg: ArrayLike, dec_deg: ArrayLike) -> BoolArray:
+def sky_place_unknown(instrument: config.Instrument, ra_deg: ArrayLike, dec_deg: ArrayLike) -> BoolArray:
     """Return whether the sky hangs on a place that is not known (nan)."""
     unknown = ~np.isfinite(np.asarray(ra_deg) + np.asarray(dec_deg))
     return np.asarray(unknown & (instrument.sky.model == "zodiacal"))
 
 
 def _parts(
-    instrument: Instrument,
+    instrument: config.Instrument,
     band: str,
     ra_deg: FloatArray,
     dec_deg: FloatArray,

@@ -18,28 +18,9 @@ import numpy as np
 from catalogs import Spectrum, load_reference_spectrum
 from cpic_core import FloatArray, InputError, NDArray, announce, compute_once, read_npz, stream
 from simulator.config import Instrument, content_hash
-from simulator.imaging.dark_hole import (
-    ControlSettings,
-    DarkHole,
-    HoleMethod,
-    HoleScore,
-    Search,
-    default_settings,
-    solve_dark_hole,
-)
+from simulator.imaging import dark_hole, pupil
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.imager import Imager
-from simulator.imaging.pupil import (
-    HOLE_SCHEMA,
-    Aberrations,
-    cell_means,
-    configured_apodizer,
-    draw_aberrations,
-    flat_aberrations,
-    rounded,
-    shipped,
-    upsample,
-)
 from simulator.imaging.zones import HoleStatus, HoleZone, zone_of
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
@@ -53,19 +34,19 @@ def configured_mirror(instrument: Instrument) -> DeformableMirror:
     return DeformableMirror(**dict(instrument.mirror))
 
 
-def aberrations_of(instrument: Instrument) -> Aberrations | None:
+def aberrations_of(instrument: Instrument) -> pupil.Aberrations | None:
     """Return an instrument's static aberrations without its mirror, the star held on the mask; None if it has none."""
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
-    drawn = draw_aberrations(
+    drawn = pupil.draw_aberrations(
         wavefront.seed,
         samples=wavefront.samples,
         opd_rms_nm=wavefront.opd_rms_nm,
         amplitude_rms=wavefront.amplitude_rms,
         psd_slope=wavefront.psd_slope,
     )
-    return drawn.pointed(cell_means(configured_apodizer(instrument), wavefront.samples))
+    return drawn.pointed(pupil.cell_means(pupil.configured_apodizer(instrument), wavefront.samples))
 
 
 def bare_imager(
@@ -96,7 +77,7 @@ def bare_imager(
     light = load_reference_spectrum("sun") if spectrum is None else spectrum
     nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
     wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
-    apodizer = configured_apodizer(instrument)
+    apodizer = pupil.configured_apodizer(instrument)
     zone = zone_of(instrument, band)
     assert isinstance(zone, HoleZone)
     return Imager(
@@ -104,7 +85,7 @@ def bare_imager(
         wavelengths_m=wavelength_nm * 1e-9,
         weights=weights,
         diameter_m=instrument.telescope.diameter_m,
-        transmission=upsample(apodizer, _grid(len(apodizer), instrument, band, knobs)),
+        transmission=pupil.upsample(apodizer, _grid(len(apodizer), instrument, band, knobs)),
         pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
         mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
         aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
@@ -143,7 +124,7 @@ def build_imager(
     return replace(bare, static=static.upsampled(len(bare.transmission)))
 
 
-def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
+def static_wavefront(instrument: Instrument, band: str) -> pupil.Aberrations | None:
     """Return the aberrations with the mirror as it stands in one band; None if both are flat.
 
     Parameters
@@ -158,8 +139,8 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     if control == "surface":
         surface = _surface(instrument, band)
         samples = math.lcm(len(surface), instrument.wavefront.samples)
-        aberrations = aberrations or flat_aberrations(instrument.wavefront.samples)
-        return aberrations.upsampled(samples).plus_opd(2.0 * upsample(surface, samples))
+        aberrations = aberrations or pupil.flat_aberrations(instrument.wavefront.samples)
+        return aberrations.upsampled(samples).plus_opd(2.0 * pupil.upsample(surface, samples))
     solver, aberrations, mirror = _bench(instrument, band)
     state = hole_state(instrument, solver, aberrations, mirror)
     if instrument.wavefront.perfect and not state.commands_nm.any():
@@ -169,7 +150,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     return aberrations.plus_opd(mirror.opd_nm(commands, samples))
 
 
-def dark_hole_of(instrument: Instrument, band: str) -> DarkHole:
+def dark_hole_of(instrument: Instrument, band: str) -> dark_hole.DarkHole:
     """Return the dark hole of one band: shipped, cached or dug now; see `hole_state`.
 
     Parameters
@@ -211,7 +192,7 @@ def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> Ho
     return "reached" if dark else "not_reached"
 
 
-def dig(instrument: Instrument, band: str) -> tuple[DarkHole, str]:
+def dig(instrument: Instrument, band: str) -> tuple[dark_hole.DarkHole, str]:
     """Return the search for the hole of one band whatever is stored, and the key to store it under.
 
     Parameters
@@ -224,10 +205,10 @@ def dig(instrument: Instrument, band: str) -> tuple[DarkHole, str]:
     return search(instrument, *bench), hole_key(instrument, bench[0])
 
 
-def _bench(instrument: Instrument, band: str) -> tuple[Imager, Aberrations, DeformableMirror]:
+def _bench(instrument: Instrument, band: str) -> tuple[Imager, pupil.Aberrations, DeformableMirror]:
     """Return what the search for a hole works with: bare optics, aberrations on their grid, mirror."""
     solver = bare_imager(instrument, band, Knobs(wavelength_nodes=5))
-    aberrations = aberrations_of(instrument) or flat_aberrations(instrument.wavefront.samples)
+    aberrations = aberrations_of(instrument) or pupil.flat_aberrations(instrument.wavefront.samples)
     return solver, aberrations.upsampled(len(solver.transmission)), configured_mirror(instrument)
 
 
@@ -266,12 +247,12 @@ def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
     return samples
 
 
-METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
+METHOD: dict[str, dark_hole.HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
 
 
-def _search_settings(instrument: Instrument, band: str) -> ControlSettings:
+def _search_settings(instrument: Instrument, band: str) -> dark_hole.ControlSettings:
     hole = instrument.dark_hole
-    usual = default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
+    usual = dark_hole.default_settings(hole.mode, METHOD[hole.control], hole.sensing_contrast_of(band))
     seed = instrument.wavefront.seed
     return replace(usual, bandwidth=hole.bandwidth, hold_star=hole.hold_star, sensing_seed=seed)
 
@@ -287,10 +268,10 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     """
     settings = astuple(_search_settings(instrument, solver.band))
     parts = {
-        "schema": HOLE_SCHEMA,
+        "schema": pupil.HOLE_SCHEMA,
         "band": solver.band,
         "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
-        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
+        "wavelengths": pupil.rounded([*solver.wavelengths_m, *solver.weights]),
         "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
         "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
         "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
@@ -299,14 +280,16 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     return content_hash(parts)
 
 
-def hole_state(instrument: Instrument, solver: Imager, static: Aberrations, mirror: DeformableMirror) -> DarkHole:
+def hole_state(
+    instrument: Instrument, solver: Imager, static: pupil.Aberrations, mirror: DeformableMirror
+) -> dark_hole.DarkHole:
     """Return the state of the mirror in one band: from the shipped file, the cache, or a new search.
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``make bench``), one nearer to the
     star some minutes; it is announced. A hole that was not `reached` brings one warning.
     """
     key = hole_key(instrument, solver)
-    path = shipped("hole", key, solver.band)
+    path = pupil.shipped("hole", key, solver.band)
     if path is not None:
         state = hole_from_arrays(read_npz(path), solver)
     else:
@@ -323,16 +306,18 @@ def _warn(key: str, reason: str) -> None:
     _LOG.warning("dark hole not reached: %s", reason)
 
 
-def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> DarkHole:
+def search(
+    instrument: Instrument, solver: Imager, aberrations: pupil.Aberrations, mirror: DeformableMirror
+) -> dark_hole.DarkHole:
     """Dig the hole of one band now."""
     zone = solver.zone
     takes = "seconds on a free processor, minutes where the hole is hard to reach"
     announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: {takes}")
     settings = _search_settings(instrument, solver.band)
-    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
+    return dark_hole.solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=settings)
 
 
-def hole_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
+def hole_arrays(state: dark_hole.DarkHole) -> dict[str, NDArray[Any]]:
     """Return everything that an npz file needs to hold a state."""
     scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
     return {
@@ -346,7 +331,7 @@ def hole_arrays(state: DarkHole) -> dict[str, NDArray[Any]]:
     }
 
 
-def hole_from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> DarkHole:
+def hole_from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> dark_hole.DarkHole:
     """Return the inverse of `hole_arrays`.
 
     Parameters
@@ -359,7 +344,7 @@ def hole_from_arrays(arrays: Mapping[str, NDArray[Any]], solver: Imager) -> Dark
     commands.flags.writeable = False
     history = tuple(map(float, arrays["history"]))
     strong = tuple(map(bool, arrays["strong"]))
-    search = Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
-    before, wide, own = (HoleScore(*map(float, row)) for row in arrays["scores"])
+    search = dark_hole.Search(commands, history, strong, str(arrays["ended"]))  # type: ignore[arg-type]
+    before, wide, own = (dark_hole.HoleScore(*map(float, row)) for row in arrays["scores"])
     limit, method = float(arrays["limit_contrast"]), str(arrays["method"])
-    return DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]
+    return dark_hole.DarkHole(solver.band, solver.zone, method, commands, search, before, wide, own, limit)  # type: ignore[arg-type]

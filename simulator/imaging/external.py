@@ -23,16 +23,7 @@ from cpic_core import (
     write_named,
     write_npz,
 )
-from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument
-from simulator.config.map_files import (
-    SCALE_TOLERANCE,
-    MapFile,
-    array_number,
-    header_number,
-    pixel_scale,
-    read_maps,
-    real_map,
-)
+from simulator.config import Instrument, InstrumentLike, content_hash, load_instrument, map_files
 from simulator.imaging.aperture import core_cells, figures_of_stamps
 from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.sampling import displaced, open_pixels, unpixelled
@@ -53,7 +44,7 @@ def read_stamps(path: str | Path) -> dict[str, Any]:
     InputError
         If the file cannot be read, has no off-axis image, or holds something else under a known name.
     """
-    file = read_maps("psf", path)
+    file = map_files.read_maps("psf", path)
     return _from_fits(path, file) if file.is_fits else _from_npz(path, file)
 
 
@@ -78,13 +69,13 @@ def _fits_bytes(known: dict[str, Any]) -> bytes:
     return buffer.getvalue()
 
 
-def _from_npz(path: str | Path, file: MapFile) -> dict[str, Any]:
+def _from_npz(path: str | Path, file: map_files.MapFile) -> dict[str, Any]:
     known: dict[str, Any] = {name: item.data for name in ("off_axis", "on_axis") if (item := file.named(name))}
     if "off_axis" not in known:
         allowed = "an npz file with an array named off_axis"
         raise InputError("psf", str(path), allowed=allowed, hint=f"it has {', '.join(item.name for item in file.maps)}")
     names = ("pixel_scale_arcsec", *_CARDS)
-    numbers = {name: array_number(f"psf {name}", path, file.named(name)) for name in names}
+    numbers = {name: map_files.array_number(f"psf {name}", path, file.named(name)) for name in names}
     known |= {name: value for name, value in numbers.items() if value is not None}
     if (band := file.named("band")) is not None:
         if band.data.size != 1 or band.data.dtype.kind not in "US":
@@ -94,18 +85,18 @@ def _from_npz(path: str | Path, file: MapFile) -> dict[str, Any]:
     return known
 
 
-def _from_fits(path: str | Path, file: MapFile) -> dict[str, Any]:
+def _from_fits(path: str | Path, file: map_files.MapFile) -> dict[str, Any]:
     off_axis, on_axis = file.named("OFF_AXIS"), file.named("ON_AXIS")
     if off_axis is None and on_axis is None and len(file.maps) == 1:
         off_axis = file.maps[0]
     if off_axis is None:
         allowed = "a FITS file with an image OFF_AXIS, or a single image"
         raise InputError("psf", str(path), allowed=allowed, hint=f"its images are {[item.name for item in file.maps]}")
-    found = [pixel_scale("psf", path, item.header) for item in (off_axis, on_axis) if item is not None]
+    found = [map_files.pixel_scale("psf", path, item.header) for item in (off_axis, on_axis) if item is not None]
     scales = [scale for scale in found if scale is not None]
-    if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
+    if scales and abs(scales[-1] / scales[0] - 1) > map_files.SCALE_TOLERANCE:
         raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
-    numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
+    numbers = {name: map_files.header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
     named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
     known: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
     known |= {"on_axis": on_axis.data} if on_axis is not None else {}
@@ -398,7 +389,7 @@ def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band:
     if stated is None:
         allowed = f"{detector:g}, the detector's"
         raise InputError("psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=allowed, hint=str(path))
-    if not (stated > 0 and abs(stated / detector - 1) <= SCALE_TOLERANCE):
+    if not (stated > 0 and abs(stated / detector - 1) <= map_files.SCALE_TOLERANCE):
         allowed = f"{detector:g} arcsec, the detector's pixel, to 1e-3"
         hint = "bin or resample the kernel to it, or change the instrument"
         raise InputError("psf pixel_scale_arcsec", stated, unit="arcsec", allowed=allowed, hint=hint)
@@ -411,7 +402,7 @@ LARGEST = 1e100
 
 def _image(path: str | Path, name: str, data: NDArray[Any], flags: list[str]) -> FloatArray:
     key = f"psf {name}"
-    image = real_map(key, path, data, sides=SIDES)
+    image = map_files.real_map(key, path, data, sides=SIDES)
     if len(image) % 2 == 0:
         allowed = "an odd number of pixels a side, the source on pixel n // 2"
         raise InputError(key, str(path), allowed=allowed, hint=f"found {len(image)}")

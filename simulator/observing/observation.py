@@ -25,32 +25,9 @@ from cpic_core import (
     numeric_context,
     stream,
 )
+from simulator import imaging
 from simulator.config import MAX_FRAMES, Drift, Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_parts
-from simulator.imaging import (
-    AnyPsf,
-    ExternalPsf,
-    FocalGrid,
-    Imager,
-    PsfError,
-    SceneModel,
-    SharedTerms,
-    TablePsf,
-    VisitLight,
-    Window,
-    centred_axis,
-    full_star_map,
-    off_axis_light,
-    psf_metrics,
-    psf_of_table,
-    single_band_psf,
-    sky_transmission,
-    star_column_light,
-    visit_frames,
-    wavefronts,
-    window_of,
-    zone_of,
-)
 from simulator.knobs import Knobs, Quantity, checked_tolerance, resolve_knobs
 from simulator.ledger import (
     MAX_EPOCHS,
@@ -59,14 +36,7 @@ from simulator.ledger import (
     effect_ledger,
     observation_choice,
 )
-from simulator.observing.sequence import (
-    MAX_REALISATION,
-    FrameSequence,
-    Light,
-    Stamps,
-    Truth,
-    checked_exposure,
-)
+from simulator.observing import sequence
 from simulator.signal import INTERLEAVED, programme_law
 from simulator.target import ExtendedRate, Source, extended_rates, scene_sources, wcs_keywords
 
@@ -102,11 +72,11 @@ class Visit(Record):
 
     def streams(
         self, drift: Drift, visit_s: float, seed: int
-    ) -> tuple[np.random.Generator, np.random.Generator, SharedTerms]:
+    ) -> tuple[np.random.Generator, np.random.Generator, imaging.SharedTerms]:
         """Return the streams of the offset and of the walk, and what the visit shares; arguments as of `shared`."""
         return stream(seed, *self.path, "visit"), stream(seed, *self.path, "walk"), self.shared(drift, visit_s, seed)
 
-    def shared(self, drift: Drift, visit_s: float, seed: int) -> SharedTerms:
+    def shared(self, drift: Drift, visit_s: float, seed: int) -> imaging.SharedTerms:
         """Return what the wavefront shares with the other visits of the programme.
 
         Parameters
@@ -121,7 +91,7 @@ class Visit(Record):
         before = range(self.number - 1, -1, -1) if correlation > 0 else ()
         first = dataclasses.replace(self, number=0)
         science = self.role == "science" and drift.common_nm > 0
-        return SharedTerms(
+        return imaging.SharedTerms(
             correlation=correlation,
             earlier=tuple(stream(seed, *dataclasses.replace(self, number=k).path, "visit") for k in before),
             common=stream(seed, *first.path, "common") if science else None,
@@ -134,7 +104,7 @@ class Visit(Record):
 
 
 def visit_stamps(
-    imager: Imager | FocalGrid,
+    imager: imaging.Imager | imaging.FocalGrid,
     drift: Drift,
     epochs: int,
     visit_s: float,
@@ -159,10 +129,12 @@ def visit_stamps(
         As of `simulator.imaging.visit_frames`.
     """
     offset, walk, shared = visit.streams(drift, visit_s, seed)
-    return visit_frames(imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared)
+    return imaging.visit_frames(
+        imager, drift, epochs, visit_s / epochs, offset, walk, star_arcsec=star_arcsec, shared=shared
+    )
 
 
-def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits: Sequence[Visit]) -> FloatArray:
+def table_stamps(psf: imaging.TablePsf, drift: Drift, visit_s: float, seed: int, visits: Sequence[Visit]) -> FloatArray:
     """Return the images of the unit star in visits behind a coronagraph of which a table is known.
 
     Parameters
@@ -189,13 +161,13 @@ def table_stamps(psf: TablePsf, drift: Drift, visit_s: float, seed: int, visits:
     return np.array(images)
 
 
-def brightest_stamp(psf: TablePsf, drift: Drift, visit_s: float, visit: Visit) -> FloatArray:
+def brightest_stamp(psf: imaging.TablePsf, drift: Drift, visit_s: float, visit: Visit) -> FloatArray:
     """Return the brightest that the unit star is in any visit of a role; arguments as of `table_stamps`."""
     own, common = _variances(psf, drift, visit_s, visit)
     return psf.brightest(psf.figures.floor_separation_arcsec, own + common)
 
 
-def _variances(psf: TablePsf, drift: Drift, visit_s: float, visit: Visit) -> tuple[FloatArray, FloatArray]:
+def _variances(psf: imaging.TablePsf, drift: Drift, visit_s: float, visit: Visit) -> tuple[FloatArray, FloatArray]:
     """Return the variance of sums over a core, by separation, of a visit's own and of what science visits share."""
     place = psf.figures.floor_separation_arcsec
     law = programme_law(psf.figures, drift, place, _ANNULUS_LAMBDA_D, timing=visit.timing)
@@ -205,7 +177,7 @@ def _variances(psf: TablePsf, drift: Drift, visit_s: float, visit: Visit) -> tup
 
 
 def star_stamps(
-    optics: AnyPsf,
+    optics: imaging.AnyPsf,
     drift: Drift,
     epochs: int,
     visit_s: float,
@@ -221,17 +193,17 @@ def star_stamps(
     drift, epochs, visit_s, seed, visit, star_arcsec
         As of `visit_stamps`.
     """
-    if not isinstance(optics, ExternalPsf):
+    if not isinstance(optics, imaging.ExternalPsf):
         return visit_stamps(optics.imager, drift, epochs, visit_s, seed, visit, star_arcsec=star_arcsec)
     if any(star_arcsec):
         return optics.at(*star_arcsec)[None]
-    if isinstance(optics, TablePsf):
+    if isinstance(optics, imaging.TablePsf):
         return table_stamps(optics, drift, visit_s, seed, [visit])
     return optics.on_axis[None]
 
 
 def visit_waves(
-    light: VisitLight, drift: Drift, epochs: int, visit_s: float, seed: int, visits: Iterable[Visit]
+    light: imaging.VisitLight, drift: Drift, epochs: int, visit_s: float, seed: int, visits: Iterable[Visit]
 ) -> FloatArray:
     """Return the wavefronts of visits in the numbers of an expansion of their light, nm, shape (visits, epochs, r + 1).
 
@@ -243,15 +215,17 @@ def visit_waves(
     visits : iterable of Visit
     """
     each_s = visit_s / epochs
-    every = [list(wavefronts(light, drift, epochs, each_s, *one.streams(drift, visit_s, seed))) for one in visits]
+    every = [
+        list(imaging.wavefronts(light, drift, epochs, each_s, *one.streams(drift, visit_s, seed))) for one in visits
+    ]
     return np.array(every)
 
 
 def static_light(
-    psf: AnyPsf,
+    psf: imaging.AnyPsf,
     instrument: Instrument,
     band: str,
-    area: Window,
+    area: imaging.Window,
     sources: Sequence[Source],
     extended: Sequence[ExtendedRate],
     *,
@@ -259,7 +233,7 @@ def static_light(
     sky_e_s_arcsec2: float,
     roll_deg: float,
     star_arcsec: tuple[float, float],
-    model: SceneModel,
+    model: imaging.SceneModel,
 ) -> tuple[FloatArray, FloatArray | None, dict[str, FloatArray]]:
     """Return everything on a window but the stamp of the star, and what smears into a window from beyond it.
 
@@ -299,9 +273,9 @@ def static_light(
     corner = (detector.star_row - seen.centre[0], detector.star_column - seen.centre[1])
     stray = stray_light_parts(instrument, band, detector.shape, first_pixel=corner, window=seen.shape)
     sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * psf.apodizer_energy
-    whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
+    whole = np.asarray(sky * imaging.sky_transmission(psf, seen) + sum(stray.values()))
     bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
-    others = off_axis_light(
+    others = imaging.off_axis_light(
         psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg, star_arcsec=star_arcsec, model=model
     )
     if bright or full:
@@ -309,15 +283,15 @@ def static_light(
     else:
         whole[inside] += others
     if full:
-        whole += sources[0].rate_e_s * full_star_map(psf, area, star_arcsec)
+        whole += sources[0].rate_e_s * imaging.full_star_map(psf, area, star_arcsec)
     columns = None
     if beyond is not None:
         columns = whole[beyond].sum(axis=0)
-        columns += sources[0].rate_e_s * star_column_light(psf, seen, beyond, star_arcsec)
+        columns += sources[0].rate_e_s * imaging.star_column_light(psf, seen, beyond, star_arcsec)
     return whole[inside].copy(), columns, {name: part[inside] for name, part in stray.items()}
 
 
-def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, BoolArray]:
+def _columns_of(instrument: Instrument, band: str, area: imaging.Window) -> tuple[imaging.Window, slice, BoolArray]:
     """Return the columns of a window over all active rows, where it lies in them, and the active rows beyond it."""
     detector = instrument.detector_of(band)
     active = detector.sections["active"][0]
@@ -325,7 +299,7 @@ def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window
     first, stop = min(low, active.start), max(low + area.rows.size, active.stop)
     pixel = instrument.pixel_scale_arcsec(band)
     centre = detector.star_row - first
-    tall = Window(centred_axis(stop - first, pixel, centre), area.columns, (centre, area.centre[1]))
+    tall = imaging.Window(imaging.centred_axis(stop - first, pixel, centre), area.columns, (centre, area.centre[1]))
     inside = slice(low - first, low - first + area.rows.size)
     row = np.arange(first, stop)
     beyond = (row >= active.start) & (row < active.stop)
@@ -339,7 +313,7 @@ SkyKind = Literal["SCI", "DSF", "CALS"]
 MAX_OFFSET_ARCSEC = 8.0
 
 
-class Observation(FrameSequence, eq=False):
+class Observation(sequence.FrameSequence, eq=False):
     """Frames of a scene, made one at a time; made by `observe`.
 
     Attributes
@@ -364,17 +338,17 @@ class Observation(FrameSequence, eq=False):
     visit: Visit = field(kw_only=True)
     window: WindowName = field(kw_only=True)
     star_offset_arcsec: tuple[float, float] = field(kw_only=True)
-    scene_model: SceneModel = field(kw_only=True)
-    psf: AnyPsf = field(kw_only=True)
-    area: Window = field(kw_only=True)
-    truth: Truth = field(kw_only=True)
+    scene_model: imaging.SceneModel = field(kw_only=True)
+    psf: imaging.AnyPsf = field(kw_only=True)
+    area: imaging.Window = field(kw_only=True)
+    truth: sequence.Truth = field(kw_only=True)
     tolerance: float = field(default=0.0, kw_only=True)
     choice: Choice | None = field(default=None, kw_only=True)
 
     @property
-    def estimated_error(self) -> PsfError | None:
+    def estimated_error(self) -> imaging.PsfError | None:
         """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
-        return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
+        return None if isinstance(self.psf, imaging.ExternalPsf) else self.psf.estimated_error
 
     def at_visit(self, number: int) -> "Observation":
         """Return the same observation in another visit of its programme, with a wavefront and noise of its own.
@@ -403,7 +377,7 @@ class Observation(FrameSequence, eq=False):
     @property
     def calibration_files(self) -> list[str]:
         """Names of the files that optics, sky, particles and camera were read from."""
-        own = [self.psf.file] if isinstance(self.psf, ExternalPsf) and self.psf.file else []
+        own = [self.psf.file] if isinstance(self.psf, imaging.ExternalPsf) and self.psf.file else []
         return [*super().calibration_files, *own]
 
 
@@ -428,8 +402,8 @@ def observe(
     timing: Timing = INTERLEAVED,
     window: WindowName = "full",
     star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
-    scene_model: SceneModel = "exact",
-    psf: ExternalPsf | None = None,
+    scene_model: imaging.SceneModel = "exact",
+    psf: imaging.ExternalPsf | None = None,
     kind: SkyKind = "SCI",
     start_utc: str | None = None,
     switches: Mapping[str, bool] | None = None,
@@ -519,24 +493,24 @@ def observe(
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     channel = instrument.channel_of(band)
-    exposure = checked_exposure(exposure_s)
+    exposure = sequence.checked_exposure(exposure_s)
     channel.check_gain(em_gain)
     checked_tolerance(tolerance)
     check_number("roll_deg", roll_deg, "deg")
     for name, value, allowed in (
         ("role", role, Role),
         ("window", window, WindowName),
-        ("scene_model", scene_model, SceneModel),
+        ("scene_model", scene_model, imaging.SceneModel),
         ("kind", kind, SkyKind),
     ):
         check_word(name, value, get_args(allowed))
     if not isinstance(timing, Timing):
         raise InputError("timing", timing, allowed="a Timing")
     frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
-    number = check_whole("realisation", realisation, 0, MAX_REALISATION)
+    number = check_whole("realisation", realisation, 0, sequence.MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
-    psf = psf_of_table(instrument, band) if psf is None else psf
+    psf = imaging.psf_of_table(instrument, band) if psf is None else psf
     if psf is not None:
         _check_psf(psf, band, instrument, tolerance)
     if quantity is not None:
@@ -573,9 +547,9 @@ def observe(
         knobs = choice.knobs
     left_out = () if choice is None else choice.left_out
     switched = instrument.switched(switches, camera=channel.name)
-    optics = single_band_psf(band, fidelity=knobs, instrument=instrument) if psf is None else psf
+    optics = imaging.single_band_psf(band, fidelity=knobs, instrument=instrument) if psf is None else psf
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    area = window_of(optics, instrument, full=full)
+    area = imaging.window_of(optics, instrument, full=full)
     one = Visit(scene.name, kind, role, band, number, turn, timing)
     detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
@@ -602,7 +576,7 @@ def observe(
     x_pixel = tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources)
     y_pixel = tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources)
     rows, columns, part = area.stamp(stamps.shape[1])
-    light = Light(static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), beyond_e_s)
+    light = sequence.Light(static_e_s, sequence.Stamps(sources[0].rate_e_s * stamps, rows, columns, part), beyond_e_s)
     if choice is None:
         ledger = effect_ledger(
             scene,
@@ -658,23 +632,23 @@ def observe(
         scene_model=scene_model,
         psf=optics,
         area=area,
-        truth=Truth(sources, x_pixel, y_pixel),
+        truth=sequence.Truth(sources, x_pixel, y_pixel),
         ledger=ledger,
         tolerance=float(tolerance),
         choice=choice,
     )
 
 
-def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[str, Any]:
+def _optics_keywords(instrument: Instrument, band: str, optics: imaging.AnyPsf) -> dict[str, Any]:
     """Return the keywords of the optics."""
     values: dict[str, Any] = {
         "HOLEMODE": instrument.dark_hole.mode,
         "HOLE": optics.hole_state,
-        "HOLEIN": zone_of(instrument, band).inner_corner_arcsec,
+        "HOLEIN": imaging.zone_of(instrument, band).inner_corner_arcsec,
     }
-    if not isinstance(optics, ExternalPsf):
+    if not isinstance(optics, imaging.ExternalPsf):
         # That of the standard settings: the core table of others takes longer than their images.
-        values["IWA"] = psf_metrics(instrument, band).iwa_arcsec
+        values["IWA"] = imaging.psf_metrics(instrument, band).iwa_arcsec
         values["FIDELITY"] = optics.knobs.tier
         return values
     values["IWA"] = optics.metrics.iwa_arcsec
@@ -685,8 +659,8 @@ def _optics_keywords(instrument: Instrument, band: str, optics: AnyPsf) -> dict[
     return values
 
 
-def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
-    if not isinstance(psf, ExternalPsf):
+def _check_psf(psf: imaging.ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
+    if not isinstance(psf, imaging.ExternalPsf):
         raise InputError("psf", psf, allowed="what load_psf returns")
     if psf.band not in ("", band):
         raise InputError("psf", psf.band, allowed=f"a PSF of {band}")

@@ -16,13 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, Record
-from simulator.config import (
-    SKY_KINDS,
-    AnyDetector,
-    SequenceConfig,
-    Timing,
-    content_hash,
-)
+from simulator import config
 from simulator.products.ephemeris import CircularOrbit, SequenceTimes, stamp
 from simulator.target import detector_to_sky
 
@@ -50,7 +44,7 @@ def settings_of(sequence: FrameSequence) -> dict[str, Any]:
     }
 
 
-def camera_of(sequence: FrameSequence) -> AnyDetector:
+def camera_of(sequence: FrameSequence) -> config.AnyDetector:
     """Return the configuration of the camera that took a sequence."""
     return sequence.instrument.channel(sequence.camera).detector
 
@@ -142,13 +136,13 @@ class VisitPart(Record):
         return f"visit_{self.visit + 1:03d}_{self.role}"
 
 
-def orbit_s(entry: SequenceConfig) -> float:
+def orbit_s(entry: config.SequenceConfig) -> float:
     """Return the period of the orbit: that of the orbital drift, of the modelled orbit where nothing drifts with it."""
     instrument = entry.instrument
     return instrument.drift.orbital_period_s or CircularOrbit(instrument.mission.orbit).period_s
 
 
-def visit_parts(entry: SequenceConfig, paces_s: Sequence[float]) -> list[VisitPart]:
+def visit_parts(entry: config.SequenceConfig, paces_s: Sequence[float]) -> list[VisitPart]:
     """Place the visits of a programme in the windows of the orbit.
 
     A window is the part of the orbit in which light is taken, `Timing.window_turns` long; the programme begins with
@@ -175,7 +169,7 @@ def visit_parts(entry: SequenceConfig, paces_s: Sequence[float]) -> list[VisitPa
     """
     period_s, overhead_s, scheme = orbit_s(entry), entry.instrument.overhead_s, entry.reference_scheme
     shared = scheme in ("half", "swapped") and entry.references > 0
-    length_s = Timing().window_turns * period_s
+    length_s = config.Timing().window_turns * period_s
     half_s = length_s / 2.0
     taken_s = half_s - overhead_s if shared else length_s
     frames = {"science": entry.frames, "reference": entry.reference_entry().frames}
@@ -343,7 +337,7 @@ class ProductName(Record):
     @property
     def branch(self) -> str:
         """``SCI`` or ``CAL``."""
-        return "SCI" if self.kind in SKY_KINDS else "CAL"
+        return "SCI" if self.kind in config.SKY_KINDS else "CAL"
 
     @property
     def file(self) -> Path:
@@ -424,4 +418,4 @@ def obsid_of(sequence: FrameSequence) -> str:
     identity |= {"instrument": sequence.instrument.content_hash, "scene": None if scene is None else scene.content_hash}
     identity["header"] = {key: str(value) for key, value in sequence.header.items()}
     digits = OBSID_DIGITS - len(prefix)
-    return f"{prefix}{int(content_hash(identity), 16) % 10**digits:0{digits}d}"
+    return f"{prefix}{int(config.content_hash(identity), 16) % 10**digits:0{digits}d}"

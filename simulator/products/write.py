@@ -27,19 +27,8 @@ from cpic_core import (
 from simulator.camera import Frame, camera_keywords
 from simulator.config import SKY_KINDS, Detector, Section
 from simulator.observing import FrameSequence
+from simulator.products import keywords
 from simulator.products.ephemeris import Ephemeris, SequenceTimes, ephemeris, sequence_times
-from simulator.products.keywords import (
-    KEYWORD_FILE,
-    Value,
-    append_compressed,
-    append_image,
-    append_primary,
-    append_table,
-    checked_value,
-    escaped,
-    header_cards,
-    load_keywords,
-)
 from simulator.products.sequence import (
     ProductName,
     camera_of,
@@ -67,7 +56,7 @@ def software_version() -> str:
 
 def sequence_values(
     sequence: FrameSequence, name: ProductName, times: SequenceTimes, sky: Ephemeris
-) -> tuple[dict[str, Value], dict[str, Value]]:
+) -> tuple[dict[str, keywords.Value], dict[str, keywords.Value]]:
     """Return the values of the primary header and those that all images share, under the names of the table.
 
     Keywords that the sequence supplies replace those that follow from its configuration, but not names, times and
@@ -78,11 +67,11 @@ def sequence_values(
     InputError
         For a keyword of the wrong type.
     """
-    table = load_keywords()
+    table = keywords.load_keywords()
     given = {key: value for key, value in sequence.header.items() if value is not None}
-    supplied = {table.canonical(key): checked_value(table, key, value) for key, value in given.items()}
+    supplied = {table.canonical(key): keywords.checked_value(table, key, value) for key, value in given.items()}
     found = _configured(sequence) | _where(sequence, sky) | supplied | _own(sequence, name, times)
-    values = {key: checked_value(table, key, value) for key, value in found.items() if value is not None}
+    values = {key: keywords.checked_value(table, key, value) for key, value in found.items() if value is not None}
     homes = {key: table.keywords[key].hdu if key in table.keywords else "image" for key in values}
     primary = {key: value for key, value in values.items() if homes[key] != "image"}
     return primary, {key: value for key, value in values.items() if homes[key] != "primary"}
@@ -97,11 +86,11 @@ def _own(sequence: FrameSequence, name: ProductName, times: SequenceTimes) -> di
         "FILENAME": name.file.name,
         "OBSID": name.obsid,
         "IMG_VER": f"V{name.version:02d}",
-        "KEYTABLE": load_keywords().version,
+        "KEYTABLE": keywords.load_keywords().version,
         "NFRAME": count,
         "NEXTEND": count,
         "NEFFECT": len(sequence.ledger),
-        **{keyword.name: keyword.values[0] for keyword in load_keywords() if keyword.values},
+        **{keyword.name: keyword.values[0] for keyword in keywords.load_keywords() if keyword.values},
         "DATE-OBS": times.start_utc,
         "DATE-END": times.stop_utc,
         "EXPSTART": float(times.begin_mjd[0]),
@@ -135,7 +124,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
     }
     if isinstance(camera, Detector):
         values["EMGAIN"] = float(sequence.em_gain)
-    for keyword in load_keywords():
+    for keyword in keywords.load_keywords():
         if keyword.section in sequence.sections:
             values[keyword.name] = fits_section(sequence.sections[keyword.section]) or None
     return values
@@ -163,7 +152,9 @@ def _where(sequence: FrameSequence, sky: Ephemeris) -> dict[str, Any]:
     return values | {"POS_ANG0": sequence.roll_deg % 360.0, "POS_ANG1": sequence.roll_deg % 360.0}
 
 
-def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, frame: Frame) -> dict[str, Value]:
+def frame_values(
+    shared: Mapping[str, keywords.Value], index: int, times: SequenceTimes, frame: Frame
+) -> dict[str, keywords.Value]:
     """Return the values of one image: those that all share, and its own times and counts.
 
     Parameters
@@ -176,11 +167,11 @@ def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, 
     frame : Frame
     """
     begin, end = float(times.begin_mjd[index]), float(times.end_mjd[index])
-    counts = {keyword.name: int(getattr(frame, keyword.frame)) for keyword in load_keywords() if keyword.frame}
+    counts = {keyword.name: int(getattr(frame, keyword.frame)) for keyword in keywords.load_keywords() if keyword.frame}
     return {**shared, "FRAMEID": index + 1, "EXPBEG": begin, "EXPEND": end, **counts}
 
 
-def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
+def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, keywords.Value, str]]:
     """Yield the numbered cards of the effect ledger, ``kept | effect | reason | size``, and of the calibration maps.
 
     The size is the predicted one, where there is one.
@@ -190,7 +181,7 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
     InputError
         If there are more of either than three digits count.
     """
-    table = load_keywords()
+    table = keywords.load_keywords()
     texts = [f"{row.decision} | {row.effect} | {row.reason}" for row in sequence.ledger]
     texts = [
         text if row.size is None else f"{text} | {row.size:.3g}"
@@ -200,7 +191,7 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
         if len(rows) > MAX_ROWS:
             raise InputError(what, len(rows), allowed=f"at most {MAX_ROWS} rows")
         for number, text in enumerate(rows, start=1):
-            yield f"{key}{number:03d}", checked_value(table, "OBJECT", text), ""
+            yield f"{key}{number:03d}", keywords.checked_value(table, "OBJECT", text), ""
 
 
 def fits_section(section: Section) -> str:
@@ -232,7 +223,9 @@ class TruthWriter:
     times: SequenceTimes
     _rows: list[dict[str, Any]] = field(default_factory=list)
 
-    def begin(self, name: ProductName, primary: Mapping[str, Value], shared: Mapping[str, Value]) -> None:
+    def begin(
+        self, name: ProductName, primary: Mapping[str, keywords.Value], shared: Mapping[str, keywords.Value]
+    ) -> None:
         """Write what belongs to the whole sequence.
 
         Parameters
@@ -243,30 +236,30 @@ class TruthWriter:
         shared : mapping of str to Value
             Header values that all images of the file share.
         """
-        table = load_keywords()
+        table = keywords.load_keywords()
         profile = table.profile("csst")
         copied = {keyword.name for keyword in table if keyword.truth in ("identity", "copied")}
         values = {key: value for key, value in primary.items() if key in copied}
         values |= {"FILENAME": name.truth.name, "L0FILE": name.file.name}
-        append_primary(self.file, header_cards(values, table, profile))
+        keywords.append_primary(self.file, keywords.header_cards(values, table, profile))
         wcs = {
             keyword.name: shared[keyword.name] for keyword in table if keyword.truth == "map" and keyword.name in shared
         }
         for title, unit, attribute in (("EXPECTED_ADU", "adu", "expected"), ("EXPECTED_E", "electron", "expected_e")):
-            cards = header_cards({"BUNIT": unit} | wcs, table, profile)
-            append_image(self.file, getattr(self.sequence, attribute).astype(np.float32), cards, title, 1)
+            cards = keywords.header_cards({"BUNIT": unit} | wcs, table, profile)
+            keywords.append_image(self.file, getattr(self.sequence, attribute).astype(np.float32), cards, title, 1)
         sources = self._sources()
         if sources:
-            append_table(self.file, sources, _UNITS, "SOURCES")
+            keywords.append_table(self.file, sources, _UNITS, "SOURCES")
         if any(row.size is not None for row in self.sequence.ledger):
-            append_table(self.file, self._effects(), _UNITS, "EFFECTS")
+            keywords.append_table(self.file, self._effects(), _UNITS, "EFFECTS")
 
     def _effects(self) -> dict[str, Any]:
         """Return the columns of the effect ledger; nan where no size was predicted."""
         rows = self.sequence.ledger
-        words = {key: [escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
+        words = {key: [keywords.escaped(getattr(row, key)) for row in rows] for key in ("key", "effect", "decision")}
         size = np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64)
-        return words | {"size": size, "reason": [escaped(row.reason) for row in rows]}
+        return words | {"size": size, "reason": [keywords.escaped(row.reason) for row in rows]}
 
     def _sources(self) -> dict[str, Any]:
         """Return the columns of the table of sources; no columns without sources."""
@@ -274,13 +267,13 @@ class TruthWriter:
         if truth is None or not truth.sources:
             return {}
         sources = truth.sources
-        columns: dict[str, Any] = {"name": [escaped(source.name) for source in sources]}
+        columns: dict[str, Any] = {"name": [keywords.escaped(source.name) for source in sources]}
         columns |= {key: [getattr(source, key) for source in sources] for key in ("kind", "x_arcsec", "y_arcsec")}
         places = sky_places(self.sequence, columns["x_arcsec"], columns["y_arcsec"])
         columns |= {} if places is None else {"ra_deg": places[0], "dec_deg": places[1]}
         columns |= {key: np.array(getattr(truth, key), dtype=np.float64) for key in ("x_pixel", "y_pixel")}
         rates = np.array([source.rate_e_s for source in sources])
-        flags = [escaped("; ".join(source.flags)) for source in sources]
+        flags = [keywords.escaped("; ".join(source.flags)) for source in sources]
         return columns | {"rate_e_s": rates, "rate_to_first": rates / rates[0], "flags": flags}
 
     def add(self, frame: Frame, datasum: str) -> None:
@@ -293,9 +286,9 @@ class TruthWriter:
             Checksum of the frame's image, as text.
         """
         number, times = len(self._rows), self.times
-        append_compressed(self.file, frame.mask, "MASK", number + 1)
+        keywords.append_compressed(self.file, frame.mask, "MASK", number + 1)
         begin, end = float(times.begin_mjd[number]), float(times.end_mjd[number])
-        counts = {each.frame: int(getattr(frame, each.frame)) for each in load_keywords() if each.frame}
+        counts = {each.frame: int(getattr(frame, each.frame)) for each in keywords.load_keywords() if each.frame}
         charges = {f"charge_{key}_e": float(value) for key, value in frame.charge.items()}
         row = {"frame": number + 1, "begin_mjd": begin, "end_mjd": end, **counts, "datasum": int(datasum), **charges}
         self._rows.append(row)
@@ -304,7 +297,7 @@ class TruthWriter:
         """Write the table of frames. A step of the charge that a frame does not name moved no electrons in it."""
         names = list(dict.fromkeys(key for row in self._rows for key in row))
         columns = {key: [row.get(key, 0.0) for row in self._rows] for key in names}
-        append_table(self.file, columns, _UNITS, "FRAMES")
+        keywords.append_table(self.file, columns, _UNITS, "FRAMES")
 
 
 CONFIGURATION_FILE = "configuration.json"
@@ -325,7 +318,7 @@ def params_of(
     name: ProductName,
     times: SequenceTimes,
     sky: Ephemeris,
-    primary: Mapping[str, Value],
+    primary: Mapping[str, keywords.Value],
 ) -> dict[str, str]:
     """Return the texts of the four files of one observation by their names.
 
@@ -346,7 +339,7 @@ def params_of(
     utc, camera = log_times(times), camera_of(sequence)
     warmth = [camera.temperature_k if isinstance(camera, Detector) else ""] * len(utc)
     others = {
-        "keywords.yaml": KEYWORD_FILE.read_text(encoding="utf-8"),
+        "keywords.yaml": keywords.KEYWORD_FILE.read_text(encoding="utf-8"),
         "attitude.csv": _attitude(sequence, utc, sky),
         "temperature.csv": _table(("utc", "detector_k"), zip(utc, warmth, strict=True)),
     }
@@ -360,7 +353,7 @@ def sum_of(content: bytes) -> str:
 
 
 def _configuration(
-    sequence: FrameSequence, name: ProductName, times: SequenceTimes, primary: Mapping[str, Value]
+    sequence: FrameSequence, name: ProductName, times: SequenceTimes, primary: Mapping[str, keywords.Value]
 ) -> dict[str, Any]:
     instrument, scene = sequence.instrument, sequence.scene
     sections = {key: [[part.start, part.stop] for part in section] for key, section in sequence.sections.items()}
@@ -460,7 +453,7 @@ def write_level0(
     """
     if not hasattr(observation, "iter_full_frames"):
         raise InputError("observation", observation, allowed="what observe or calibrate returns")
-    table = load_keywords()
+    table = keywords.load_keywords()
     profile = table.profile(observation.instrument.mission.keyword_profile)
     n_frames = int(observation.n_frames)
     times = sequence_times(observation.start_utc, observation.exposure_s, observation.readout_s, n_frames)
@@ -476,14 +469,14 @@ def write_level0(
     primary, shared = sequence_values(observation, name, times, sky)
     params = params_of(observation, name, times, sky, primary)
     primary[SUM_KEYWORD] = sum_of(utf8(params[CONFIGURATION_FILE]))[:16]
-    header = [*header_cards(primary, table, profile), *ledger_cards(observation)]
+    header = [*keywords.header_cards(primary, table, profile), *ledger_cards(observation)]
 
     folders = [(root / place).parent for place in (name.file, name.truth, name.params)]
     with (
         temporary_folders(folders, whole=root / name.params, done=root / name.file),
         _new_file(root / name.file, overwrite=overwrite) as file,
     ):
-        append_primary(file, header)
+        keywords.append_primary(file, header)
         with contextlib.ExitStack() as stack:
             writer = None
             if truth:
@@ -491,7 +484,9 @@ def write_level0(
                 writer.begin(name, primary, shared)
             for index, frame in enumerate(observation.iter_full_frames()):
                 values = frame_values(shared, index, times, frame)
-                datasum = append_image(file, frame.adu, header_cards(values, table, profile), "IMAGE", index + 1)
+                datasum = keywords.append_image(
+                    file, frame.adu, keywords.header_cards(values, table, profile), "IMAGE", index + 1
+                )
                 if writer is not None:
                     writer.add(frame, datasum)
                 if progress is not None:

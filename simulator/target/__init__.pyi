@@ -1,6 +1,5 @@
 from catalogs.stellar_physics import StellarParameters as StellarParameters, stellar_parameters as stellar_parameters
 from simulator.target.albedo import (
-    albedo_flags as albedo_flags,
     albedo_notes as albedo_notes,
     albedo_source as albedo_source,
     load_parametric_grid as load_parametric_grid,

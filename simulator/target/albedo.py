@@ -409,20 +409,6 @@ def planet_albedo(
     return np.asarray(np.interp(wavelength, table.wavelength_nm, table.albedo))
 
 
-def albedo_flags(wavelength_nm: ArrayLike, *, model: str | Path = "parametric") -> np.ndarray:
-    """Return True where an albedo is ``extrapolated``: beyond 1050 nm, except in a table of your own.
-
-    The origin of the measured tables beyond is undocumented, and with it the methane coefficients there.
-
-    Raises
-    ------
-    InputError
-        For an unknown model or a wavelength outside the table.
-    """
-    table, wavelength = _covered(albedo_table(_spec(model, _DEFAULT.log10_mh, _DEFAULT.log10_fsed, 2.0)), wavelength_nm)
-    return wavelength > table.documented_to_nm
-
-
 def albedo_notes(spec: config.AlbedoSpec, insolation_au: float | None = None) -> tuple[str, ...]:
     """Return what was clamped: ``fsed_clamped`` (above 6), ``insolation_clamped`` (outside the models' distances).
 

@@ -11,10 +11,11 @@ import pytest
 from astropy.io import fits
 
 from simulator import load_instrument, observe
-from simulator.camera import VisibleCamera, stack_electrons, to_electrons
+from simulator.camera import VisibleCamera, stack_electrons
 from simulator.effects import draw_cosmic_rays
 from simulator.observing import hole_stacks
 from simulator.products import write_level0
+from tests.simulator.frames import to_electrons
 
 INSTRUMENT = load_instrument()
 DETECTOR = INSTRUMENT.detector

@@ -10,13 +10,13 @@ import numpy as np
 from mpmath import mp, mpf
 from oracle import ClosedForm
 
-from simulator.camera import em_gain_of, em_voltage_of, expected_adu_map, pixel_variance_e2, to_electrons
+from simulator.camera import FrameNoise, em_voltage_of
 from simulator.config import load_instrument
 from simulator.detectors import aperture_noise_pixels, dark_law_e_s, excess_noise_factor2, stage_probability
-from simulator.detectors.gain import gain_variance, output_cumulants
+from simulator.detectors.gain import output_cumulants
 from simulator.detectors.visible import chances_of_loss, compressed
 from simulator.signal import pixel_saturated
-from simulator.signal.saturation import gain_cap
+from tests.simulator.frames import expected_adu_map
 
 DETECTOR = load_instrument().detector
 IDEAL = DETECTOR.model_copy(
@@ -33,11 +33,6 @@ def stage(gain: mpf, stages: mpf) -> mpf:
     return gain ** (1 / mpf(stages)) - 1
 
 
-def variance(gain: mpf, stages: mpf) -> mpf:
-    p = stage(gain, stages)
-    return gain * (gain - 1) * (1 - p) / (1 + p)
-
-
 def factor(gain: mpf, stages: mpf) -> mpf:
     """Robbins & Hadwen 2003 in their own form."""
     return 2 * (gain - 1) * gain ** (-(stages + 1) / stages) + 1 / gain
@@ -46,12 +41,6 @@ def factor(gain: mpf, stages: mpf) -> mpf:
 def pixel(photon: mpf, cic: mpf, gain: mpf) -> mpf:
     output = mpf(DETECTOR.read_noise_e) ** 2 + mpf(DETECTOR.gain_e_adu) ** 2 / 12
     return factor(gain, mpf(DETECTOR.register_stages)) * (photon + cic) + output / gain**2
-
-
-def register(level: mpf, temperature: mpf) -> mpf:
-    """Fit to the data sheet of the CCD201-20, as the module states it."""
-    v = level - 39 - mpf(0.029) * (temperature - 223)
-    return mp.exp(mpf(0.582) + mpf(0.860) * v + mpf(-0.0530) * v**2 + mpf(0.01465) * v**3)
 
 
 def voltage(gain: mpf, temperature: mpf) -> mpf:
@@ -74,13 +63,6 @@ def fills(charge: mpf, gain: mpf, spread: mpf) -> tuple[mpf, mpf, mpf]:
         gain * level / mpf(DETECTOR.register_full_well_e),
         gain * level / (converter - spread * mpf(DETECTOR.read_noise_e)),
     )
-
-
-def cap(charge: mpf, spread: mpf) -> mpf:
-    well, *output = fills(charge, mpf(1), spread)
-    if well > 1 or max(output) > 1:
-        return mpf(0)
-    return min(1 / max(output), mpf(DETECTOR.em_gain_max)) if max(output) > 0 else mpf(DETECTOR.em_gain_max)
 
 
 def filled(charge: float, gain: float, spread: float) -> float:
@@ -163,14 +145,6 @@ FORMS = [
         fixed=(1,),
     ),
     ClosedForm(
-        "simulator.camera.gain_variance",
-        "gain 1 to 1e4, 1 to 604 stages",
-        REGISTERS,
-        lambda g, n: gain_variance(g, int(n)),
-        variance,
-        fixed=(1,),
-    ),
-    ClosedForm(
         "simulator.camera.excess_noise_factor2",
         "gain 1 to 1e4, 1 to 604 stages",
         REGISTERS,
@@ -179,10 +153,10 @@ FORMS = [
         fixed=(1,),
     ),
     ClosedForm(
-        "simulator.camera.pixel_variance_e2",
+        "simulator.camera.FrameNoise.charge_variance_e2",
         "0 to 1e12 e-, gain 1 to 1e4",
         list(itertools.product(CHARGES, (0.0, 1e-3), GAINS)),
-        lambda photon, cic, gain: pixel_variance_e2(photon, cic, gain, DETECTOR),
+        lambda photon, cic, gain: FrameNoise.of(DETECTOR, gain, 0.0).charge_variance_e2(photon + cic),
         pixel,
     ),
     ClosedForm(
@@ -193,30 +167,11 @@ FORMS = [
         lambda r: mp.pi * r**2 - mp.pi * r / 3,
     ),
     ClosedForm(
-        "simulator.camera.em_gain_of",
-        "20 to 50 V, 120 to 320 K",
-        [
-            (v, t)
-            for v in (39.0, 42.0, 45.0, 48.0)
-            for t in (120.0, 203.0, 223.0, 293.0, 320.0)
-            if 1.0 < register(mpf(v), mpf(t)) < 1e300
-        ],
-        lambda v, t: em_gain_of(v, t).em_gain,
-        register,
-    ),
-    ClosedForm(
         "simulator.camera.em_voltage_of",
         "gain 1 to 1e4, 120 to 320 K",
         list(itertools.product(GAINS, (120.0, 203.0, 223.0, 293.0, 320.0))),
-        lambda g, t: em_voltage_of(g, t).voltage_v,
+        em_voltage_of,
         voltage,
-    ),
-    ClosedForm(
-        "simulator.camera.gain_cap",
-        "0 to 1e12 e-, 0 to 100 sigma",
-        list(itertools.product(CHARGES, SPREADS)),
-        lambda q, n: gain_cap(q, DETECTOR, n).gain,
-        cap,
     ),
     ClosedForm(
         "simulator.camera.pixel_saturated, filled fraction",
@@ -226,14 +181,7 @@ FORMS = [
         lambda q, g, n: max(fills(q, g, n)),
     ),
     ClosedForm(
-        "simulator.camera.to_electrons",
-        "0 to 16383 ADU, gain 1 to 1000",
-        list(itertools.product((0.0, 499.0, 500.0 + 1e-9, 16383.0), (1.0, 1.0 + 1e-12, 300.0, 1000.0))),
-        lambda a, g: to_electrons(a, DETECTOR, g),
-        lambda a, g: (a - mpf(DETECTOR.bias_adu)) * mpf(DETECTOR.gain_e_adu) / g,
-    ),
-    ClosedForm(
-        "simulator.camera.expected_adu_map, every effect off",
+        "simulator.camera.VisibleCamera.expected_adu, every effect off",
         "0 to 1e12 e-/s, 1e-6 to 1e6 s, gain 1 to 1000",
         list(itertools.product((0.0, 1e-9, 1.0, 1e12), (1e-6, 1.0, 1e6), (1.0, 1.0 + 1e-12, 1000.0))),
         plain_adu,

@@ -23,7 +23,6 @@ MODEL = AlbedoModel(
     log10_fsed=np.array([-2.0, 0.0, 0.7]),
     albedo=np.array([[0.1, 0.2, 0.45], [0.3, 0.35, 0.01], [0.7, 0.5, 0.6]])[..., None],
     phase=np.array([[0.3, 0.31, 0.29], [0.25, 0.3, 0.33], [0.2, 0.22, 0.4]]),
-    clear=np.ones((3, 1)),
     full_contrast=1e-15,
     insolation_au=1.0,
 )

@@ -23,6 +23,7 @@ from simulator.knobs import dial_of
 from simulator.passbands import Passbands
 from simulator.signal.light import exozodi_fraction_arcsec2
 from simulator.target import contrast_at, detector_to_sky, sky_to_detector
+from tests.simulator.frames import expected_adu_map
 
 INSTRUMENT = simulator.load_instrument()
 DETECTOR, BANDS, RNG = INSTRUMENT.detector, Passbands.from_bands(), np.random.default_rng(0)
@@ -32,9 +33,8 @@ CALLED = (
     *(bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity, detection_threshold, read_law),
     *(aperture_weights, combine, mean_projection_um, clean_fraction, exozodi_fraction_arcsec2, contrast_at),
     *(detector_to_sky, sky_to_detector, simulator.lambert_phase, simulator.planet_contrast, simulator.planet_albedo),
-    *(simulator.stream, camera.stage_probability, camera.gain_variance, camera.excess_noise_factor2, camera.gain_cap),
-    *(camera.pixel_variance_e2, camera.aperture_noise_pixels, camera.binding_limit, camera.pixel_saturated),
-    *(camera.em_gain_of, camera.em_voltage_of, camera.to_electrons),
+    *(simulator.stream, camera.stage_probability, camera.excess_noise_factor2, camera.aperture_noise_pixels),
+    *(camera.pixel_saturated, camera.em_voltage_of),
 )
 NAMES = {function.__name__: function for function in CALLED} | {
     "np": np,
@@ -43,7 +43,7 @@ NAMES = {function.__name__: function for function in CALLED} | {
     "DETECTOR": DETECTOR,
     "FRAMES": np.ones((2, 4, 4)),
     "GOOD": np.ones((2, 4, 4), dtype=bool),
-    "adu": lambda rate, exposure_s, gain: camera.expected_adu_map(np.full((3, 3), rate), exposure_s, gain, DETECTOR),
+    "adu": lambda rate, exposure_s, gain: expected_adu_map(np.full((3, 3), rate), exposure_s, gain, DETECTOR),
     "multiply": lambda electrons, gain: camera.multiply(electrons, gain, rng=RNG),
     "star": lambda v_mag, area_cm2: BANDS.star_rate_e_s(v_mag, 5772.0, 4.44, 0.0, area_cm2),
     "photlam": lambda v_mag, teff_k: simulator.star_photlam(v_mag, teff_k=teff_k),
@@ -58,13 +58,6 @@ stage_probability(3.0, 1) -> gain = 3.0 | 1 to 2
 stage_probability('2', 604) -> gain = 2 | numbers, 1 to 10000
 stage_probability(2.0, 0) -> stages = 0 | an integer of at least 1
 stage_probability(2.0, 1.5) -> stages = 1.5 | an integer of at least 1
-gain_variance(nan, 604) -> gain = nan | 1 to 10000
-gain_variance(0.9999999999999999, 604) -> gain = 0.9999999999999999 | 1 to 10000
-gain_variance(10001.0, 604) -> gain = 10001.0 | 1 to 10000
-gain_variance(3.0, 1) -> gain = 3.0 | 1 to 2
-gain_variance('2', 604) -> gain = 2 | numbers, 1 to 10000
-gain_variance(2.0, 0) -> stages = 0 | an integer of at least 1
-gain_variance(2.0, 1.5) -> stages = 1.5 | an integer of at least 1
 excess_noise_factor2(nan, 604) -> gain = nan | 1 to 10000
 excess_noise_factor2(0.9999999999999999, 604) -> gain = 0.9999999999999999 | 1 to 10000
 excess_noise_factor2(10001.0, 604) -> gain = 10001.0 | 1 to 10000
@@ -72,26 +65,16 @@ excess_noise_factor2(3.0, 1) -> gain = 3.0 | 1 to 2
 excess_noise_factor2('2', 604) -> gain = 2 | numbers, 1 to 10000
 excess_noise_factor2(2.0, 0) -> stages = 0 | an integer of at least 1
 excess_noise_factor2(2.0, 1.5) -> stages = 1.5 | an integer of at least 1
-pixel_variance_e2(-1.0, 0.0, 1.0, DETECTOR) -> photon_e = -1.0 e- | 0 to 1e+100
-pixel_variance_e2(1e308, 0.0, 1.0, DETECTOR) -> photon_e = 1e+308 e- | 0 to 1e+100
-pixel_variance_e2(0.0, nan, 1.0, DETECTOR) -> cic_e = nan e- | 0 to 1e+100
 aperture_noise_pixels(0.5) -> radius_pixel = 0.5 px | 1 to 1e+100
 aperture_noise_pixels(nan) -> radius_pixel = nan px | 1 to 1e+100
 aperture_noise_pixels(inf) -> radius_pixel = inf px | 1 to 1e+100
 aperture_noise_pixels(1e+200) -> radius_pixel = 1e+200 px | 1 to 1e+100
-gain_cap(-1.0, DETECTOR, 5.0) -> peak_e_per_frame = -1.0 e- | finite and at least 0
-gain_cap(nan, DETECTOR, 5.0) -> peak_e_per_frame = nan e- | finite and at least 0
-gain_cap(1.0, DETECTOR, 101.0) -> n_sigma = 101.0 | 0 to 100
-binding_limit(1.0, 0.5, DETECTOR) -> em_gain = 0.5 | 1 to 10000
+pixel_saturated(-1.0, 1.0, DETECTOR, 5.0) -> peak_e_per_frame = -1.0 e- | finite and at least 0
+pixel_saturated(nan, 1.0, DETECTOR, 5.0) -> peak_e_per_frame = nan e- | finite and at least 0
+pixel_saturated(1.0, 1.0, DETECTOR, 101.0) -> n_sigma = 101.0 | 0 to 100
 pixel_saturated(1.0, 0.5, DETECTOR) -> em_gain = 0.5 | 1 to 10000
-em_gain_of(19.0, 200.0) -> voltage_v = 19.0 V | 20 to 50
-em_gain_of(40.0, inf) -> temperature_k = inf K | 120 to 320
 em_voltage_of(0.5, 200.0) -> em_gain = 0.5 | 1 to 10000
 em_voltage_of(nan, 200.0) -> em_gain = nan | 1 to 10000
-to_electrons(nan, DETECTOR, 1.0) -> adu = nan ADU | finite
-to_electrons(1e308, DETECTOR, 1.0) -> adu = 1e+308 ADU | finite
-to_electrons('a', DETECTOR, 1.0) -> adu = a ADU | numbers, finite
-to_electrons(1.0, DETECTOR, 0.0) -> em_gain = 0.0 | 1 to 1000
 adu(nan, 1.0, 1.0) -> rate_map_e_s[y=0, x=0] = nan e-/s | finite and at least 0
 adu(-1.0, 1.0, 1.0) -> rate_map_e_s[y=0, x=0] = -1.0 e-/s | finite and at least 0
 adu(inf, 1.0, 1.0) -> rate_map_e_s[y=0, x=0] = inf e-/s | finite and at least 0

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cpic_core import InputError
 from cpic_planner.validation import AlbedoFit, AlbedoModel, FittedAlbedo, albedo_records, fit_albedo
 from cpic_planner.validation.albedo_fit import albedo_model
 from simulator import load_instrument
@@ -29,26 +28,28 @@ def contrasts(values: np.ndarray, errors: np.ndarray) -> dict[str, tuple[float, 
     return {name: (float(value), float(error)) for name, value, error in zip(BANDS, values, errors, strict=True)}
 
 
+def held(fit: AlbedoFit, log10_mh: float, log10_fsed: float, probability: float = 0.68) -> bool:
+    """Whether a planet lies in the smallest region of this probability."""
+    along = [np.interp(log10_fsed, fit.log10_fsed_grid, row, 0, 0) for row in fit.posterior]
+    return np.interp(log10_mh, fit.log10_mh_grid, along, 0, 0) >= fit.level(probability)
+
+
 @pytest.mark.parametrize("truth", [(0.8, -0.3), (1.3, -1.1), (0.2, 0.4), (1.85, 0.1)])
 @pytest.mark.parametrize("relative", [0.1, 1e-3])
-@pytest.mark.parametrize("grey_error", [0.0, 0.1])
-def test_without_noise_the_truth_comes_back(
-    model: AlbedoModel, truth: tuple[float, float], relative: float, grey_error: float
-) -> None:
+def test_without_noise_the_truth_comes_back(model: AlbedoModel, truth: tuple[float, float], relative: float) -> None:
     values = model.contrast(*truth)
-    fit = fit_albedo(contrasts(values, relative * values), model, grey_error=grey_error)
+    fit = fit_albedo(contrasts(values, relative * values), model)
     assert (fit.log10_mh, fit.log10_fsed) == pytest.approx(truth, abs=2e-3)
-    assert fit.grey == pytest.approx(1.0, abs=1e-3)
     assert fit.chi2 == pytest.approx(0.0, abs=1e-3)
     assert fit.model_contrasts == pytest.approx(values, rel=1e-3)
-    assert fit.contains(*truth)
+    assert held(fit, *truth)
     assert (fit.degrees_of_freedom, fit.p_value) == (2, pytest.approx(1.0, abs=1e-3))
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("relative", "grey_error"), [(0.03, 0.0), (0.1, 0.3)])
+@pytest.mark.parametrize("relative", [0.03, 0.1])
 def test_regions_hold_the_truth_as_often_as_they_say(
-    model: AlbedoModel, relative: float, grey_error: float, record_property: Callable[[str, object], None]
+    model: AlbedoModel, relative: float, record_property: Callable[[str, object], None]
 ) -> None:
     rng = np.random.default_rng(5)
     inside, chances, n_draws = [], [], 300
@@ -56,9 +57,9 @@ def test_regions_hold_the_truth_as_often_as_they_say(
         truth = rng.uniform(0, 2), rng.uniform(-2, TOP)
         expected = model.contrast(*truth)
         errors = np.full(4, relative * expected.mean())
-        values = expected * (1 + grey_error * rng.normal()) + errors * rng.normal(size=4)
-        fit = fit_albedo(contrasts(values, errors), model, grey_error=grey_error)
-        inside.append([fit.contains(*truth), fit.contains(*truth, 0.95)])
+        values = expected + errors * rng.normal(size=4)
+        fit = fit_albedo(contrasts(values, errors), model)
+        inside.append([held(fit, *truth), held(fit, *truth, 0.95)])
         chances.append(fit.p_value)
     for share, nominal in zip(np.mean(inside, axis=0), (0.68, 0.95), strict=True):
         record_property(f"of {n_draws} truths in {100 * nominal:.0f} % regions", f"{100 * share:.1f} %")
@@ -66,25 +67,18 @@ def test_regions_hold_the_truth_as_often_as_they_say(
     assert np.mean(np.array(chances) < 0.01) < 0.05
 
 
-def brute(model: AlbedoModel, values: np.ndarray, errors: np.ndarray, grey_error: float) -> tuple[np.ndarray, ...]:
-    """The posterior by sums over the common factor, on a grid of its own."""
-    mh, fsed = np.linspace(0, 2, 161), np.linspace(-2, TOP, 151)
-    table = model.contrast(mh[:, None], fsed)
-    grey = 1 + grey_error * np.linspace(-5, 5, 201)
-    prior = np.exp(-0.5 * ((grey - 1) / grey_error) ** 2)
-    chi2 = sum(
-        (((values[b] - grey[:, None, None] * table[..., b]) / errors[b]) ** 2 for b in range(4)),
-        np.zeros((201, 161, 151)),
-    )
-    posterior = np.tensordot(prior, np.exp(-0.5 * chi2), axes=1)
+def brute(model: AlbedoModel, values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The posterior on a grid of its own."""
+    mh, fsed = np.linspace(0, 2, 401), np.linspace(-2, TOP, 401)
+    posterior = np.exp(-0.5 * np.sum(((values - model.contrast(mh[:, None], fsed)) / errors) ** 2, axis=-1))
     return mh, fsed, posterior / posterior.sum()
 
 
 def test_posterior_against_brute_force(model: AlbedoModel) -> None:
     values = model.contrast(1.1, -0.5) * np.array([1.1, 0.95, 1.0, 0.9])
     errors = 0.08 * values
-    mh, fsed, posterior = brute(model, values, errors, 0.2)
-    fit = fit_albedo(contrasts(values, errors), model, grey_error=0.2)
+    mh, fsed, posterior = brute(model, values, errors)
+    fit = fit_albedo(contrasts(values, errors), model)
     mean = np.array([(posterior.sum(axis=1) * mh).sum(), (posterior.sum(axis=0) * fsed).sum()])
     spread = [math.sqrt((posterior.sum(axis=1 - i) * (axis - mean[i]) ** 2).sum()) for i, axis in enumerate((mh, fsed))]
     cross = float(np.einsum("mf,m,f->", posterior, mh - mean[0], fsed - mean[1]))
@@ -93,29 +87,6 @@ def test_posterior_against_brute_force(model: AlbedoModel) -> None:
     assert fit.correlation == pytest.approx(cross / (spread[0] * spread[1]), abs=0.02)
     cumulated = np.cumsum(posterior.sum(axis=1))
     assert fit.interval("log10_mh") == pytest.approx(np.interp([0.16, 0.84], cumulated, mh), abs=0.03)
-
-
-def test_grey_factor_is_what_a_fit_of_three_finds(model: AlbedoModel) -> None:
-    from scipy.optimize import least_squares
-
-    values = 1.25 * model.contrast(0.9, -0.8) * np.array([1.02, 0.99, 1.0, 1.01])
-    errors = 0.02 * values
-
-    def residuals(p: np.ndarray) -> np.ndarray:
-        return np.append((values - p[2] * model.contrast(p[0], p[1])) / errors, (p[2] - 1) / 0.2)
-
-    best = min(
-        (
-            least_squares(residuals, [mh, fsed, 1.2], bounds=([0, -2, 0], [2, TOP, 3]))
-            for mh in (0.3, 0.9, 1.6)
-            for fsed in (-1.5, -0.8, 0.0)
-        ),
-        key=lambda found: found.cost,
-    )
-    fit = fit_albedo(contrasts(values, errors), model, grey_error=0.2)
-    assert fit.chi2 == pytest.approx(2 * best.cost, abs=2e-3)
-    assert fit.grey == pytest.approx(best.x[2], abs=5e-3)
-    assert fit.model_contrasts == pytest.approx(best.x[2] * model.contrast(best.x[0], best.x[1]), rel=2e-3)
 
 
 def test_posterior_is_a_density(model: AlbedoModel) -> None:
@@ -135,7 +106,7 @@ def test_one_band_is_degenerate(model: AlbedoModel) -> None:
     assert fit.p_value is None
     assert fit.degrees_of_freedom == 0
     assert fit.open_edges
-    assert fit.contains(0.8, -0.3)
+    assert held(fit, 0.8, -0.3)
 
 
 def test_two_bands_leave_no_degree_of_freedom(model: AlbedoModel) -> None:
@@ -170,15 +141,6 @@ def test_what_the_model_cannot_do_has_a_small_p_value(model: AlbedoModel) -> Non
     assert (fit_albedo(contrasts(grey, 0.3 * grey), model).p_value or 0) > 0.2
 
 
-def test_a_cloud_free_planet_shows(model: AlbedoModel) -> None:
-    values = model.clear[3]
-    fit = fit_albedo(contrasts(values, 0.02 * values), model)
-    assert fit.clear_chi2 == pytest.approx(0.0, abs=1e-9)
-    assert fit.chi2 > fit.clear_chi2 + 10
-    cloudy = model.contrast(0.8, -0.3)
-    assert fit_albedo(contrasts(cloudy, 0.02 * cloudy), model).clear_chi2 > 100
-
-
 def test_negative_contrasts_are_measurements(model: AlbedoModel) -> None:
     values = model.contrast(1.8, -0.3)
     errors = np.full(4, 1.2 * values.mean())
@@ -187,38 +149,17 @@ def test_negative_contrasts_are_measurements(model: AlbedoModel) -> None:
     assert np.isfinite([fit.chi2, fit.correlation, *fit.mean]).all()
 
 
-def test_fsed_above_six_counts_as_six(model: AlbedoModel) -> None:
-    top = model.contrast(1.0, TOP)
-    fit = fit_albedo(contrasts(top, 0.05 * top), model)
-    assert fit.contains(1.0, 1.0)
-    assert fit.contains(1.0, TOP)
-    assert not fit.contains(3.0, 0.0)
-
-
 @pytest.mark.parametrize(
-    ("measured", "settings", "key"),
+    ("measured", "key"),
     [
-        ({}, {}, "measured"),
-        ({"F999": (1e-8, 1e-9)}, {}, "measured"),
-        ({"F520": (math.nan, 1e-9)}, {}, "measured.F520"),
-        ({"F520": (1e-8, 0.0)}, {}, "measured.F520.error"),
-        ({"F520": (1e-8, 1e-9)}, {"grey_error": -0.1}, "grey_error"),
-        ({"F520": (1e-8, 1e-9)}, {"grey_error": math.nan}, "grey_error"),
+        ({}, "measured"),
+        ({"F999": (1e-8, 1e-9)}, "measured"),
+        ({"F520": (math.nan, 1e-9)}, "measured.F520"),
+        ({"F520": (1e-8, 0.0)}, "measured.F520.error"),
     ],
 )
-def test_refusals(
-    refused, model: AlbedoModel, measured: dict[str, tuple[float, float]], settings: dict[str, float], key: str
-) -> None:
-    refused(key, fit_albedo, measured, model, **settings)
-
-
-def test_probabilities_are_checked(refused, model: AlbedoModel) -> None:
-    values = model.contrast(1.0, 0.0)
-    fit: AlbedoFit = fit_albedo(contrasts(values, 0.1 * values), model)
-    refused("probability", fit.level, 1.0)
-    refused("probability", fit.interval, "log10_mh", 0.0)
-    with pytest.raises(InputError, match="name"):
-        fit.interval("mh")  # type: ignore[arg-type]
+def test_refusals(refused, model: AlbedoModel, measured: dict[str, tuple[float, float]], key: str) -> None:
+    refused(key, fit_albedo, measured, model)
 
 
 @pytest.mark.parametrize("relative", [0.02, 0.2, 1.0])
@@ -241,8 +182,6 @@ def test_what_is_stated_beside_an_interval_lies_in_it(
         for name, best in zip(("log10_mh", "log10_fsed"), record.best_fit, strict=True):
             value, interval = getattr(record, name), getattr(record, f"{name}_interval")
             assert interval[0] < value < interval[1]
-            below = fit.interval(name, 1e-9)  # the narrowest central interval closes on the median
-            assert value == pytest.approx(np.mean(below), abs=1e-6)
             assert best == getattr(fit, name)
             outside += not interval[0] <= best <= interval[1]
     if relative == 1.0:

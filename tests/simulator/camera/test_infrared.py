@@ -5,6 +5,9 @@ Reads and their reduction: closed forms and a direct least-squares fit.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -14,7 +17,7 @@ from simulator.camera import InfraredCamera, MaskBit, load_calibration_set
 from simulator.camera.camera import ReadStack, read_times
 from simulator.config import InfraredDetector, load_instrument
 from simulator.detectors import PastExposure
-from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, well_signal
+from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, tracks_of, well_signal
 
 MODES = ("single", "cds", "up_the_ramp")
 PATH = ("target", "science", "F1265", 0, 3)
@@ -36,6 +39,13 @@ def flat_frame(detector, level, *, side=512, tag="a", exposure_s=1.0):
     return camera.expose(camera.prepare(np.full((side, side), level), exposure_s), seed=9, path=(tag,)).adu.astype(
         float
     )
+
+
+def struck(exposure, pixels, electrons):
+    """The exposure with these electrons of particles in pixels of the flat array, instead of drawn ones."""
+    charge = np.bincount(pixels, electrons, exposure.mean_e.size).reshape(exposure.mean_e.shape)
+    given = SimpleNamespace(image=lambda: charge, n_events=tracks_of(charge > 0)[1])
+    return replace(exposure, tracks=lambda shape, rng: given)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -103,7 +113,7 @@ def test_charge_is_conserved(varied, mode) -> None:
     rates = np.random.default_rng(1).uniform(0, 8000, (60, 70))
     hits = (np.arange(300, 340), np.full(40, 2000))
     past = [PastExposure(np.full((60, 70), 9e4), 20.0)]
-    frame = camera.expose(camera.prepare(rates, 15.0), seed=3, path=PATH, cosmic_rays=hits, past=past)
+    frame = camera.expose(struck(camera.prepare(rates, 15.0), *hits), seed=3, path=PATH, past=past)
     book = frame.charge
     came = book["photons"] + book["dark"] + book["persistence"] + book["cosmic_rays"]
     assert came == book["stored"] + book["lost_full_well"]
@@ -139,7 +149,7 @@ def test_switches_leave_the_numbers_of_the_others(varied, mode) -> None:
 
     def frame(*off):
         camera = InfraredCamera(varied(off=(*quiet, *off), **base))
-        return camera.expose(camera.prepare(rates, 10.0), seed=4, path=PATH, cosmic_rays=hits).adu.astype(int)
+        return camera.expose(struck(camera.prepare(rates, 10.0), *hits), seed=4, path=PATH).adu.astype(int)
 
     everything = frame()
     # without photon noise charge is what is expected: the other effects alone are left
@@ -290,20 +300,20 @@ def test_cosmic_rays_given(varied) -> None:
         camera = InfraredCamera(varied(off=FLAWS, readout_mode=mode))
         exposure = camera.prepare(np.zeros((30, 40)), 10.0)
         hits = ([5, 6, 7, 1000], [4000, 6000, 2000, 30000])
-        frame = camera.expose(exposure, seed=1, path=PATH, cosmic_rays=hits)
+        frame = camera.expose(struck(exposure, *hits), seed=1, path=PATH)
         clean = camera.expose(exposure, seed=1, path=PATH)
-        struck = np.flatnonzero(frame.mask & MaskBit.COSMIC_RAY)
-        assert list(struck) == [5, 6, 7, 1000]
+        marked = np.flatnonzero(frame.mask & MaskBit.COSMIC_RAY)
+        assert list(marked) == [5, 6, 7, 1000]
         assert frame.n_cosmic_rays == 2
         assert frame.charge["cosmic_rays"] == 42000
         extra = frame.adu.astype(float) - clean.adu
         untouched = np.ones(extra.size, dtype=bool)
-        untouched[struck] = False
+        untouched[marked] = False
         assert (extra.ravel()[untouched] == 0).all()
         if mode != "up_the_ramp":
             assert extra.ravel()[[5, 1000]] == pytest.approx([2000, 15000], rel=0.02)
     off = InfraredCamera(varied(off=("cosmic_rays", *FLAWS)))
-    frame = off.expose(off.prepare(np.zeros((30, 40)), 10.0), seed=1, path=PATH, cosmic_rays=hits)
+    frame = off.expose(struck(off.prepare(np.zeros((30, 40)), 10.0), *hits), seed=1, path=PATH)
     assert frame.n_cosmic_rays == 0
     assert not frame.mask.any()
 
@@ -330,7 +340,7 @@ def test_arrival_in_a_ramp_is_between_the_reads(varied) -> None:
     camera = InfraredCamera(varied(off=off, readout_mode="up_the_ramp", n_reads=9))
     exposure = camera.prepare(np.zeros((200, 200)), 10.0)
     places = np.flatnonzero((np.indices((200, 200)) % 2 == 0).all(axis=0))
-    frame = camera.expose(exposure, seed=1, path=PATH, cosmic_rays=(places, np.full(places.size, 10000)))
+    frame = camera.expose(struck(exposure, places, np.full(places.size, 10000)), seed=1, path=PATH)
     jump = (frame.adu.ravel()[places].astype(float) - 1000) / 5000
     # reads at i/8; a jump between reads k and k+1 fits to 6 (k+1) (n-k-1) / (n (n+1)) of it
     k = np.arange(8)
@@ -400,7 +410,6 @@ def test_rounding_error_negatives_are_counted(infrared) -> None:
         (lambda c: c.prepare(np.ones((6, 8)), 1.0, first_pixel=(0, -1)), "column -1"),
         (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path="abc"), "path"),
         (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=-1, path=PATH), "seed"),
-        (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path=PATH, cosmic_rays=([48], [1])), "0 to 47"),
     ],
 )
 def test_refusals(refused, infrared, call, words) -> None:
@@ -419,13 +428,6 @@ def test_plug_ins_need_their_switch_and_fit_the_frame(refused, infrared, varied)
     refused("coupling", broken.expose, exposure, seed=1, path=PATH)
     refused("persistence.*shape", camera.expose, exposure, seed=1, path=PATH, past=[PastExposure(np.ones((5, 5)), 1.0)])
     refused("cosmic_ray_rate", InfraredCamera, infrared, cosmic_ray_rate_per_s_cm2=-1.0)
-
-
-def test_electrons_back_from_adu(varied) -> None:
-    det = varied(off=("all",))
-    camera = InfraredCamera(det)
-    frame = camera.expose(camera.prepare(np.full((4, 4), 321.0), 10.0), seed=1, path=PATH)
-    assert camera.to_electrons(frame.adu) == pytest.approx(np.full((4, 4), 3210.0), abs=det.gain_e_adu / 2)
 
 
 WELL = 1e5

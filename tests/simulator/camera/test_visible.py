@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from cpic_core import Reason, Status, stream
-from simulator.camera import MaskBit, VisibleCamera, stack_electrons, stackable, to_electrons
+from simulator.camera import MaskBit, VisibleCamera, stack_electrons, stackable
 from simulator.config import load_instrument
 from simulator.config.detector import CameraSwitches
 from simulator.detectors import VISIBLE, Effect, excess_noise_factor2
 from simulator.effects import draw_cosmic_rays
+from tests.simulator.frames import to_electrons
 
 SHAPE = (1050, 1080)
 RAYS = load_instrument().cosmic_rays

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.ndimage import convolve
 
-from simulator.detectors import PastExposure, checked_hits, tracks_of
+from simulator.detectors import PastExposure, tracks_of
 from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, hit_times, neighbour_kernel
 
 
@@ -76,32 +76,6 @@ def test_neighbours() -> None:
     assert coupled[2, 1] == coupled[2, 3] == coupled[1, 2] == coupled[3, 2] == 1.0
     assert coupled.sum() == pytest.approx(100)
     assert np.array_equal(neighbour_kernel(0.0)(signal), signal)
-
-
-def test_hits_become_a_map() -> None:
-    hits = checked_hits((np.array([0, 7, 7, 11]), np.array([5, 1, 2, 9])), (3, 4))
-    assert hits.sum() == 17
-    assert hits[0, 0] == 5
-    assert hits[1, 3] == 3
-    assert hits[2, 3] == 9
-    assert checked_hits(([], []), (3, 4)).sum() == 0
-
-
-@pytest.mark.parametrize(
-    ("hits", "words"),
-    [
-        (([12], [1]), "cosmic_rays pixels = 12.*0 to 11"),
-        (([-1], [1]), "cosmic_rays pixels = -1"),
-        (([1.5], [1]), "integer indices"),
-        (([1, 2], [1]), "two lists of one length"),
-        (([1], [-1]), r"electrons\[0\] = -1"),
-        (([1], [np.nan]), r"electrons\[0\] = nan"),
-        (([1], [0.5]), "whole electrons"),
-        (([1], [1e13]), "electrons"),
-    ],
-)
-def test_hits_that_are_refused(refused, hits, words) -> None:
-    refused(words, checked_hits, hits, (3, 4))
 
 
 def test_pixels_that_touch_are_one_track() -> None:

@@ -73,7 +73,7 @@ told = {
         next(row.to_dict() for row in camera_ledger(instrument) if row.key == "pattern_noise")
         for instrument in (noisy, plain, off)
     ],
-    "noise": FrameNoise.of(noisy.detector, GAIN, 1.0).added_e2,
+    "noise": [float(FrameNoise.of(one.detector, GAIN, 1.0).variance_e2(0.0)) for one in (noisy, plain)],
     "size": sizes["pattern_noise"],
     "left_out": "pattern_noise" in seen.choice.switches,
     "snr": [answer.value for answer in answers],

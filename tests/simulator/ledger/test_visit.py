@@ -60,6 +60,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
     # Off the stamp no weight is known; none is above 1.
     likely = n_frames * counted * halo if off_stamp else over_pixels(own, light["halo"] * exposure_s, counted)
     systematic = sum(exposure_s * light["speckle"] for _ in range(n_frames))  # the same error in every frame
+    pattern_e2 = float(frame.added["pattern"].variance_e2(0.0, frame.factor2, 1.0, frame.dark_e))
     expected = {
         "planet": over_pixels(own, image * exposure_s, counted),
         "halo": max(likely, over_pixels(mean, halo / np.sum(mean), counted)),
@@ -71,7 +72,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
         "clock": over_pixels(mean, frame.clock_e, frame.factor2),
         "read": over_pixels(mean, frame.read_e2, 1.0),
         "rounding": over_pixels(mean, frame.rounding_e2, 1.0),
-        "pattern": over_pixels(mean, frame.added_e2["pattern"], 1.0),
+        "pattern": over_pixels(mean, pattern_e2, 1.0),
         "speckle": systematic * systematic,
     }
     assert visit_variance_e2(planet, around, frame, **settings) == pytest.approx(expected, rel=1e-9, abs=0.0)

@@ -8,13 +8,13 @@ import pytest
 
 from cpic_core import Reason, Status, stream
 from simulator import load_instrument, observe
-from simulator.camera import to_electrons
 from simulator.config import Timing
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import FocalGrid
 from simulator.imaging.drift import low_order_map, screen_model
 from simulator.ledger import SUM_EPOCHS
 from simulator.observing import hole_stackable, hole_stacks
+from tests.simulator.frames import to_electrons
 
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0, "orbital_nm": 0.0}}
 MOVING = tuple(
@@ -276,7 +276,7 @@ def test_near_infrared_sums_are_those_of_frames_read_up_a_ramp():
     reads, factor2 = detector.ramp(50.0)
     mean = 40 * (light_e + 50.0 * detector.dark_e_s)
     variance = factor2 * mean + 40 * (reads * detector.read_noise_e**2 + detector.gain_e_adu**2 / 12.0)
-    frames = sum(seen.camera_chain.to_electrons(adu)[region] for adu in seen.iter_frames())
+    frames = sum(to_electrons(adu, seen.channel.detector, 1.0)[region] for adu in seen.iter_frames())
     for found in (once, frames):
         pull = (found - mean) / np.sqrt(variance)
         assert abs(pull.mean()) < 4.0 / math.sqrt(pull.size)

@@ -81,7 +81,7 @@ def test_a_planet_behind_an_arm_of_the_cross_is_not_seen():
 def test_light_is_counted_once(monkeypatch):
     """An unmasked star's image holds F A t_opt QE E, within the field's loss."""
     # The header's working angle of optics that nobody has takes longer to measure than the image.
-    monkeypatch.setattr("simulator.observing.observation.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
+    monkeypatch.setattr("simulator.imaging.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
     instrument = load_instrument(
         QUIET
         | {"coronagraph": {"mask_half_width_arcsec": 0.0}, "sky": {"model": "uniform", "brightness_v_mag_arcsec2": 40}}
@@ -226,7 +226,7 @@ def test_header_says_how_dark_the_hole_is(monkeypatch):
     assert header["HOLE"] == "reached"
     assert header["HOLEIN"] == pytest.approx(4.3 * 0.0876616, rel=1e-4)
     # Its working angle takes longer to measure than the hole to find.
-    monkeypatch.setattr("simulator.observing.observation.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
+    monkeypatch.setattr("simulator.imaging.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
     spoilt = observe(scene(), instrument={"mirror": {"bits": 10}}, **settings)
     assert spoilt.header["HOLE"] == "not_reached"
     assert any("brighter than asked" in row.reason for row in spoilt.ledger)

@@ -11,10 +11,10 @@ from scipy.stats import nbinom, norm, poisson
 
 from cpic_core import InputError, Reason, Status
 from cpic_planner.etc import FrameCamera
-from simulator.camera import expose_frame
 from simulator.config import load_instrument
 from simulator.signal import Wells, frame_limit, gain_caps, largest_gain, longest_exposure_s, overflow, pixel_saturated
-from simulator.signal.saturation import binding_limit, crest_e, gain_cap, largest_mean_e
+from simulator.signal.saturation import crest_e, largest_mean_e
+from tests.simulator.frames import expose_frame
 
 INSTRUMENT = load_instrument()
 COARSE = load_instrument({"detector": {"adc_bits": 12}})
@@ -27,22 +27,25 @@ PEAKS = np.geomspace(1e-4, 1e9, 40)
 @pytest.mark.parametrize("gain", [1.0, 20.0, 1000.0])
 def test_hole_pixels_saturate_as_in_the_images(instrument, gain):
     camera = FrameCamera.of(instrument, "F520")
-    seen = binding_limit(PEAKS, gain, instrument.detector)
-    said = [frame_limit(0.0, float(peak), 0.0, 1.0, gain, camera).value for peak in PEAKS]
-    assert said == list(seen)
-    assert {"", "pixel_full_well"} & set(said)
+    seen = [pixel_saturated(float(peak), gain, instrument.detector).reason for peak in PEAKS]
+    said = [frame_limit(0.0, float(peak), 0.0, 1.0, gain, camera) for peak in PEAKS]
+    assert said == seen
+    assert {Reason.NONE, Reason.PIXEL_FULL_WELL} & set(said)
     assert len(set(said)) > 1
 
 
 @pytest.mark.parametrize("instrument", [INSTRUMENT, COARSE], ids=["default", "coarse converter"])
 def test_the_largest_gain_is_that_of_the_images(instrument):
     camera = FrameCamera.of(instrument, "F520")
-    there = gain_cap(PEAKS, instrument.detector)
-    here = largest_gain(PEAKS, 0.0, 1.0, camera)
-    np.testing.assert_allclose(here[there.feasible], there.gain[there.feasible], rtol=1e-12)
-    caps = [gain_caps(float(peak), 0.0, float(peak), 1.0, camera) for peak in PEAKS]
-    np.testing.assert_allclose([cap["hole"] for cap in caps], there.gain, rtol=1e-12)
-    np.testing.assert_allclose([cap["frame"] for cap in caps], there.gain, rtol=1e-12)
+    for peak, gain in zip(PEAKS.tolist(), largest_gain(PEAKS, 0.0, 1.0, camera).tolist(), strict=True):
+        caps = gain_caps(peak, 0.0, peak, 1.0, camera)
+        if pixel_saturated(peak, 1.0, instrument.detector).status is Status.SATURATED:
+            assert caps["hole"] == caps["frame"] == 0.0
+            continue
+        assert [caps["hole"], caps["frame"]] == pytest.approx([gain, gain], rel=1e-12)
+        assert pixel_saturated(peak, gain * (1 - 1e-9), instrument.detector).status is Status.OK
+        if gain < instrument.detector.em_gain_max:
+            assert pixel_saturated(peak, gain * (1 + 1e-9), instrument.detector).status is Status.SATURATED
 
 
 @pytest.mark.parametrize("camera", [CAMERA, INFRARED, FrameCamera.of(COARSE, "F520")], ids=["visible", "nir", "12 bit"])
@@ -204,6 +207,13 @@ def test_a_gain_of_one_that_just_fits_is_allowed():
     assert gain_caps(mean, mean, mean, 1.0, camera) == dict.fromkeys(("hole", "register_tail", "frame"), 1.0)
 
 
+def test_charge_that_just_fits_its_pixel_is_allowed():
+    camera = replace(CAMERA, register_full_well_e=np.inf, converter_e=np.inf)
+    mean = float(largest_mean_e(camera.full_well_e, 1.0))
+    assert gain_caps(mean, 0.0, mean, 1.0, camera)["hole"] == camera.em_gain_max
+    assert gain_caps(mean * (1 + 1e-12), 0.0, mean, 1.0, camera)["hole"] == 0.0
+
+
 def test_a_converter_of_half_an_electron_takes_less_than_that():
     narrow = replace(CAMERA, converter_e=0.5)
     assert frame_limit(0.0, 1e-4, 0.0, 1.0, 1.0, narrow) is Reason.NONE
@@ -255,56 +265,6 @@ def test_no_counts_overflow_by_more(mean):
             assert 0.0 < lost < float(overflow(mean, well, factor2)) * np.sqrt(factor2)
 
 
-def test_cap_by_hand(bare_detector) -> None:
-    peak = 1000.0
-    level = peak + 5 * np.sqrt(2 * peak)
-    cap = gain_cap(peak, bare_detector)
-    assert float(cap.gain) == pytest.approx(bare_detector.register_full_well_e / level)
-    assert str(cap.limit) == Reason.REGISTER_FULL_WELL
-    assert cap.outcome().unwrap() == float(cap.gain)
-
-
-def test_cap_by_the_converter(bare) -> None:
-    det = bare(gain_e_adu=10, adc_bits=12)
-    cap = gain_cap(1000.0, det, n_sigma=0)
-    assert float(cap.gain) == pytest.approx((4095 - det.bias_adu) * 10 / 1000)
-    assert str(cap.limit) == Reason.ADC_RANGE
-
-
-def test_faint_pixels_are_capped_by_the_register_s_largest_gain(bare_detector) -> None:
-    cap = gain_cap([0.0, 1e-3], bare_detector)
-    assert (cap.gain == bare_detector.em_gain_max).all()
-    assert (cap.limit == "").all()
-
-
-def test_a_limit_that_binds_just_at_the_largest_gain_is_named(bare) -> None:
-    cap = gain_cap([1.0, 2.0, 4.0], bare(em_gain_max=512, register_full_well_e=1024), n_sigma=0)
-    assert cap.gain.tolist() == [512.0, 512.0, 256.0]
-    assert cap.limit.tolist() == ["", Reason.REGISTER_FULL_WELL, Reason.REGISTER_FULL_WELL]
-
-
-def test_no_gain_at_all(bare, bare_detector) -> None:
-    cap = gain_cap([79000.0, 1e5], bare_detector)
-    assert not cap.feasible.any()
-    assert (cap.gain == 0).all()
-    assert (cap.limit == Reason.PIXEL_FULL_WELL).all()
-    outcome = cap.outcome(1)
-    assert outcome.status is Status.SATURATED
-    assert outcome.reason is Reason.PIXEL_FULL_WELL
-    small = gain_cap(50000.0, bare(register_full_well_e=4e4))
-    assert small.outcome().reason is Reason.REGISTER_FULL_WELL
-    coarse = gain_cap(1.0, bare(adc_bits=8, bias_adu=254, gain_e_adu=1))
-    assert coarse.outcome().reason is Reason.ADC_RANGE
-
-
-def test_cap_is_where_the_binding_limit_starts(bare_detector) -> None:
-    peaks = np.geomspace(500, 7e4, 40)
-    cap = gain_cap(peaks, bare_detector)
-    assert (binding_limit(peaks, cap.gain * (1 - 1e-9), bare_detector) == "").all()
-    assert (binding_limit(peaks, cap.gain * (1 + 1e-9), bare_detector) == cap.limit).all()
-    assert (np.diff(cap.gain) < 0).all()
-
-
 def test_pixel_saturated_names_the_limit(bare_detector) -> None:
     fine = pixel_saturated(100.0, 20.0, bare_detector)
     assert fine.unwrap() == pytest.approx(20 * (100 + 5 * np.sqrt(200)) / 730000)
@@ -320,10 +280,24 @@ def test_pixel_saturated_names_the_limit(bare_detector) -> None:
         pixel_saturated(1e-3, 10_001.0, bare_detector)
 
 
+def test_pixel_saturated_by_the_converter(bare) -> None:
+    """What bias and margin leave of its range, half an electron here; none, and light is too much."""
+    short = {"adc_bits": 8, "gain_e_adu": 1.0}
+    half = bare(bias_adu=254.5, read_noise_e=0.0, **short)
+    assert pixel_saturated(0.1, 1.0, half, 0.0).unwrap() == pytest.approx(0.2, rel=1e-12)
+    for read_noise_e in (1.0, 110.0):
+        none = bare(bias_adu=254, read_noise_e=read_noise_e, **short)
+        assert pixel_saturated(1e-6, 1.0, none, 1.0).reason is Reason.ADC_RANGE
+    narrow = bare(gain_e_adu=10, adc_bits=12)
+    full = (4095 - narrow.bias_adu) * 10 / 1000.0
+    assert pixel_saturated(1000.0, full * (1 + 1e-9), narrow, 0.0).reason is Reason.ADC_RANGE
+    assert pixel_saturated(1000.0, full * (1 - 1e-9), narrow, 0.0).unwrap() == pytest.approx(1.0, rel=1e-8)
+
+
 @pytest.mark.parametrize("peak", [30.0, 3000.0])
 def test_frames_at_the_cap_do_not_saturate_and_beyond_do(peak: float, bare_detector) -> None:
     rates = np.full((200, 200), peak)
-    gain = float(gain_cap(peak, bare_detector).gain)
+    gain = min(bare_detector.em_gain_max, bare_detector.register_full_well_e / (peak + 5 * np.sqrt(2 * peak)))
     frame = expose_frame(rates, 1.0, gain, bare_detector, seed=1, path=("cap",))
     # Gamma-like tails are heavier than a normal's: 5 sigma leave a few pixels in 1e5 at small signals.
     assert frame.n_saturated_pixels == 0
@@ -345,5 +319,5 @@ def test_frames_at_the_cap_do_not_saturate_and_beyond_do(peak: float, bare_detec
 )
 def test_refusals(refused, arguments: tuple[float, float, float], named: str, bare_detector) -> None:
     peak, gain, margin = arguments
-    refused(named, binding_limit, peak, gain, bare_detector, margin)
+    refused(named, pixel_saturated, peak, gain, bare_detector, margin)
     refused("one number", pixel_saturated, np.ones(3), 1.0, bare_detector)
