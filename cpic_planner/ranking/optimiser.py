@@ -19,7 +19,7 @@ import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, InputError, IntArray, NDArray, Reason, Record, Status
 from cpic_planner import etc
-from cpic_planner.etc.searches import last_true
+from cpic_planner.etc.searches import bracketed, first_root_of_all, last_true, taken
 from cpic_planner.planets import OrbitSearch
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet
 from cpic_planner.results import LimitText
@@ -34,6 +34,7 @@ VISITS = etc.whole_steps(MAX_VISITS, 24)
 _NEARBY = np.linspace(0.0, 1.0, 11)
 _SHORTER = np.geomspace(1.0, 0.01, 16)
 _ENDLESS_S = np.geomspace(1e2, 1e8, 25)
+_SPACED = np.linspace(0.0, 1.0, 25).reshape(-1, 1, 1, 1)
 _ROUNDS, _NEWTON_STEPS, _BITS = 8, 3, 14
 _LEAST_FACTOR, _CLOSE_FACTOR, _SAME, _NEARLY = 1e-4, 0.1, 1e-10, 1e-4
 _RUNAWAY = 0.02
@@ -182,6 +183,8 @@ class Outlook(etc.CaseArrays, Record):
             planned, shortest = self.planned(visits, np.ones(1)), np.ones(1)
             v = self.white / visits * planned.wanted(shortest, np.zeros(1), np.zeros(1)) ** 2
             v = np.where(visits > 1.0, np.maximum(v, self.shortest_s), v)
+            if self.light.correlation_time_h > 0.0:
+                return self._spaced_visit_s(visits, v)
             left = np.arange(len(v))
             for _ in range(_ROUNDS):
                 many = visits[left] if visits.ndim == 3 and len(visits) > 1 else visits
@@ -194,6 +197,27 @@ class Outlook(etc.CaseArrays, Record):
             if self.motion is not None:
                 v = np.where(self.cost(visits, v) <= 1.0 + _RUNAWAY, v, np.inf)
         return v
+
+    def _spaced_visit_s(self, visits: FloatArray, low: FloatArray) -> FloatArray:
+        """Return the same for visits that remember each other, none of them shorter than ``low``.
+
+        Longer visits are farther apart and remember less, so that the level can be reached in a narrow range alone: a
+        grid, and a finer one around its first or its lowest point, find it.
+        """
+
+        def cost(_: None, visit_s: FloatArray) -> FloatArray:
+            return np.stack([self.cost(visits, each) for each in visit_s.reshape(-1, *low.shape)])
+
+        start, end = np.fmin(low, _ENDLESS_S[-1]), np.full(low.shape, _ENDLESS_S[-1])
+        grid = start * (end / start) ** _SPACED
+        seen = cost(None, grid)
+        reached = seen <= 1.0
+        some = reached.any(axis=0)
+        k = np.where(some, reached.argmax(axis=0), seen.argmin(axis=0))
+        before, after = np.maximum(k - 1, 0), np.minimum(np.where(some, k, k + 1), len(grid) - 1)
+        start, end, least = bracketed(None, cost, taken(grid, before), taken(grid, after))
+        found = first_root_of_all(lambda visit_s: self.cost(visits, visit_s), start, end, least <= 1.0, _SAME)
+        return np.where(least <= 1.0, found, np.inf)
 
     def fewest(self, visit_s: FloatArray) -> FloatArray:
         """Return the least number of visits of that length that reach the level, ``(n,)``; NaN where none does.
@@ -314,12 +338,9 @@ class _Planned(etc.CaseArrays, Record):
 
     def closer_s(self, visits: FloatArray, v: FloatArray) -> FloatArray:
         """Return lengths of visits that are closer to those that reach the level than ``v`` is; not below them."""
-        of, plan = self.outlook, self
-        if of.light.correlation_time_h > 0.0:  # visits remember each other as they are spaced
-            plan = of.planned(visits, np.where(np.isfinite(v), v, 1.0))
-        speckles, lit = plan.speckles(v)
-        white, whole = of.white / visits, plan.whole.scaled(of.star)
-        aim = 1.0 / plan.wanted(v, speckles / (white / v + speckles), lit) ** 2
+        of, (speckles, lit) = self.outlook, self.speckles(v)
+        white, whole = of.white / visits, self.whole.scaled(of.star)
+        aim = 1.0 / self.wanted(v, speckles / (white / v + speckles), lit) ** 2
         for _ in range(_NEWTON_STEPS):
             slope = white / v**2 - whole.k1 - 2.0 * whole.k2 * v
             excess = white / v + whole.variance(v) + of.wings - aim
@@ -684,7 +705,7 @@ def tiers_of(setting: SimpleNamespace, best: OptimalSetting, required_time_s: Fl
 
 
 _SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
-_LEVEL_ROUNDS, _SECANTS = 40, 8
+_LEVEL_ROUNDS, _SECANTS, _MORE_FRAMES = 40, 8, 8
 STRIDE = 5
 _ANCHORS, _STEP, _HOPELESS_S, _UNSURE = np.array([0, 1, 4, 8]), 0.3, 1e8, 0.1
 
@@ -850,6 +871,25 @@ def _least_frames(
             getattr(choice, item.name)[wrong] = getattr(better, item.name)
     else:
         choice.n_frames[wrong] = 0.0  # a level that runs away is never reached
+    return (programme, choice) if secants else _as_spaced(chosen, visits, spaced_s, choice)
+
+
+def _as_spaced(
+    chosen: Places, visits: FloatArray, visit_s: FloatArray, choice: etc.FrameChoice
+) -> tuple[etc.Programme, etc.FrameChoice]:
+    """Return frames that fill visits which remember each other: shorter ones than planned would be closer together."""
+    frame_s = choice.exposure_s + chosen.model.camera(chosen.band).readout_s
+    fewest = np.ceil(visit_s / frame_s * (1.0 - _ROUNDING))
+    some = choice.n_frames > 0
+    frames = np.where(some & (visits > 1.0), np.maximum(choice.n_frames, fewest), choice.n_frames)
+    for _ in range(_MORE_FRAMES):
+        choice = replace(choice, n_frames=frames, visit_s=frames * frame_s)
+        programme = programme_of(chosen.model, visits, np.where(some, choice.visit_s, 1.0))
+        noise = chosen.noise(choice, programme)
+        reached = noise.significance >= chosen.needed(choice, programme, noise) * chosen.threshold * (1.0 - _ROUNDING)
+        if np.all(reached | ~some):
+            break
+        frames = np.where(reached, frames, frames + some)
     return programme, choice
 
 

@@ -442,6 +442,15 @@ class Order(Record):
         """Stars whose reference planet is detected, for each instrument."""
         return np.asarray(np.count_nonzero(self.detected, axis=-1))
 
+    def matters(self, early: int) -> BoolArray:
+        """Tell which stars are detected, add to the expected planets, or have an early rank under any instrument."""
+        counts = self.planets > _SMALL * self.total[:, None]
+        return np.asarray((self.detected | counts | (self.rank <= early)).any(axis=0))
+
+    def of(self, chosen: BoolArray) -> "Order":
+        """Return some of the stars."""
+        return Order(*(getattr(self, item.name)[..., chosen] for item in fields(Order)))
+
     def beside(self, other: "Order") -> "Order":
         """Return these stars and others under the same instruments."""
         parts = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(Order))
@@ -880,17 +889,23 @@ def _ranked_by_all(
     draws: Sequence[Mapping[str, float]],
     pool: BoolArray,
 ) -> tuple[Order, Order]:
-    """Return the pool's stars under every instrument, the pool grown as needed, and all stars under some."""
-    announce(f"ranking {np.count_nonzero(pool)} stars under {len(draws)} instruments")
-    found = standings(setting, targets.select(pool), choice, draws)
-    if pool.all():
-        return found, found
-    by_total = np.argsort(found.total, kind="stable")
+    """Return the pool's stars under every instrument, the pool grown as needed, and all stars under some.
+
+    Most stars that the pool needs besides matter where the drift's cross term with the static field is least or most:
+    ranked with it from the start, they cost little.
+    """
+    crossed = [drawn.get("drift", 1.0) * math.sqrt(drawn.get(CONTRAST, 1.0)) for drawn in draws]
+    ends = sorted({int(np.argmin(crossed)), int(np.argmax(crossed))})
+    announce(f"ranking all {len(targets)} stars under {len(ends)} of the instruments")
+    near = pool | standings(setting, targets, choice, [draws[i] for i in ends]).matters(MOST_RANKED)
+    announce(f"ranking {np.count_nonzero(near)} stars under {len(draws)} instruments")
+    close = standings(setting, targets.select(near), choice, draws)
+    by_total = np.argsort(close.of(pool[near]).total, kind="stable")
     some = by_total[np.unique(np.linspace(0, len(draws) - 1, min(WHOLE, len(draws))).astype(int))]
     announce(f"ranking all {len(targets)} stars under {len(some)} of the instruments")
     whole = standings(setting, targets, choice, [draws[i] for i in some])
-    counts = whole.planets > _SMALL * whole.total[:, None]
-    missed = ~pool & (whole.detected | counts | (whole.rank <= MOST_RANKED // 2)).any(axis=0)
+    pool = pool | whole.matters(MOST_RANKED // 2)
+    found, missed = close.of(pool[near]), pool & ~near
     if missed.any():
         announce(f"ranking {np.count_nonzero(missed)} more stars under {len(draws)} instruments")
         found = found.beside(standings(setting, targets.select(missed), choice, draws))

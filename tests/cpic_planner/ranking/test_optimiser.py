@@ -1,5 +1,6 @@
 """The best band, separation and frames against asking for each of them."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -308,3 +309,39 @@ def test_a_star_has_the_least_time_that_it_has_alone(monkeypatch):
         alone = optimise(MODEL, STARS.select([star]), detect=True)
         assert alone.time_s[0] == pytest.approx(together.time_s[star], rel=1e-12)
         assert alone.visits[0] == together.visits[star]
+
+
+@pytest.mark.parametrize("correlation_time_h", [1.0, 20.0])
+def test_visits_that_remember_each_other_are_the_shortest_that_detect(correlation_time_h):
+    """Every length on a fine grid, planned with its own gap: longer visits are farther apart, and remember less."""
+    model = build_model(load_instrument({"drift": {"correlation_time_h": correlation_time_h}}), ["F520"])
+    stars = _BRIGHT.select(np.arange(len(_BRIGHT)) % 8 == 0)
+    outlook = Search(model, stars, "F520", ReferencePlanet()).coarse(np.arange(len(stars)))
+    visits, step = np.array([1.0, 2.0, 5.0, 13.0, 34.0, 100.0, 1000.0]), 1.02
+    shape = np.broadcast_shapes(outlook.white.shape, visits.shape)
+    shortest = np.where(visits > 1.0, outlook.shortest_s, 0.0)
+    expected = np.full(shape, np.inf)
+    for length_s in step ** np.arange(math.log(1e8) / math.log(step))[::-1]:
+        reached = outlook.cost(visits, np.full(shape, length_s)) <= 1.0
+        expected = np.where(reached & (length_s >= shortest), length_s, expected)
+    found = outlook._shortest_visit_s(visits, 1e-10)
+    some = np.isfinite(expected)
+    assert np.count_nonzero(some) > 20
+    assert np.array_equal(some, np.isfinite(found))
+    assert np.all(found[some] <= expected[some])
+    assert np.all(found[some] > expected[some] / step * (1 - 1e-9))
+    least = np.where(some, visits * model.time_s(found), np.inf).min(axis=-1)
+    np.testing.assert_allclose(outlook.for_level(visits)[0], least, rtol=1e-12)
+
+
+def test_the_least_time_of_visits_that_remember_each_other_detects():
+    """The limiting contrast of one star in that time is no brighter, also where shorter visits would be too close."""
+    instrument = load_instrument({"drift": {"correlation_time_h": 6.0}})
+    best = optimise(build_model(instrument, ["F520"]), STARS, detect=True)
+    some = np.flatnonzero(best.n_frames > 0)
+    assert np.any(best.visits[some] > 1)
+    for i in some:
+        model = build_model(instrument, ["F520"], Strategy(visits=int(best.visits[i])))
+        asked = {"separation_arcsec": [best.separation_arcsec[i]], "time_s": float(best.time_s[i]) * (1 + 1e-9)}
+        limit = contrast_limit(model, STARS.select([i]), bands=["F520"], **asked)[0].value
+        assert best.contrast[i] >= limit * (1 - 1e-6)
