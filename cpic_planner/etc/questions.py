@@ -353,7 +353,7 @@ def _more_visits(cases: Cases, choice: FrameChoice) -> FloatArray:
         significance = made.noise(choice).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
-        level = made.level(made.programme, made.problem_in(made.programme))(choice.visit_s, inverse)
+        level = made.level(made.programme, made.problem())(choice.visit_s, inverse)
         return np.asarray(significance >= level * (1.0 - _ROUNDING))
 
     grid = _FEW_OR_MANY
@@ -637,7 +637,7 @@ def _at_limit(cases: Cases, limit: _Limit, exact: bool) -> Solution:
     programme, choice = limit.programme, limit.choice
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(limit.contrast, 1.0)
-    there, problem = cases.of_contrast(ratio), cases.problem_in(programme, ratio)
+    there, problem = cases.of_contrast(ratio), cases.problem(None, programme, ratio)
     level = cases.level_of(programme, problem, choice)
     stopped = (choice.n_frames > 0) & (choice.visit_s < limit.longest_s * (1.0 - 1e-9))
     if np.any(stopped) and not exact:
@@ -654,7 +654,7 @@ def _limits(cases: Cases, programme: Programme, visit_s: FloatArray, whole: bool
     """Return the contrasts at which the best frames of visits reach the level, and those frames."""
 
     def excess(log_contrast: FloatArray) -> tuple[FloatArray, FrameChoice]:
-        problem = cases.problem_in(programme, np.exp(log_contrast))
+        problem = cases.problem(None, programme, np.exp(log_contrast))
         choice = best_in_visit(problem, visit_s, whole=whole, quickest=False)
         level = cases.level_of(programme, problem, choice)
         with np.errstate(divide="ignore"):
