@@ -60,7 +60,7 @@ from cpic_planner.etc.rates import (
     reference_contrast,
     reference_notes,
 )
-from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, spread, taken
+from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, mapped, spread, taken
 from cpic_planner.planets import OrbitSearch, StarLimits, least_mass, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
@@ -295,8 +295,6 @@ class Cases(Record, eq=False):
     contrast, threshold : ndarray
         Small-sample thresholds are infinite where none is defined.
     rates : ApertureRates
-    by_band : tuple of ApertureRates
-        Rates of each band alone, of planets of the first contrast.
     objective : {"snr", "significance"}
         What is to be reached.
     value : float or None
@@ -318,7 +316,6 @@ class Cases(Record, eq=False):
     contrast: FloatArray
     threshold: FloatArray
     rates: ApertureRates
-    by_band: tuple[ApertureRates, ...]
     objective: Objective
     value: float | None
     programme: Programme = ONE_VISIT
@@ -497,11 +494,10 @@ class Cases(Record, eq=False):
         if self.model.strategy.n_modes == 0:
             return programme
         parts = []
-        for i, (band, rates) in enumerate(zip(self.bands, self.by_band, strict=True)):
-            own = programme._combined(lambda array, at=i: _of_band(array, at))
-            frames = (_of_band(part, i) for part in (exposure_s, n_frames, em_gain))
-            place = np.hypot(self.x_arcsec[i], self.y_arcsec[i])
-            parts.append(with_modes(self.model, band, place, rates, own, *frames))
+        for i, band in enumerate(self.bands):
+            of_all = self.rates, programme, exposure_s, n_frames, em_gain
+            own = mapped(lambda array, at=i: _of_band(array, at), of_all)
+            parts.append(with_modes(self.model, band, np.hypot(self.x_arcsec[i], self.y_arcsec[i]), *own))
         shape = np.broadcast_shapes((1, 1), *(np.shape(array) for part in parts for array in vars(part).values()))
         return Programme.stacked([part.spread(shape) for part in parts], axis=-3)
 
@@ -1201,12 +1197,11 @@ def cases_of(
     else:
         own = [planets[band] for band in bands] if isinstance(planets, Mapping) else list(planets)
     parts = [_in_band(model, targets, band, one, offsets_arcsec) for band, one in zip(bands, own, strict=True)]
-    places, *columns, by_band = zip(*parts, strict=True)
+    places, *columns = zip(*parts, strict=True)
     shape = len(targets), len(own[0])
-    x, y, contrast, threshold = (_together(column, shape) for column in columns)
-    rates, programme = _together(by_band, shape), Programme.of(model.strategy)
+    x, y, contrast, threshold, rates = (_together(column, shape) for column in columns)
     head = model, targets, tuple(bands), tuple(own), places, exposure_s, em_gain
-    return Cases(*head, x, y, contrast, threshold, rates, by_band, objective, value, programme)
+    return Cases(*head, x, y, contrast, threshold, rates, objective, value, Programme.of(model.strategy))
 
 
 def _in_band(

@@ -99,7 +99,13 @@ class _Answers(Solution, eq=False):
         paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
         columns = programme_columns(model, cases.rates, cases.motion, programme, choice, time_s, self.span.given_s)
         visits, used = columns["visits"], spread(programme.n_modes, choice.visit_s.shape)
-        left_s = 0.0 * visits if time_s is None else model.visit_s(time_s / visits) - choice.visit_s
+        given_s, few = time_s or 0.0, (choice.n_frames == 1) & (visits > 1)
+        room = model.visit_s(given_s / visits) - choice.visit_s > choice.exposure_s + camera.readout_s  # for a frame
+        marks = {
+            "shorter_visit_is_better": room & (columns["time_s"] < 0.999 * given_s),
+            "visits_at_limit": ((visits >= MAX_VISITS) | few) & (self.span.visits is None),
+            "exposure_beyond_max": choice.exposure_s > camera.exposure_max_s * (1.0 + 1e-12),
+        }
         shown = {"snr": noise.snr, "significance": noise.significance, "snr_paper": paper}
         undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
         levels = np.where(undefined, math.inf, self.level)
@@ -131,16 +137,7 @@ class _Answers(Solution, eq=False):
                 continue
             if not limit:
                 head["flags"] += cases.planet_notes(*case)
-            room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
-            if time_s is not None and columns["time_s"][case] < 0.999 * time_s and room:
-                head["flags"] += ("shorter_visit_is_better",)
-            head["flags"] += tuple(filter(None, (str(inherited[case]),)))
-            if self.span.visits is None and (
-                visits[case] >= MAX_VISITS or (choice.n_frames[case] == 1 and visits[case] > 1)
-            ):
-                head["flags"] += ("visits_at_limit",)
-            if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
-                head["flags"] += ("exposure_beyond_max",)
+            head["flags"] += tuple(filter(None, (str(inherited[case]), *(name for name in marks if marks[name][case]))))
             if not model.of_table and speckle_error_extrapolated(band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
