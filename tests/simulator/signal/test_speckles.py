@@ -244,7 +244,9 @@ def test_residuals_beside_each_other_add_up():
 
 def test_the_floor_of_an_annulus_follows_its_table_to_both_ends():
     metrics = MODEL.metrics["F662"]
+    metrics = replace(metrics, floor_separation_arcsec=0.3 * metrics.floor_separation_arcsec)  # it falls from the first
     first, step, *tables = _annulus_table(metrics, 1.5)
+    assert all(abs(rise[0]) > 1e-6 for _, rise in tables)
     last = metrics.owa_arcsec
     assert first == pytest.approx(0.5 * metrics.hole_inner_corner_arcsec, rel=1e-12)
     count = len(tables[0][0])
