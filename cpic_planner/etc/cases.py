@@ -58,10 +58,9 @@ from cpic_planner.etc.rates import (
     aperture_rates,
     planet_offsets,
     reference_contrast,
-    reference_distance_au,
     reference_notes,
 )
-from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, spread, taken
+from cpic_planner.etc.searches import around_lowest, first_root_of_all, lowest_whole, mapped, spread, taken
 from cpic_planner.planets import OrbitSearch, StarLimits, least_mass, span_days, star_masses_msun
 from cpic_planner.queries import MAX_VISITS, check_visits
 from cpic_planner.targets import Targets
@@ -69,6 +68,7 @@ from simulator.detectors import FrameTerm
 from simulator.effects import SKY_PLACE_UNKNOWN, sky_place_unknown
 from simulator.imaging import quadrant_of
 from simulator.signal import ProgrammeLaw, SpeckleLaw
+from simulator.target import sin_phase
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
@@ -295,8 +295,6 @@ class Cases(Record, eq=False):
     contrast, threshold : ndarray
         Small-sample thresholds are infinite where none is defined.
     rates : ApertureRates
-    by_band : tuple of ApertureRates
-        Rates of each band alone, of planets of the first contrast.
     objective : {"snr", "significance"}
         What is to be reached.
     value : float or None
@@ -318,7 +316,6 @@ class Cases(Record, eq=False):
     contrast: FloatArray
     threshold: FloatArray
     rates: ApertureRates
-    by_band: tuple[ApertureRates, ...]
     objective: Objective
     value: float | None
     programme: Programme = ONE_VISIT
@@ -497,11 +494,10 @@ class Cases(Record, eq=False):
         if self.model.strategy.n_modes == 0:
             return programme
         parts = []
-        for i, (band, rates) in enumerate(zip(self.bands, self.by_band, strict=True)):
-            own = programme._combined(lambda array, at=i: _of_band(array, at))
-            frames = (_of_band(part, i) for part in (exposure_s, n_frames, em_gain))
-            place = np.hypot(self.x_arcsec[i], self.y_arcsec[i])
-            parts.append(with_modes(self.model, band, place, rates, own, *frames))
+        for i, band in enumerate(self.bands):
+            of_all = self.rates, programme, exposure_s, n_frames, em_gain
+            own = mapped(lambda array, at=i: _of_band(array, at), of_all)
+            parts.append(with_modes(self.model, band, np.hypot(self.x_arcsec[i], self.y_arcsec[i]), *own))
         shape = np.broadcast_shapes((1, 1), *(np.shape(array) for part in parts for array in vars(part).values()))
         return Programme.stacked([part.spread(shape) for part in parts], axis=-3)
 
@@ -534,47 +530,45 @@ class Cases(Record, eq=False):
     @functools.cached_property
     def _alone(self) -> tuple[FloatArray, FloatArray]:
         """Exposure and gain of most SNR per time, which depend little on the programme."""
-        problem = self.problem(self.objective, programme=ONE_VISIT)
+        problem = self.problem(programme=ONE_VISIT)
         best_s = best_exposure_s(problem)[0]
         return best_s, problem.frame_noise(best_s)[1]
 
-    def problem_in(self, programme: Programme, contrast: FloatArray | None = None) -> FrameProblem:
-        """Return the problem of a programme for the cases' own objective; as `problem`."""
-        return self.problem(self.objective, contrast, programme)
-
     def problem(
-        self, objective: Objective, contrast: FloatArray | None = None, programme: Programme | None = None
+        self,
+        objective: Objective | None = None,
+        programme: Programme | None = None,
+        contrast: FloatArray | None = None,
     ) -> FrameProblem:
         """Return what the solver needs, with the exposure of most SNR per time where it is that of one visit.
 
         Parameters
         ----------
-        objective : {"snr", "significance"}
-        contrast : ndarray, optional
-            Contrasts instead of the cases' own, of their shape.
+        objective : {"snr", "significance"}, optional
         programme : Programme, optional
-            Instead of the cases' own.
+        contrast : ndarray, optional
+            Instead of the cases' own; contrasts of their shape.
         """
-        made, strategy = self.programme if programme is None else programme, self.model.strategy
-
-        def framed(made: Programme, rates: ApertureRates = self.rates, white: FrameTerm | None = None) -> FrameProblem:
-            settings: dict[str, Any] = {"objective": objective, "em_gain": self.em_gain, "white": white}
-            return frame_problem(rates, self.camera, strategy, programme=made, **settings)
-
-        shares = made.frame_ratio(strategy.reference_ratio)
+        made, strategy, asked = programme or self.programme, self.model.strategy, objective or self.objective
+        rates, ratio = self.rates if contrast is None else self.rates_at(contrast), strategy.reference_ratio
+        shares = made.frame_ratio(ratio)
         # As many references a frame: a visit has the white noise of a single one, unless modes leave another part.
-        modes, alike = strategy.n_modes > 0, bool((shares == strategy.reference_ratio).all())
-        if contrast is not None:
-            return framed(made, self.rates_at(contrast), self._white if alike and not modes else None)
-        if modes or (not alike and np.any(np.abs(shares / strategy.reference_ratio - 1.0) > _ROUNDING)):
-            return framed(made)
-        if objective not in self._single:
-            single = framed(ONE_VISIT)
-            self._single[objective] = replace(single, best_s=best_exposure_s(single)[0])
-        if alike:
-            return in_programme(self._single[objective], self.rates, made, objective)
-        other = framed(made)
-        return replace(other, best_s=spread(self._single[objective].best_s, other.shape))
+        alike = strategy.n_modes == 0 and bool((shares == ratio).all())
+        known = strategy.n_modes == 0 and contrast is None
+        known = known and (alike or not np.any(np.abs(shares / ratio - 1.0) > _ROUNDING))
+        settings: dict[str, Any] = {"objective": asked, "em_gain": self.em_gain}
+        if known and asked not in self._single:
+            single = frame_problem(rates, self.camera, strategy, programme=ONE_VISIT, **settings)
+            self._single[asked] = replace(single, best_s=best_exposure_s(single)[0])
+        if known and alike:  # only speckles differ
+            level = 1.0 + 1.0 / rates.background_apertures if asked == "snr" else 1.0
+            z0, z1, z2 = residuals(rates, level, made)
+            signal_e_s = spread(rates.planet_e_s, np.broadcast(rates.planet_e_s, z0, z1, z2, made.visits).shape)
+            parts = {"z0": z0, "z1": z1, "z2": z2, "visits": made.visits, "signal_e_s": signal_e_s}
+            return replace(self._single[asked], **parts)
+        white = self._white if alike else None
+        found = frame_problem(rates, self.camera, strategy, programme=made, white=white, **settings)
+        return replace(found, best_s=spread(self._single[asked].best_s, found.shape)) if known else found
 
     def noise(self, choice: FrameChoice) -> StackNoise:
         """Return the signal and noise of chosen frames."""
@@ -644,22 +638,17 @@ class Cases(Record, eq=False):
         if planets.contrast is not None or place <= 0:
             return ()
         notes = reference_notes(self.model, self.targets, self.bands[band], place, planets.models[planet], star)
-        return (*notes, "excluded_by_rv") if self._excluded[band][star, planet] else notes
+        return (*notes, "excluded_by_rv") if self._excluded[band, star, planet] else notes
 
     @functools.cached_property
-    def _excluded(self) -> list[BoolArray]:
-        """Planets that velocities exclude, whatever their orientation, by band."""
+    def _excluded(self) -> BoolArray:
+        """Planets that velocities exclude, whatever their orientation."""
         limits, star = StarLimits.of(self.targets.name.tolist(), ("rv",)), np.arange(len(self.targets))[:, None]
-        found: dict[tuple[Any, ...], BoolArray] = {}
-        every = [(planets.separation_arcsec.tobytes(), *map(id, planets.models)) for planets in self.planets]
-        for alike, planets in zip(every, self.planets, strict=True):
-            if alike not in found:  # bands have other planets only where places follow the band
-                places = np.maximum(planets.separation_arcsec, NEAREST_ARCSEC)
-                each = zip(places, planets.models, strict=True)
-                distance = [reference_distance_au(self.targets, np.array([at]), body)[:, 0] for at, body in each]
-                mass = least_mass(np.array([body.radius_rjup for body in planets.models]))
-                found[alike] = limits.excluded_by_velocities(star, np.stack(distance, axis=-1), mass)
-        return [found[alike] for alike in every]
+        bodies = [[(body.radius_rjup, body.phase_deg) for body in planets.models] for planets in self.planets]
+        radius, phase_deg = np.moveaxis(np.array(bodies)[:, None], -1, 0)
+        place = np.maximum([planets.separation_arcsec for planets in self.planets], NEAREST_ARCSEC)[:, None]
+        distance_au = self.targets.distance_pc[:, None] * place / sin_phase(phase_deg)
+        return limits.excluded_by_velocities(star, distance_au, least_mass(radius))
 
     def visits_in(self, span: Span) -> FloatArray:
         """Return the given number of visits, or the best ones in the time."""
@@ -685,20 +674,6 @@ class Cases(Record, eq=False):
         visit_s = float(self.model.time_s(self._shortest_s))
         most = np.minimum(np.floor(np.asarray(time_s, float) / visit_s * (1.0 + 1e-12)), MAX_VISITS)
         return lowest_whole(lambda visits: self._missed(visits, time_s), spread(most, self.shape))[0]
-
-    def bottom_s(self, visits: FloatArray, longest_s: FloatArray) -> FloatArray:
-        """Return the length of visits that comes nearest to the level, up to a bit beyond the longest; else ``inf``.
-
-        The noise of long visits is all speckles, in which a search asks for more.
-
-        Parameters
-        ----------
-        visits, longest_s : ndarray
-            Number of the visits, and their longest length.
-        """
-        longest_s = np.maximum(_WIDER * longest_s, self._shortest_s)
-        best, value = self._bottom(visits, longest_s)
-        return np.where(value < self._missed_by(visits, longest_s) * (1.0 - _CLOSE), best, np.inf)
 
     def _bottom(self, visits: FloatArray, longest_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the length of visits that comes nearest to the level, up to some beyond the longest, and how near."""
@@ -767,7 +742,7 @@ class Cases(Record, eq=False):
         if kept is not None and kept[0] is visits:
             return kept[1]
         programme = self.programme_of(visits, wall_s)
-        problem = self.problem_in(programme)
+        problem = self.problem(programme=programme)
         made = problem, self.level(programme, problem)
         if self.model.strategy.n_modes == 0 and self.model.instrument.drift.correlation_time_h == 0.0:
             vars(self)["_visits"] = visits, made
@@ -875,6 +850,8 @@ class Cases(Record, eq=False):
                 x = self._in_valley(lambda at: excess(at)[0], last[0], end, over)
                 f, level = excess(x)
             visit = np.where(solvable & (f < found), np.exp(x), np.inf)
+            if np.isfinite(visit).all():
+                return visit, level
             # At a known place the level stops growing: longer ones may reach it.
             most = wanted(np.ones_like(cost), np.zeros_like(cost))
             longer = np.where(np.isfinite(visit), visit, smooth_least_visit_s(problem, most, cost))
@@ -901,9 +878,12 @@ class Cases(Record, eq=False):
         """
         if self.steady:
             return visit_s
-        bottom_s = self.bottom_s(visits, visit_s)
+        # The noise of long visits is all speckles, in which a search asks for more: a bit beyond the given one, too.
+        longest_s = np.maximum(_WIDER * visit_s, self._shortest_s)
+        bottom_s, value = self._bottom(visits, longest_s)
+        nearer = value < self._missed_by(visits, longest_s) * (1.0 - _CLOSE)
         # At the very bottom the length would be arbitrary: the inverse question could not find it again.
-        return np.where(np.isfinite(bottom_s), np.minimum(visit_s, bottom_s * _SHORT), visit_s)
+        return np.where(nearer, np.minimum(visit_s, bottom_s * _SHORT), visit_s)
 
     def level_of(self, programme: Programme, problem: FrameProblem, choice: FrameChoice) -> FloatArray:
         """Return the level that chosen frames have to reach; where there are none, as if visits were short."""
@@ -914,7 +894,7 @@ class Cases(Record, eq=False):
     def spread(self, visits: FloatArray, time_s: float) -> tuple[Programme, FloatArray]:
         """Return the programmes of so many visits in a time, with the length of their science visits."""
         programme = self.programme_of(visits, time_s / visits)
-        shape = self.problem_in(programme).shape
+        shape = self.problem(programme=programme).shape
         return programme, spread(self.model.visit_s(time_s / visits), shape)
 
     def in_time(self, span: Span, exact: bool) -> "Solution":
@@ -946,12 +926,12 @@ class Cases(Record, eq=False):
             Of `cpic_planner.etc.frames.best_in_visit`.
         """
         programme = self.programme_of(visits, visit_time_s)
-        problem = self.problem_in(programme)
+        problem = self.problem(programme=programme)
         visit_s = spread(self.model.visit_s(visit_time_s), problem.shape)
         choice = best_in_visit(problem, visit_s, **settings)
         for _ in range(_LEVEL_STEPS if self.model.strategy.n_modes else 0):
             last, programme = choice, self.programme_of(visits, visit_time_s, choice)
-            problem = self.problem_in(programme)
+            problem = self.problem(programme=programme)
             choice = best_in_visit(problem, visit_s, **settings)
             if np.allclose(choice.visit_s, last.visit_s, rtol=_STILL, atol=0.0):
                 break
@@ -993,7 +973,7 @@ class Cases(Record, eq=False):
         alike = self.model.instrument.drift.correlation_time_h == 0.0
         if self.steady and alike:
             programme = Programme.of(self.model.strategy, visits)
-            problem = self.problem_in(programme)
+            problem = self.problem(programme=programme)
             level = np.full(visits.shape, float(self.value or 1.0))
             return Solution(self.in_programme(programme), problem, least_time(problem, level), level)
         visit_s, level = self.solved(visits)
@@ -1040,7 +1020,7 @@ class Cases(Record, eq=False):
         wall_s, about_s = self.model.time_s(visit_s), visit_s if rounds == 1 else visit_s * _NEARLY
         for _ in range(rounds):
             programme = Programme.of(self.model.strategy, visits, wall_s)
-            problem = self.problem_in(programme)
+            problem = self.problem(programme=programme)
             choice, last_s = least_time(problem, self.level(programme, problem), about_s), wall_s
             wall_s = np.where(choice.n_frames >= 1, self.model.time_s(choice.visit_s), wall_s)
             if np.allclose(wall_s, last_s, rtol=_STILL, atol=0.0):
@@ -1217,12 +1197,11 @@ def cases_of(
     else:
         own = [planets[band] for band in bands] if isinstance(planets, Mapping) else list(planets)
     parts = [_in_band(model, targets, band, one, offsets_arcsec) for band, one in zip(bands, own, strict=True)]
-    places, *columns, by_band = zip(*parts, strict=True)
+    places, *columns = zip(*parts, strict=True)
     shape = len(targets), len(own[0])
-    x, y, contrast, threshold = (_together(column, shape) for column in columns)
-    rates, programme = _together(by_band, shape), Programme.of(model.strategy)
+    x, y, contrast, threshold, rates = (_together(column, shape) for column in columns)
     head = model, targets, tuple(bands), tuple(own), places, exposure_s, em_gain
-    return Cases(*head, x, y, contrast, threshold, rates, by_band, objective, value, programme)
+    return Cases(*head, x, y, contrast, threshold, rates, objective, value, Programme.of(model.strategy))
 
 
 def _in_band(
@@ -1256,28 +1235,6 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
         if own.any():
             contrast[:, own] = reference_contrast(model, targets, band, planets.separation_arcsec[own], body)
     return contrast
-
-
-def in_programme(
-    problem: FrameProblem, rates: ApertureRates, programme: Programme, objective: Objective = "snr"
-) -> FrameProblem:
-    """Return the problem of one visit in a programme by the mean of as many reference frames: only speckles differ.
-
-    Parameters
-    ----------
-    problem : FrameProblem
-        Of one visit, by `frame_problem` of the rates.
-    rates : ApertureRates
-    programme : Programme
-        Without modes.
-    objective : {"snr", "significance"}
-        That of the problem.
-    """
-    level = 1.0 + 1.0 / rates.background_apertures if objective == "snr" else 1.0
-    z0, z1, z2 = residuals(rates, level, programme)
-    shape = np.broadcast(problem.signal_e_s, z0, z1, z2, programme.visits).shape
-    signal_e_s = spread(problem.signal_e_s, shape)
-    return replace(problem, z0=z0, z1=z1, z2=z2, visits=programme.visits, signal_e_s=signal_e_s)
 
 
 def _of_band(array: FloatArray, index: int) -> FloatArray:

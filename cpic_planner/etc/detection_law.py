@@ -105,9 +105,12 @@ class SearchLaw(Record, eq=False):
     def _where(self, *where: ArrayLike) -> list[Any]:
         """Return cells of the tables, and the polynomials' variables, of what `half` is asked for."""
         place, speckled, light, visits = (np.asarray(part, float) for part in where)
-        shares = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (speckled, light))
+        return [*self._cells(place, visits), _variable(speckled), _variable(light)]
+
+    def _cells(self, separation_arcsec: FloatArray, visits: FloatArray) -> list[Any]:
+        """Return cells of the tables, of places and numbers of visits, and their shares of the way to the next."""
         many = np.sqrt(_LEAST_VISITS / np.maximum(visits, _LEAST_VISITS)) * (_VISITS - 1)
-        return [*self._rows(place), *_cell(many, _VISITS), *shares]
+        return [*self._rows(separation_arcsec), *_cell(many, _VISITS)]
 
     def _read(self, at_place: bool, which: ArrayLike, where: Sequence[Any]) -> FloatArray:
         """Return numbers of the tables: ``which`` of the three, and places of `_where`."""
@@ -127,7 +130,8 @@ class SearchLaw(Record, eq=False):
         found = np.empty(shape or (1,))
         step = max(_TOGETHER * len(found) // max(found.size, 1), 1)
         for block in (slice(start, start + step) for start in range(0, len(found), step)):
-            found[block] = _looked_up(tables, *(part[block] if len(part) > 1 else part for part in wide))
+            *at, speckled, light = (part[block] if len(part) > 1 else part for part in wide)
+            found[block] = _polynomial(_polynomial(_polynomials_at(tables, *at), speckled), light)
         return found if shape else found[0]
 
     def half(
@@ -151,7 +155,7 @@ class SearchLaw(Record, eq=False):
 
     def polynomials(self, separation_arcsec: FloatArray, visits: FloatArray, *, at_place: bool) -> FloatArray:
         """Return the polynomials of places and numbers of visits, for `half_of`: (s, l, ...); as of `half`."""
-        where = self._where(separation_arcsec, 0.0, 0.0, visits)[:4]
+        where = self._cells(separation_arcsec, visits)
         tables, (row, number) = self._tables(at_place, where[0]), (where[0] + where[1], where[2] + where[3])
         if min(row.size, number.size) > _TOGETHER // _REPEATED:  # many pairs of few places and numbers
             _, places, rows = np.unique(row, return_index=True, return_inverse=True)
@@ -162,7 +166,7 @@ class SearchLaw(Record, eq=False):
                 every = _polynomials_at(tables, 0, *np.broadcast_arrays(low, share, few, of_visits))
                 pair = rows.reshape(row.shape) * numbers.size + columns.reshape(number.shape)
                 return every.reshape(_SHARES * _LIGHTS, -1).take(pair, 1).reshape(_SHARES, _LIGHTS, *pair.shape)
-        return _polynomials_at(tables, 0, *np.broadcast_arrays(*where))
+        return _polynomials_at(tables, 0, *where)
 
     def reach(
         self,
@@ -267,21 +271,6 @@ def bands_law(model: EtcModel, bands: Sequence[str]) -> SearchLaw:
     return _together(tuple(band_law(model, band) for band in bands))
 
 
-def _looked_up(
-    tables: FloatArray,
-    which: IntArray,
-    low: IntArray,
-    share: FloatArray,
-    few: IntArray,
-    of_visits: FloatArray,
-    speckled: FloatArray,
-    light: FloatArray,
-) -> FloatArray:
-    """Return what `SearchLaw._read` does, of so many numbers that all stay in the cache."""
-    found = _polynomials_at(tables, which, low, share, few, of_visits)
-    return _polynomial(_polynomial(found, speckled), light)
-
-
 def _polynomials_at(
     tables: FloatArray, which: ArrayLike, low: IntArray, share: FloatArray, few: IntArray, of_visits: FloatArray
 ) -> FloatArray:
@@ -305,12 +294,16 @@ def half_of(polynomials: FloatArray, speckled: ArrayLike, light: ArrayLike) -> F
     speckled, light : array_like
         As of `SearchLaw.half`; they may have further axes in front.
     """
-    along = (2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0 for share in (light, speckled))
     ahead = (1,) * (max(np.ndim(speckled), np.ndim(light)) - polynomials.ndim + 2)
     found = polynomials.reshape(*polynomials.shape[:2], *ahead, *polynomials.shape[2:]).swapaxes(0, 1)
-    for share in along:  # the light's share can be the same for many places
-        found = _polynomial(found, share)
+    for share in (light, speckled):  # the light's share can be the same for many places
+        found = _polynomial(found, _variable(share))
     return np.exp(found, out=found)
+
+
+def _variable(share: ArrayLike) -> FloatArray:
+    """Return the polynomials' variable of a share."""
+    return np.asarray(2.0 * np.sqrt(np.fmin(np.fmax(share, 0.0), 1.0)) - 1.0)
 
 
 def _cell(row: FloatArray, size: int) -> tuple[IntArray, FloatArray]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from cpic_core import (
     ArrayLike,
@@ -21,7 +21,7 @@ from cpic_core import (
     checked_array,
     numeric_context,
 )
-from simulator.config import FrozenModel
+from simulator.config import FrozenModel, validate
 
 LARGEST_RATE, LARGEST_SNR, LARGEST_TIME_S = 1e30, 1e12, 1e30
 
@@ -90,16 +90,10 @@ def rate_convention(convention: str | Mapping[str, Any] | RateConvention) -> Rat
         return convention
     if isinstance(convention, str) and convention in CONVENTIONS:
         return CONVENTIONS[convention]
+    if isinstance(convention, Mapping):
+        return validate(RateConvention, convention, where="convention")
     allowed = f"{', '.join(CONVENTIONS)}, or a mapping with planet_noise and background_noise, 0 to 100 each"
-    if not isinstance(convention, Mapping):
-        raise InputError("convention", convention, allowed=allowed)
-    try:
-        return RateConvention.model_validate(dict(convention))
-    except ValidationError as error:
-        problem = error.errors()[0]
-        key = ".".join(("convention", *map(str, problem["loc"])))
-        given = "nothing" if problem["type"] == "missing" else problem["input"]
-        raise InputError(key, given, allowed=allowed) from None
+    raise InputError("convention", convention, allowed=allowed)
 
 
 def _checked_rates(

@@ -10,7 +10,7 @@ be two minima: one where reading is beaten, one at the largest gain.
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -29,7 +29,7 @@ from cpic_core import (
     digest_of,
     file_state,
 )
-from cpic_planner.etc.searches import CaseArrays
+from cpic_planner.etc.searches import CaseArrays, last_true
 from cpic_planner.queries import LibraryNoise, Strategy
 from simulator.camera import aperture_loss_per_s
 from simulator.config import CONVERTER_ASSUMED, Instrument, Timing, content_hash
@@ -191,21 +191,11 @@ def gain_table(gain_max: float, stages: int) -> GainTable:
     # First minimum: where the variance first rises, the largest gain where it never does; parts fit the cache.
     k = np.concatenate([first_rise(some) for some in np.array_split(ratio, _N_PARTS)])
     low, high = grid[np.maximum(k - 1, 0)], grid[np.minimum(k + 1, _N_GAINS - 1)]
-    first = np.where(k == 0, 0.0, np.where(k == _N_GAINS - 1, top, _switch(rises, low, high)))
+    share = last_true(lambda part: ~rises(low + part * (high - low)), k.shape, _BISECTIONS)
+    first = np.where(k == 0, 0.0, np.where(k == _N_GAINS - 1, top, low + share * (high - low)))
     far = np.where(variance(np.full(_N_RATIOS, top)) < variance(first), top, first)
     two = far > first
     return GainTable(log_ratio, first, far, two | np.append(two[1:], False), stages)
-
-
-def _switch(true: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return where a condition that holds from some point on becomes true: bisection, ``low`` if it holds at once."""
-    at_low = true(low)
-    a, b = low.copy(), high.copy()
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (a + b)
-        yes = true(middle)
-        a, b = np.where(yes, a, middle), np.where(yes, middle, b)
-    return np.where(at_low, low, b)
 
 
 def best_gain(
@@ -371,8 +361,9 @@ class Programme(CaseArrays, Record, eq=False):
             Which says how long wavefronts remember each other.
         """
         own = law.independent(self.visits, self.gap_s)
-        alike = self.reference_visits is self.visits
-        return effective_visits(own, own if alike else law.independent(self.reference_visits, self.gap_s))
+        if self.reference_visits is self.visits:
+            return own
+        return effective_visits(own, law.independent(self.reference_visits, self.gap_s))
 
 
 ONE_VISIT = Programme()

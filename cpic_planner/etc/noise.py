@@ -56,7 +56,7 @@ class StackNoise(Record):
 
     def at(self, index: Any) -> "StackNoise":
         """Return the noise of some of the cases, without its terms."""
-        names = ("signal_e", "quiet", "white", "speckle", "errors", "snr", "significance")
+        names = (name for name in self.__dataclass_fields__ if name != "_terms")
         parts = {name: np.broadcast_to(getattr(self, name), self.snr.shape)[index] for name in names}
         return StackNoise(**parts, _terms=dict)
 

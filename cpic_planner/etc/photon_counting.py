@@ -74,7 +74,7 @@ class CountingLaw(Record, eq=False):
         InputError
             If a mean is out of range or not finite.
         """
-        mean = _checked_mean(mean_e)
+        mean = checked_array("mean_e", mean_e, low=0.0, high=MAX_MEAN_E, unit="e-")
         return 1.0 - _poisson_mean(1.0 - self.e, mean)
 
     def electrons(self, share: ArrayLike, about: ArrayLike) -> FloatArray:
@@ -258,10 +258,6 @@ def _law(em_gain: float, stages: int, read_noise_e: float, threshold_e: float) -
         passed = np.maximum.accumulate(np.clip(passed, 0.0, 1.0))
     passed.flags.writeable = False
     return CountingLaw(em_gain, read_noise_e, threshold_e, passed)
-
-
-def _checked_mean(mean_e: ArrayLike) -> FloatArray:
-    return checked_array("mean_e", mean_e, low=0.0, high=MAX_MEAN_E, unit="e-")
 
 
 def _poisson_mean(values: FloatArray, mean: FloatArray) -> FloatArray:

@@ -99,7 +99,13 @@ class _Answers(Solution, eq=False):
         paper = snr_paper(cases.rates, *setting, camera, reference_ratio=ratio, programme=programme)
         columns = programme_columns(model, cases.rates, cases.motion, programme, choice, time_s, self.span.given_s)
         visits, used = columns["visits"], spread(programme.n_modes, choice.visit_s.shape)
-        left_s = 0.0 * visits if time_s is None else model.visit_s(time_s / visits) - choice.visit_s
+        given_s, few = time_s or 0.0, (choice.n_frames == 1) & (visits > 1)
+        room = model.visit_s(given_s / visits) - choice.visit_s > choice.exposure_s + camera.readout_s  # for a frame
+        marks = {
+            "shorter_visit_is_better": room & (columns["time_s"] < 0.999 * given_s),
+            "visits_at_limit": ((visits >= MAX_VISITS) | few) & (self.span.visits is None),
+            "exposure_beyond_max": choice.exposure_s > camera.exposure_max_s * (1.0 + 1e-12),
+        }
         shown = {"snr": noise.snr, "significance": noise.significance, "snr_paper": paper}
         undefined = (cases.value is None) & ~np.isfinite(cases.threshold)
         levels = np.where(undefined, math.inf, self.level)
@@ -131,16 +137,7 @@ class _Answers(Solution, eq=False):
                 continue
             if not limit:
                 head["flags"] += cases.planet_notes(*case)
-            room = float(left_s[case]) > float(choice.exposure_s[case]) + camera.readout_s  # for another frame
-            if time_s is not None and columns["time_s"][case] < 0.999 * time_s and room:
-                head["flags"] += ("shorter_visit_is_better",)
-            head["flags"] += tuple(filter(None, (str(inherited[case]),)))
-            if self.span.visits is None and (
-                visits[case] >= MAX_VISITS or (choice.n_frames[case] == 1 and visits[case] > 1)
-            ):
-                head["flags"] += ("visits_at_limit",)
-            if choice.exposure_s[case] > camera.exposure_max_s * (1.0 + 1e-12):
-                head["flags"] += ("exposure_beyond_max",)
+            head["flags"] += tuple(filter(None, (str(inherited[case]), *(name for name in marks if marks[name][case]))))
             if not model.of_table and speckle_error_extrapolated(band, head["separation_arcsec"]):
                 head["flags"] += ("speckle_error_extrapolated",)
             binding = budget.binding_limits(problem, cases.rates, choice, case)
@@ -353,7 +350,7 @@ def _more_visits(cases: Cases, choice: FrameChoice) -> FloatArray:
         significance = made.noise(choice).significance
         with np.errstate(divide="ignore"):
             inverse = significance**-2.0
-        level = made.level(made.programme, made.problem_in(made.programme))(choice.visit_s, inverse)
+        level = made.level(made.programme, made.problem())(choice.visit_s, inverse)
         return np.asarray(significance >= level * (1.0 - _ROUNDING))
 
     grid = _FEW_OR_MANY
@@ -637,7 +634,7 @@ def _at_limit(cases: Cases, limit: _Limit, exact: bool) -> Solution:
     programme, choice = limit.programme, limit.choice
     # Beyond contrast 1 there is no planet: refused below.
     ratio = np.minimum(limit.contrast, 1.0)
-    there, problem = cases.of_contrast(ratio), cases.problem_in(programme, ratio)
+    there, problem = cases.of_contrast(ratio), cases.problem(None, programme, ratio)
     level = cases.level_of(programme, problem, choice)
     stopped = (choice.n_frames > 0) & (choice.visit_s < limit.longest_s * (1.0 - 1e-9))
     if np.any(stopped) and not exact:
@@ -654,7 +651,7 @@ def _limits(cases: Cases, programme: Programme, visit_s: FloatArray, whole: bool
     """Return the contrasts at which the best frames of visits reach the level, and those frames."""
 
     def excess(log_contrast: FloatArray) -> tuple[FloatArray, FrameChoice]:
-        problem = cases.problem_in(programme, np.exp(log_contrast))
+        problem = cases.problem(None, programme, np.exp(log_contrast))
         choice = best_in_visit(problem, visit_s, whole=whole, quickest=False)
         level = cases.level_of(programme, problem, choice)
         with np.errstate(divide="ignore"):

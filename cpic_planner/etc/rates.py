@@ -700,14 +700,10 @@ def reflected_contrast(
 
 def kinds_by_albedo(albedos: Sequence[AlbedoSpec]) -> list[tuple[AlbedoSpec, list[int]]]:
     """Return the different albedos with the numbers of the kinds that have them."""
-    found: list[tuple[AlbedoSpec, list[int]]] = []
+    found: dict[AlbedoSpec, list[int]] = {}
     for number, spec in enumerate(albedos):
-        same = next((kinds for other, kinds in found if other == spec), None)
-        if same is None:
-            found.append((spec, [number]))
-        else:
-            same.append(number)
-    return found
+        found.setdefault(spec, []).append(number)
+    return list(found.items())
 
 
 def mixture_contrast(

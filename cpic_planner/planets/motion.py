@@ -301,10 +301,11 @@ class OrbitSearch(NamedTuple):
 
     def _level(self, visits: FloatArray, span: FloatArray, speed: FloatArray) -> FloatArray:
         """Return the significance with the false alarms of the one at rest, for planets that may leave their place."""
-        fastest = math.sqrt(2.0) * speed
-        gap = self.gap_h / 24.0
-        visit = (span - (visits - 1.0) * gap) / visits
-        spread = np.sqrt(((visit + gap) ** 2 * (visits**2 - 1.0) + visit**2) / 12.0)
+        fastest, gap = math.sqrt(2.0) * speed, self.gap_h / 24.0
+        spread = span / math.sqrt(12.0)
+        if gap > 0.0:
+            visit = (span - (visits - 1.0) * gap) / visits
+            spread = np.sqrt(((visit + gap) ** 2 * (visits**2 - 1.0) + visit**2) / 12.0)
         way = math.sqrt(aperture_track().roughness) * fastest * spread
         beyond = np.maximum(fastest * span / (2.0 * MOST_SHIFT_LAMBDA_D) - 1.0, 0.0)
         most = -special().ndtri(special().ndtr(-self.sigma) / _squares(beyond))

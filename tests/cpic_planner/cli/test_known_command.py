@@ -80,15 +80,6 @@ def test_a_wider_cut_keeps_the_planets_of_a_narrower_one(done):
     assert sum(row.v_mag <= 7.0 for row in result.planets) == 182 < len(result.planets)
 
 
-def test_all_stars_begin_with_the_mission(done):
-    out, _ = done("known", "--limit", "3", *ROUGH)
-    assert "3 of 174 around 109 stars" in out
-    # Sorted by how likely the hole covers the planet.
-    shares = [int(share) for share in re.findall(r"(\d+) %", "\n".join(out.splitlines()[3:6]))]
-    assert len(shares) == 3
-    assert shares == sorted(shares, reverse=True)
-
-
 def test_files_that_are_asked_for(done, tmp_path):
     plot, scene = tmp_path / "track.png", tmp_path / "scene.yaml"
     _, err = done("known", "eps Eri", "--plot", str(plot), "--scene", str(scene), *FEW)
@@ -123,13 +114,11 @@ def test_a_table_of_one_s_own(call, done, tmp_path):
         (["--years", "3"], "only with a STAR"),
         (["--scene", "x.yaml"], "only with a STAR"),
         (["eps Eri", "--scene", "x.txt"], "ends in .yaml"),
-        (["eps Eri", "--plot", "x.doc"], "png"),
         (["eps Eri", "--v-mag-max", "5"], "only without a STAR"),
         (["eps Eri", "--date", "soon"], "--date = soon UTC"),
         (["eps Eri", "--years", "0"], "years = 0"),
         (["eps Eri", "--planets", "0"], "--planets = 0"),
         (["eps Eri", "--known-planets", "nowhere.csv"], "nowhere.csv"),
-        (["eps Eri", "--band", "F999"], "F999"),
     ],
 )
 def test_refusals_are_one_line(refuses, arguments, says):
@@ -181,18 +170,7 @@ def test_rank_refuses_what_has_no_meaning_with_known_planets(call, options, says
 
 
 def test_candidates_are_ranked_when_asked_for(call, done):
-    options = [
-        "rank",
-        "--known-planets",
-        "snapshot",
-        "--planets",
-        "50",
-        "--band",
-        "F520",
-        "--v-mag-max",
-        "4.2",
-        "--json",
-    ]
+    options = shlex.split("rank --known-planets snapshot --planets 50 --band F520 --v-mag-max 4.2 --json")
     names = [
         {row.name for row in RankResult.model_validate_json(done(*options, *more)[0]).targets}
         for more in ([], ["--candidates"])

@@ -117,12 +117,6 @@ def test_comparison_with_a_file_and_with_an_instrument(done, few, tmp_path):
     assert all(move.score_ratio is None or move.score_ratio > 1 for move in told.targets)
 
 
-def test_sensitivity(done, few):
-    out, _ = done(*few, "--planets", "200", "--sensitivity", "--json")
-    found = SensitivityResult.model_validate_json(out)
-    assert found.top == 4
-
-
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
 def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
     from cpic_planner.report import answers, ranking_figures
@@ -149,7 +143,6 @@ def test_figures(done, few, tmp_path):
     [
         (["--score", "beauty"], ["--score", "completeness"]),
         (["--population", "unicorns"], ["unicorns", "giants"]),
-        (["--planets", "0"], ["--planets", "0"]),
         (["--planets", "2000000"], ["--planets", "1000000"]),
         (["--seed", "-1"], ["--seed"]),
         (["--explain", "near star", "--compare", "as_published"], ["--explain", "--compare"]),
@@ -157,12 +150,7 @@ def test_figures(done, few, tmp_path):
         (["--sensitivity", "--plot", "x.png"], ["--sensitivity", "--plot"]),
         (["--explain", "no such star"], ["no such star"]),
         (["--explain", "faint star", "--v-mag-max", "5"], ["--explain", "faint star", "cut"]),
-        (["--plot", "x.bmp"], ["--plot", "x.bmp", "svg"]),
-        (["--library", "reference_star"], ["--reference-v-mag"]),
-        (["--counting-sigma", "3"], ["--counting-sigma", "--mode photon_counting"]),
-        (["--exozodi", "-3"], ["--exozodi = -3", "zodi"]),
         (["--drift-nm", "-3"], ["--drift-nm = -3", "nm"]),
-        (["--reference-ratio", "-1"], ["--reference-ratio", "0.001 to 1000"]),
         (["--exclusions", "velocities"], ["--exclusions", "rv, stability, known_giants"]),
         (["--exclusions", "none", "--exclusions", "rv"], ["--exclusions", "none alone"]),
         (["--exclusions", "rv", "--known-planets", "snapshot"], ["--exclusions", "--known-planets"]),

@@ -1,6 +1,7 @@
 """A telescope that nobody here knows, as a YAML file beside a CSV file: no line of code knows its names."""
 
 import json
+from shlex import split
 
 import numpy as np
 import pytest
@@ -50,19 +51,8 @@ def laplace(tmp_path, monkeypatch):
 
 
 def test_its_answers_about_a_star(laplace, done):
-    out, _ = done(
-        "etc",
-        "47 UMa",
-        "--instrument",
-        "laplace.yaml",
-        "--separation-arcsec",
-        0.25,
-        "--contrast",
-        1e-8,
-        "--time-s",
-        36000,
-        "--json",
-    )
+    asked = "etc '47 UMa' --instrument laplace.yaml --separation-arcsec 0.25 --contrast 1e-8 --time-s 36000 --json"
+    out, _ = done(*split(asked))
     answers = json.loads(out)["answers"]
     assert [answer["band"] for answer in answers] == ["green_2", "Far-Red"]
     # Between 90 and 400 mas, where the table has 12 %.
@@ -78,20 +68,8 @@ def test_its_answers_about_a_star(laplace, done):
 
 
 def test_its_ranking(laplace, done):
-    done(
-        "rank",
-        "--instrument",
-        "laplace.yaml",
-        "--dwarfs",
-        "--limit",
-        3,
-        "--time-s",
-        36000,
-        "--planets",
-        300,
-        "--out",
-        "rank.json",
-    )
+    options = "--instrument laplace.yaml --dwarfs --limit 3 --time-s 36000 --planets 300 --out rank.json"
+    done("rank", *split(options))
     found = json.loads((laplace / "rank.json").read_text())
     best = found["targets"][0]
     assert best["band"] in ("green_2", "Far-Red")
@@ -100,21 +78,8 @@ def test_its_ranking(laplace, done):
 
 
 def test_its_surveys(laplace, done):
-    done(
-        "whatif",
-        "once.yaml",
-        "--instrument",
-        "laplace.yaml",
-        "--universes",
-        20,
-        "--images",
-        2,
-        "--no-facts",
-        "--days",
-        90,
-        "--out",
-        "survey",
-    )
+    options = "--instrument laplace.yaml --universes 20 --images 2 --no-facts --days 90 --out survey"
+    done("whatif", "once.yaml", *split(options))
     found = json.loads((laplace / "survey/whatif.json").read_text())
     images = found["strategies"][0]["images"]
     assert images["images"] > 0  # of the detections that were sampled

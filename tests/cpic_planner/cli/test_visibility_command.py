@@ -78,8 +78,6 @@ def test_a_table_of_ones_own_needs_coordinates(call, done, tmp_path):
         (["tau Cet", "--visibility", "none.yaml"], ["none.yaml", "default"]),
         (["tau Cet", "--out", "days.txt"], ["--out", ".csv"]),
         (["tau Cet", "--out", "no/such/days.csv"], ["--out", "writable"]),
-        (["tau Cet", "--plot", "year.bmp"], ["--plot", "png"]),
-        (["tau Cet", "--catalog", "none.csv"], ["none.csv"]),
     ],
 )
 def test_bad_input_is_one_line(refuses, options, words):

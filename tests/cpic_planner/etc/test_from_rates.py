@@ -128,7 +128,7 @@ def test_what_has_no_ratio_says_so():
         ({"snr": True}, "snr = True"),
         ({"planet_rate": [1.0, 2.0], "background_rate": [1.0, 2.0, 3.0]}, "whose shapes broadcast"),
         ({"convention": "ETC"}, "convention = ETC.*cpic, ayo, ebs, exosims, cgi_noise"),
-        ({"convention": {"planet_noise": 1.0}}, "convention.background_noise = nothing"),
+        ({"convention": {"planet_noise": 1.0}}, "convention.background_noise = missing"),
         ({"convention": {"planet_noise": 1.0, "background_noise": -1.0}}, "convention.background_noise = -1.0"),
         ({"convention": {"planet_noise": 1.0, "background_noise": 1.0, "floor": 2}}, "convention.floor = 2"),
     ],

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.confirm.scene import _work
-from cpic_planner.queries import ConfirmQuestion, Strategy
-from cpic_planner.validation import StarFlux, planet_templates, visit_pair
+from cpic_planner.queries import Strategy
+from cpic_planner.validation import StarFlux, planet_templates
 from cpic_planner.validation.confirm import _false, positions_of
 from cpic_planner.validation.measure import (
     SpeckleModel,
@@ -20,41 +19,16 @@ from cpic_planner.validation.measure import (
 )
 from cpic_planner.validation.rdi import rdi_subtract, smoothed
 from cpic_planner.validation.search import MATCH_LAMBDA_D, matched_sum
-from simulator import load_instrument, load_scene
+from simulator import load_instrument
 from simulator.signal import REGION_LAMBDA_D
+from tests.cpic_planner.validation.two_planets import scene_of, visits_of
 
-SCENE = {
-    "name": "s",
-    "cstar": {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35},
-    "planets": [
-        {
-            "name": name,
-            "radius_rjup": 1,
-            "phase_deg": 90,
-            "separation_arcsec": separation,
-            "pa_deg": pa,
-            "albedo": "jupiter",
-        }
-        for name, separation, pa in (("b", 0.5, 315), ("c", 0.52, 335))
-    ],
-}
+SCENE = scene_of((0.5, 315), (0.52, 335))
 
 
 @functools.cache
 def prepared():
-    config = ConfirmQuestion(
-        instrument=load_instrument(),
-        scene=load_scene(SCENE),
-        bands=("F520",),
-        exposure_s=4.0,
-        n_frames=60,
-        em_gain=300.0,
-        fidelity="standard",
-        realisations=1,
-        audit=False,
-    )
-    (task,) = _work(config).tasks
-    visits = visit_pair(task)
+    visits = visits_of(SCENE, fidelity="standard", realisations=1)
     return visits, planet_templates(visits)
 
 
@@ -81,9 +55,7 @@ def test_a_search_knows_the_stripes_of_a_companions_wings():
     """White noise as the search takes it, beside the variance of the photons that the references show."""
     beside = {"name": "companion", "magnitude": 2.0, "spectral_type": "K5V", "separation_arcsec": 3.0, "pa_deg": 20.0}
     scene = SCENE | {"planets": SCENE["planets"][:1], "stars": [beside | {"companion": True}]}
-    config = {"scene": scene, "bands": ("F720",), "exposure_s": 4.0, "n_frames": 600, "em_gain": 300.0, "audit": False}
-    (task,) = _work(ConfirmQuestion.of(config)).tasks
-    visits = visit_pair(task)
+    visits = visits_of(scene, bands=("F720",), n_frames=600)
     stack, rate = visits.draw(0).reduced, visits.science.truth.sources[0].rate_e_s
     dark = replace(visits)
     dark.__dict__["known_light_e_s"] = np.zeros(stack.region.shape)
@@ -102,9 +74,8 @@ def test_noise_of_few_photons_is_alike_on_both_sides():
     """Its weights come from no photons that are in the residual, which is bright where the references were dark."""
     calm = {"drift": {"visit_nm": 1e-4, "walk_nm_per_sqrt_hour": 1e-4, "orbital_nm": 0}}
     faint = {"cstar": SCENE["cstar"] | {"v_mag": 6.0}, "planets": []}
-    config = {"scene": SCENE | faint, "bands": ("F662",), "exposure_s": 74.0, "n_frames": 40, "em_gain": 480.0}
-    (task,) = _work(ConfirmQuestion.of(config | {"instrument": load_instrument(calm), "audit": False})).tasks
-    visits, filtered = visit_pair(task), []
+    frames = {"bands": ("F662",), "exposure_s": 74.0, "n_frames": 40, "em_gain": 480.0}
+    visits, filtered = visits_of(SCENE | faint, instrument=load_instrument(calm), **frames), []
     rate = visits.science.truth.sources[0].rate_e_s
     for number in range(60):
         stack = visits.draw(number).reduced

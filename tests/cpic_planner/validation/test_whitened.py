@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.confirm.scene import _work
-from cpic_planner.queries import ConfirmQuestion, Strategy
-from cpic_planner.validation import StarFlux, aperture_weights, planet_templates, visit_pair
+from cpic_planner.queries import Strategy
+from cpic_planner.validation import StarFlux, aperture_weights, planet_templates
 from cpic_planner.validation.measure import (
     SpeckleModel,
     WhitenedFilter,
@@ -17,32 +16,17 @@ from cpic_planner.validation.measure import (
     measure_planets,
     reduced_around,
 )
-from simulator import load_instrument, load_scene
+from simulator import load_instrument
 from simulator.signal import unit_parts
+from tests.cpic_planner.validation.two_planets import scene_of, visits_of
 
 WHITE_E2, STRENGTH_E = 9.0, 1500.0
 
 
 @functools.cache
 def prepared(**drift):
-    planets = [
-        {"name": name, "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": r, "pa_deg": pa, "albedo": "jupiter"}
-        for name, r, pa in (("b", 0.42, 315), ("c", 0.45, 330))
-    ]
-    star = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
-    config = ConfirmQuestion(
-        instrument=load_instrument({"drift": drift} if drift else None),
-        scene=load_scene({"name": "s", "cstar": star, "planets": planets}),
-        bands=("F520",),
-        exposure_s=4.0,
-        n_frames=60,
-        em_gain=300.0,
-        fidelity="quick",
-        realisations=1,
-        audit=False,
-    )
-    (task,) = _work(config).tasks
-    visits = visit_pair(task)
+    instrument = load_instrument({"drift": drift} if drift else None)
+    visits = visits_of(scene_of((0.42, 315), (0.45, 330)), fidelity="quick", realisations=1, instrument=instrument)
     return visits, planet_templates(visits), visits.draw(0)
 
 

@@ -227,14 +227,6 @@ def test_a_ratio_compares_the_same_planet_only(ask, question, given):
 STARS = b"name,plx [mas],v_mag,sp_type,mood\nBob,100,5,G2V,fine\nEve,x,5,G2V,sad\n"
 
 
-def test_the_start_page_leads_to_a_form_that_takes_a_table(ask):
-    assert 'href="/columns"' in ask("/etc").text
-    page = ask("/columns")
-    assert page.status == 200
-    assert 'enctype="multipart/form-data"' in page.text
-    assert 'type="file" name="table"' in page.text
-
-
 @pytest.mark.parametrize("kind", ["", "stars"])
 def test_the_page_says_what_the_command_says(send, tmp_path, capsys, kind):
     (tmp_path / "mine.csv").write_bytes(STARS)
