@@ -217,7 +217,7 @@ def _array(column: Any) -> NDArray[Any]:
     if not pa.types.is_string(column.type):
         return np.asarray(column.to_numpy())
     coded = column.combine_chunks().dictionary_encode()
-    return np.array(coded.dictionary.to_pylist(), object)[coded.indices.to_numpy()]
+    return np.asarray(np.array(coded.dictionary.to_pylist(), object)[coded.indices.to_numpy()])
 
 
 PLANETS = ("new_planets", "known_planets")
