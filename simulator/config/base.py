@@ -344,7 +344,7 @@ def nearest(word: Any, known: Iterable[str]) -> str:
     known : iterable of str
         Words that are known.
     """
-    close = difflib.get_close_matches(str(word), list(known), n=3, cutoff=0.6)
+    close = difflib.get_close_matches(str(word), dict.fromkeys(known), n=3, cutoff=0.6)
     return f"did you mean {' or '.join(close)}?" if close else ""
 
 

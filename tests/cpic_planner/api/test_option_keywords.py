@@ -49,7 +49,7 @@ def test_an_option_and_its_field_are_one_of_two():
         (cp.rank_targets, "limit", "rank_targets.. has no keyword 'limit' .it decides what the command line shows"),
         (cp.rank_targets, "plot", "it decides what the command line shows"),
         (cp.exposure_time, "bnad", "exposure_time.. has no keyword 'bnad' .did you mean band or bands?"),
-        (cp.signal_to_noise, "seperation_arcsec", "did you mean separation_arcsec"),
+        (cp.signal_to_noise, "seperation_arcsec", "did you mean separation_arcsec or separation_au"),
         (cp.contrast_limit, "zzz", "known: target, "),
     ],
 )
