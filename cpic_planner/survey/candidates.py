@@ -138,8 +138,8 @@ class Shown(Record, eq=False):
 
 
 _T = TypeVar("_T")
-_Seen = tuple[IntArray, NDArray[np.float32]]
-"""Planets that visits of one kind can show, by their number among those drawn, and the chances, shape (b, m)."""
+_Seen = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
+"""Slots of visits of one kind, planets that these can show, by their number among those drawn, and the chances."""
 Ways = list[list[_Seen]]
 """Lists of `_Seen` by part of a star and way to visit it."""
 
@@ -245,10 +245,10 @@ class PlanningSky:
         columns, seen, before = [], [], 0
         each = self.ways(strategy, model, host, looks, epoch_mjd) if ways is None else ways
         for part, of_options in zip(host.parts, each, strict=True):
-            some = np.unique(np.concatenate([own for own, _ in of_options]))
+            some = np.unique(np.concatenate([planet for _, planet, _ in of_options]))
             chance = np.zeros((*looks.open.shape, some.size), np.float32)
-            for o, (own, odds) in enumerate(of_options):
-                chance[o][:, np.searchsorted(some, own)] = odds
+            for o, (slot, planet, odds) in enumerate(of_options):
+                chance[o, slot, np.searchsorted(some, planet)] = odds
             columns.append(chance)
             seen.append(before + some)
             before += len(self._of_part(part, epoch_mjd))
@@ -268,7 +268,7 @@ class PlanningSky:
         option, open_ = looks.options[o], looks.open[o]
         planets, days, slots = self._of_part(part, epoch_mjd), looks.day[open_], np.flatnonzero(open_)
         if not (days.size and len(planets)):
-            return np.zeros(0, np.int64), np.zeros((open_.size, 0), np.float32)
+            return np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32)
         pairs = self._pairs_of(planets, days, float(part.star.distance_pc[0]))
         zodis = dust_of(strategy, planets, self.seed, str(part.star.name[0]), "planning")
         rule, placed = strategy.detection, at_known_place(planets, part.known)[pairs.planet]
@@ -278,12 +278,8 @@ class PlanningSky:
         some, signals = pair_signals(*who, *how, least=least, margins=rule.rule == "expected")
         odds = detection_chance(signals, rule, placed[some], calibration=rule.calibration)
         likely = odds >= LEAST_PROBABILITY
-        visit, planet = pairs.visit[some][likely], pairs.planet[some][likely]
-        seen = np.zeros(len(planets), bool)
-        seen[planet] = True
-        chance = np.zeros((open_.size, int(seen.sum())), np.float32)
-        chance[slots[visit], (np.cumsum(seen) - 1)[planet]] = odds[likely]
-        return np.flatnonzero(seen), chance
+        slot = slots[pairs.visit[some][likely]].astype(np.int32)
+        return slot, pairs.planet[some][likely], odds[likely].astype(np.float32)
 
     def _rules_of(self, model: EtcModel, *rules: DetectionRule | DustLaw | None) -> dict[str, str]:
         """Return digests of all that decides what a visit in each band shows of planets."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -123,7 +123,7 @@ class ResultStore:
         return {}
 
     def read(self, table: str) -> dict[str, NDArray[Any]]:
-        """Return all parts of one table joined, sorted by its key.
+        """Return all parts of one table joined, sorted by its key, as they were when any table was first asked for.
 
         Raises
         ------
@@ -132,8 +132,8 @@ class ResultStore:
         DamagedPartError
             If a part is damaged.
         """
-        rows = self._joined(self._tables[table])
-        return {name: rows.column(name).to_numpy() for name in rows.column_names}
+        rows = self._joined[1][table]
+        return {name: _array(rows.column(name)) for name in rows.column_names}
 
     def merge(self, expected: Sequence[str] | None = None) -> dict[str, Path]:
         """Write the file of every table, the same bytes for any order of parts.
@@ -155,59 +155,69 @@ class ResultStore:
         DamagedPartError
             If a part is damaged.
         """
-        if expected is not None:
-            found, asked = {key for key, _ in self._parts()}, set(expected)
-            if found != asked:
-                first, allowed = min(found ^ asked), f"the {len(asked)} of this run"
-                hint = f"{first} is {'missing' if first in asked else 'not one of them'}"
-                raise InputError("parts", f"{len(found)} on disk", allowed=allowed, hint=hint)
+        found, tables = self._joined
+        if expected is not None and found != (asked := set(expected)):
+            first, allowed = min(found ^ asked), f"the {len(asked)} of this run"
+            hint = f"{first} is {'missing' if first in asked else 'not one of them'}"
+            raise InputError("parts", f"{len(found)} on disk", allowed=allowed, hint=hint)
         return {
-            name: self._folder.write_bytes(table.file, self._parquet(table)) for name, table in self._tables.items()
+            name: self._folder.write_bytes(table.file, self._parquet(table, tables[name]))
+            for name, table in self._tables.items()
         }
 
-    def _parts(self) -> Iterator[tuple[str, bytes]]:
+    @cached_property
+    def _joined(self) -> tuple[set[str], dict[str, Any]]:
+        """The keys of all parts, each of which is read once, and the rows of every table."""
+        import pyarrow as pa
+
+        keys, parts = set(), {name: [table.schema.empty_table()] for name, table in self._tables.items()}
         for path in self._folder.blob_paths():
-            yield self._folder.read_blob(path)
+            key, content = self._folder.read_blob(path)
+            keys.add(key)
+            source = io.BytesIO(content)  # one stream of Arrow after another
+            for name, table in self._tables.items():
+                rows = pa.ipc.open_stream(source).read_all()
+                if not rows.schema.equals(table.schema):
+                    raise DamagedPartError(f"a part has other columns in table {name} than this version writes")
+                parts[name].append(rows)
+        return keys, {name: _by_key(table, parts.pop(name)) for name, table in self._tables.items()}
 
-    def _joined(self, table: Table) -> Any:
-        """Return the rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
-        import pyarrow as pa
-        import pyarrow.compute as pc
-
-        parts = [self._rows_of(content, table) for _, content in self._parts()]
-        rows = pa.concat_tables([table.schema.empty_table(), *parts]).combine_chunks()
-        order = pc.sort_indices(rows, sort_keys=[(name, "ascending") for name in table.key])
-        rows = rows.take(order).combine_chunks()
-        keys = [rows.column(name).to_numpy() for name in table.key]
-        if (same := np.logical_and.reduce([values[1:] == values[:-1] for values in keys])).any():
-            first = rows.slice(int(np.argmax(same)), 1).select(list(table.key)).to_pylist()[0]
-            hint = f"{int(same.sum())} rows repeat one"
-            raise InputError(f"{table.name} key", first, allowed="each key once", hint=hint)
-        return rows
-
-    def _rows_of(self, content: bytes, table: Table) -> Any:
-        """Return the rows of a table in a part: one stream of Arrow after another."""
-        import pyarrow as pa
-
-        source = io.BytesIO(content)
-        for name in self._tables:
-            rows = pa.ipc.open_stream(source).read_all()
-            if name == table.name:
-                break
-        if not rows.schema.equals(table.schema):
-            raise DamagedPartError(f"a part has other columns in table {table.name} than this version writes")
-        return rows
-
-    def _parquet(self, table: Table) -> bytes:
+    def _parquet(self, table: Table, rows: Any) -> bytes:
         import pyarrow.parquet as pq
 
         made = {name: getattr(self._folder, name) for name in ("config_hash", "fingerprint")}
         about = {"table": table.name, "key": table.key, **made, "schema_version": SCHEMA_VERSION}
-        rows = self._joined(table).replace_schema_metadata({b"cpic_planner": json.dumps(about, sort_keys=True)})
+        rows = rows.replace_schema_metadata({b"cpic_planner": json.dumps(about, sort_keys=True)})
         sink = io.BytesIO()
         texts = [item.name for item in table.columns if item.dtype == "string"]
         pq.write_table(rows, sink, use_dictionary=texts, **_FORMAT)
         return sink.getvalue()
+
+
+def _by_key(table: Table, parts: Sequence[Any]) -> Any:
+    """Return the rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    rows = pa.concat_tables(parts).combine_chunks()
+    order = pc.sort_indices(rows, sort_keys=[(name, "ascending") for name in table.key])
+    rows = rows.take(order).combine_chunks()
+    keys = [_array(rows.column(name)) for name in table.key]
+    if (same := np.logical_and.reduce([values[1:] == values[:-1] for values in keys])).any():
+        first = rows.slice(int(np.argmax(same)), 1).select(list(table.key)).to_pylist()[0]
+        hint = f"{int(same.sum())} rows repeat one"
+        raise InputError(f"{table.name} key", first, allowed="each key once", hint=hint)
+    return rows
+
+
+def _array(column: Any) -> NDArray[Any]:
+    """Return a column; equal texts are one object."""
+    import pyarrow as pa
+
+    if not pa.types.is_string(column.type):
+        return np.asarray(column.to_numpy())
+    coded = column.combine_chunks().dictionary_encode()
+    return np.asarray(np.array(coded.dictionary.to_pylist(), object)[coded.indices.to_numpy()])
 
 
 PLANETS = ("new_planets", "known_planets")

@@ -397,8 +397,10 @@ def _named(config: StrategiesConfig) -> dict[str, Any]:
 
 
 def _rows(columns: Columns, strategy: str) -> dict[str, NDArray[Any]]:
-    mine = columns["strategy"] == strategy
-    return {name: values[mine] for name, values in columns.items()}
+    """Return the rows of a strategy, which follow each other, without a copy."""
+    mine = np.flatnonzero(columns["strategy"] == strategy)
+    part = slice(mine[0], mine[-1] + 1) if mine.size else slice(0)
+    return {name: values[part] for name, values in columns.items()}
 
 
 def _first_visits(survey: Survey) -> list[str]:
