@@ -26,7 +26,6 @@ from cpic_core import (
     is_file,
     load_mapping,
     load_quietly,
-    load_yaml,
     split_sourced,
 )
 from simulator.config.base import (
@@ -965,7 +964,7 @@ def _preset(name: str) -> Instrument:
 
 def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(source, Mapping):
-        own: Any = dict(source)
+        own = dict(source)
     elif not isinstance(source, str | Path):
         raise InputError("instrument", source, allowed="a mapping, a YAML file or a preset")
     else:
@@ -973,8 +972,8 @@ def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
         if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
-        tree = load_yaml(known, shipped=True) if known else load_mapping(source, "instrument", Instrument.model_fields)
-        own = paths_beside(tree, Path(known or source).parent)
+        path = Path(known or source)
+        own: Any = paths_beside(load_mapping(path, "instrument", Instrument.model_fields), path.parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
     if not isinstance(own, dict):
