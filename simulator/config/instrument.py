@@ -973,11 +973,9 @@ def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
         path = Path(known or source)
-        own: Any = paths_beside(load_mapping(path, "instrument", Instrument.model_fields), path.parent)
-        if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
+        own = paths_beside(load_mapping(path, "instrument", Instrument.model_fields), path.parent)
+        if known is not None and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
-    if not isinstance(own, dict):
-        raise InputError("instrument", own, allowed="a mapping of keys to values")
     if own.pop("kind", "instrument") != "instrument":
         raise InputError("instrument", str(source), allowed="a file of kind: instrument")
     if "base" in own or isinstance(source, Mapping) or preset_path("instrument", str(source)) is None:
