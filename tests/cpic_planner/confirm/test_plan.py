@@ -225,7 +225,7 @@ def planned(stars, **asked):
 
 def test_a_star_that_is_not_seen_in_the_period_is_not_proposed(stars, tmp_path, monkeypatch):
     """The Sun stands at 281.6, -23.0 deg on 2 January 2028, and a quarter of the sky away from there in April."""
-    monkeypatch.setattr(module, "plan_tasks", lambda *given, **more: ([], {}))  # no images are asked for
+    monkeypatch.setattr(module.scene, "plan_tasks", lambda *given, **more: ([], {}))  # no images are asked for
     path = tmp_path / "sun.csv"
     path.write_text(STARS.replace("53.2,-9.5", "281.6,-23.0") + "blind,3.6,K2V,5080,4.6,-0.1,3.4,0.34,,\n")
     winter, year, april = (
