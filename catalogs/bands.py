@@ -154,7 +154,7 @@ def band_from_file(
 
 @functools.cache
 def _load() -> tuple[dict[str, Band], dict[str, Provenance]]:
-    values, provenance = split_sourced(load_yaml(_FILE, shipped=True))
+    values, provenance = split_sourced(load_yaml(_FILE))
     bands = {name: Band(name=name, **_floats(entry)) for name, entry in values["bands"].items()}
     return bands, {key.removeprefix("bands."): item for key, item in provenance.items()}
 

@@ -254,7 +254,7 @@ def _refusal(name: str) -> InputError:
 def _tables() -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
     from cpic_core import load_yaml, split_sourced
 
-    values, _ = split_sourced(load_yaml(_FILE, shipped=True))
+    values, _ = split_sourced(load_yaml(_FILE))
     teff = {name: _columns(table) for name, table in values["teff_k"].items()}
     log_g = {}
     for name, table in values["log_g_minus_sun"].items():

@@ -97,14 +97,6 @@ def _parsed(text: str) -> Any:
     return yaml.load(text, Loader=StrictLoader)  # noqa: S506 - StrictLoader derives from SafeLoader
 
 
-def _shipped(text: str) -> Any:
-    import yaml
-
-    from cpic_core.yaml_loaders import ShippedLoader
-
-    return yaml.load(text, Loader=ShippedLoader)  # noqa: S506 - ShippedLoader derives from SafeLoader
-
-
 def digest(text: str) -> str:
     """Return the name of a document among `PARSED`."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -113,7 +105,7 @@ def digest(text: str) -> str:
 _tree_of = functools.lru_cache(maxsize=32)(_parsed)  # presets are asked for again and again, and slow to parse
 
 
-def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
+def load_yaml(path: str | Path) -> Any:
     """Read one YAML file strictly; see `parse_yaml`.
 
     A number with a unit that converts into the one in which its key ends (``time_s: 10h``) is read as on the command
@@ -122,9 +114,7 @@ def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
     Parameters
     ----------
     path : str or Path
-    shipped : bool
-        Whether the file is one of the package, which no user can change: it is read faster, and its faults are not
-        explained.
+        Of a file, or of a document of the package, which ships parsed as well.
 
     Raises
     ------
@@ -133,19 +123,19 @@ def load_yaml(path: str | Path, *, shipped: bool = False) -> Any:
         file only if that says in a line of its own that it is of one of our kinds.
     """
     text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
-    if shipped:
-        parsed = PARSED / f"{digest(text)}.json"
-        return json.loads(parsed.read_bytes()) if parsed.exists() else _shipped(text)
-    return _in_units(parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None))
+    parsed = PARSED / f"{digest(text)}.json"
+    if parsed.exists():
+        return json.loads(parsed.read_bytes())
+    return in_units(parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None))
 
 
-def _in_units(tree: Any, key: str = "") -> Any:
+def in_units(tree: Any, key: str = "") -> Any:
     """Return a tree whose texts of a number and a unit (``10h``) are numbers where their key ends in its unit."""
     if isinstance(tree, dict):
         sourced = "value" in tree and set(tree) <= _SOURCED_KEYS
-        return {name: _in_units(item, key if sourced and name == "value" else str(name)) for name, item in tree.items()}
+        return {name: in_units(item, key if sourced and name == "value" else str(name)) for name, item in tree.items()}
     if isinstance(tree, list):
-        return [_in_units(item, key) for item in tree]
+        return [in_units(item, key) for item in tree]
     unit = unit_of(key) if isinstance(tree, str) else ""
     found = converted(tree, unit) if unit else None
     return tree if found is None else found

@@ -63,7 +63,3 @@ class StrictLoader(_Strict, yaml.SafeLoader):
             problem = "aliases (*name) are not accepted: write the value out"
             raise yaml.constructor.ConstructorError(None, None, problem, event.start_mark)
         return super().compose_node(parent, index)
-
-
-class ShippedLoader(_Strict, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The loader of our own files: compiled where PyYAML was built with it, ten times as fast."""

@@ -11,7 +11,7 @@ from catalogs.catalogue import vintage_of_files
 from catalogs.shipped import PARSED
 from catalogs.stars import load_stars, with_updates
 from cpic_core import NDArray, parse_yaml, write_npz, write_text
-from cpic_core.yaml_files import PARSED as FOLDER, digest
+from cpic_core.yaml_files import PARSED as FOLDER, digest, in_units
 from cpic_planner.etc.detection_law import TAILS_FILE, equivalents
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,14 +55,23 @@ def tails() -> dict[str, NDArray[Any]]:
 FILES: Mapping[Path, Callable[[], dict[str, NDArray[Any]]]] = {PARSED / "stars.npz": stars, TAILS_FILE: tails}
 """Functions that make the arrays of each file."""
 
-YAML = [*(ROOT / "simulator").glob("presets/instrument/*.yaml"), *(ROOT / "catalogs").glob("data/*.yaml")]
-"""Documents that ship as JSON too."""
+PLACES = (
+    "simulator/presets/instrument",
+    "catalogs/data",
+    "simulator/products/data",
+    *(f"cpic_planner/presets/{kind}" for kind in ("population", "strategy", "visibility")),
+)
+YAML = [path for place in PLACES for path in (ROOT / place).rglob("*.yaml")]
+"""Documents that ship as JSON too, of what answers within a second asks; the others are long, and their answers too."""
 
 
 def documents() -> dict[Path, str]:
     """Return each of `YAML` as JSON, by the file that it ships in."""
     texts = [path.read_text(encoding="utf-8") for path in YAML]
-    return {FOLDER / f"{digest(text)}.json": json.dumps(parse_yaml(text)) + "\n" for text in texts}
+    return {
+        FOLDER / f"{digest(text)}.json": json.dumps(in_units(parse_yaml(text)), separators=(",", ":")) + "\n"
+        for text in texts
+    }
 
 
 if __name__ == "__main__":

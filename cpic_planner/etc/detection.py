@@ -90,7 +90,7 @@ def threshold_array(n_resolution_elements: ArrayLike, sigma: ArrayLike = 5.0) ->
     """
     elements = checked_array("n_resolution_elements", n_resolution_elements, low=0.0)
     above = f"above 0 and at most {MAX_SIGMA:g}"
-    level = checked_array("sigma", sigma, low=5e-324, high=MAX_SIGMA, unit="sigma", allowed=above)
+    level = checked_array("sigma", sigma, low=np.finfo(float).tiny, high=MAX_SIGMA, unit="sigma", allowed=above)
     defined = elements >= MIN_ELEMENTS
     n = np.where(defined, elements, float(MIN_ELEMENTS))
     # Lower tail of the symmetric law: its probability keeps full relative precision where 1 - p would not.

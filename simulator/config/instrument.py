@@ -26,7 +26,6 @@ from cpic_core import (
     is_file,
     load_mapping,
     load_quietly,
-    load_yaml,
     split_sourced,
 )
 from simulator.config.base import (
@@ -965,7 +964,7 @@ def _preset(name: str) -> Instrument:
 
 def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(source, Mapping):
-        own: Any = dict(source)
+        own = dict(source)
     elif not isinstance(source, str | Path):
         raise InputError("instrument", source, allowed="a mapping, a YAML file or a preset")
     else:
@@ -973,12 +972,10 @@ def _tree(source: str | Path | Mapping[str, Any]) -> dict[str, Any]:
         if known is None and not is_file(source):
             hint = f"presets: {', '.join(preset_names('instrument'))}"
             raise InputError("instrument", str(source), allowed="a YAML file or a preset", hint=hint)
-        tree = load_yaml(known, shipped=True) if known else load_mapping(source, "instrument", Instrument.model_fields)
-        own = paths_beside(tree, Path(known or source).parent)
-        if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
+        path = Path(known or source)
+        own = paths_beside(load_mapping(path, "instrument", Instrument.model_fields), path.parent)
+        if known is not None and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
-    if not isinstance(own, dict):
-        raise InputError("instrument", own, allowed="a mapping of keys to values")
     if own.pop("kind", "instrument") != "instrument":
         raise InputError("instrument", str(source), allowed="a file of kind: instrument")
     if "base" in own or isinstance(source, Mapping) or preset_path("instrument", str(source)) is None:

@@ -170,7 +170,7 @@ class KeywordTable(Record):
 @functools.cache
 def load_keywords() -> KeywordTable:
     """Read the shipped table."""
-    tree, rules = (load_yaml(file, shipped=True) for file in (KEYWORD_FILE, _RULE_FILE))
+    tree, rules = (load_yaml(file) for file in (KEYWORD_FILE, _RULE_FILE))
     keywords, profiles = {}, {}
     for name, entry in tree["keywords"].items():
         given = {"kind": entry.pop("type"), **entry, **rules.get(name, {})}

@@ -141,8 +141,9 @@ class ProgrammeLaw(NamedTuple):
     def beside(self, other: "ProgrammeLaw") -> "ProgrammeLaw":
         """Return the law of two residuals of the same visits that know nothing of each other."""
         science, reference, common = (_summed(*pair) for pair in zip(self[:3], other[:3], strict=True))
-        turned = None if self.turned is None or other.turned is None else _summed(self.turned, other.turned)
-        return ProgrammeLaw(science, reference, common, self.correlation_time_h, turned)
+        turned = [law.turned for law in (self, other) if law.turned is not None]
+        every = science, reference, common
+        return ProgrammeLaw(*every, self.correlation_time_h, _summed(*turned) if turned else None)
 
     def averaging(self) -> "ProgrammeLaw":
         """Return the law without what is common to all visits."""

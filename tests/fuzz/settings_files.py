@@ -106,7 +106,7 @@ _TEXTS = (
 @functools.cache
 def _tree(kind: str, name: str) -> Any:
     folder = "simulator" if kind in ("scene", "simulation", "instrument") else "cpic_planner"
-    return load_yaml(ROOT / folder / "presets" / kind / f"{name}.yaml", shipped=True)
+    return load_yaml(ROOT / folder / "presets" / kind / f"{name}.yaml")
 
 
 def _places(node: Any) -> Iterator[tuple[Any, Any]]:

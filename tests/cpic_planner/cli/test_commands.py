@@ -44,6 +44,7 @@ def ranked():
 
 def test_rank_json_holds_one_row_per_star(ranked):
     result = json.loads(ranked)
+    assert result["schema_version"] == 1
     assert len(result["targets"]) == 1077
     assert all(set(row) >= RANK_KEYS for row in result["targets"])
     assert [row["rank"] for row in result["targets"]] == list(range(1, 1078))

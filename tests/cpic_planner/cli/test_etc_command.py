@@ -219,7 +219,6 @@ def test_strategies_reach_the_calculator(done, star):
         (["--library", "roll", "--roll-deg", "0"], ["--roll-deg", "0", "180"]),
         (["--library", "roll", "--reference-ratio", "2"], ["--reference-ratio", "--library roll"]),
         (["--reference-ratio", "0"], ["--reference-ratio", "0"]),
-        (["--library", "nothing"], ["--library", "idealised"]),
         (["--counting-sigma", "4"], ["--counting-sigma", "--mode photon_counting"]),
         (["--mode", "photon_counting", "--counting-sigma", "-1"], ["--counting-sigma", "-1"]),
         (["--mode", "photon_counting", "--band", "F940"], ["--mode", "photon_counting", "F940", "register"]),

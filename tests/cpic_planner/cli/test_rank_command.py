@@ -216,10 +216,3 @@ def test_exclusions_are_those_named(call, few, options, exclusions):
     asked = [word for name in options for word in ("--exclusions", name)]
     tree = json.loads(call(*few, "--planets", "100", "--json", *asked)[1])
     assert tree["population"]["exclusions"] == exclusions
-
-
-def test_json_is_one_object_of_targets(call, few):
-    out = call(*few, "--planets", "100", "--json")[1]
-    tree = json.loads(out)
-    assert tree["schema_version"] == 1
-    assert len(tree["targets"]) == 4

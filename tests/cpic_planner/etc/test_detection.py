@@ -79,6 +79,10 @@ def test_too_few_elements_are_an_answer(n: float) -> None:
     assert outcome.value is None
 
 
+def test_five_sigma_unless_said() -> None:
+    assert threshold_array(19.0) == threshold_array(19.0, 5.0) != threshold_array(19.0, 4.9)
+
+
 def test_array_form() -> None:
     out = threshold_array([[0, 2.5], [3, 19]], 5.0)
     assert np.isinf(out[0]).all()

@@ -118,6 +118,9 @@ def test_the_noise_of_a_reference_is_its_own_over_its_speckles():
     assert found.reference == pytest.approx(np.sqrt(8 * all_references / speckle), rel=1e-9)
     white = noise.white / (noise.terms["speckle"] + noise.terms["common_speckle"])
     assert found.programme == pytest.approx(np.sqrt(white), rel=1e-9)
+    # Two rolls halve the variance of both.
+    rolled = balance_of(replace(rates, variance_factor=0.5), t, n, gain, camera, one.strategy, programme)
+    np.testing.assert_allclose(np.array(rolled), np.array(found), rtol=1e-12)
 
 
 def test_what_cannot_be_projected_out_is_said(field):

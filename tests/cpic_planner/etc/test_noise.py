@@ -65,6 +65,15 @@ def test_the_solver_sees_the_noise_of_the_stack(library, mode):
         np.testing.assert_allclose(seen, getattr(noise, objective), rtol=1e-12)
 
 
+def test_the_noise_of_some_cases_is_theirs_without_terms():
+    rates, model = rates_of()
+    noise = stack_noise(rates, np.array([[[5.0]], [[7.0]]]), 40.0, 100.0, model.camera("F520"))
+    some = noise.at((1, 0, 0))
+    for name in ("signal_e", "quiet", "white", "speckle", "errors", "snr", "significance"):
+        assert getattr(some, name) == np.broadcast_to(getattr(noise, name), noise.snr.shape)[1, 0, 0]
+    assert some.terms == {}
+
+
 @pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_terms_add_up(library, mode):

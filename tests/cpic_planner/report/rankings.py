@@ -16,19 +16,10 @@ from cpic_planner.results import (
     SensitivityStar,
 )
 
+_BESIDE_A_STAR = ["shared_parallax", "companion_light_on", "companion_colour_assumed"]
 # name, HIP, V, type, distance (pc), RA, Dec (deg), companion (arcsec), flags; the one without a name is the hostile one
 STARS = [
-    (
-        "* alf Cen B",
-        71681,
-        1.33,
-        "K1V",
-        1.2548,
-        219.896,
-        -60.837,
-        10.0,
-        ["shared_parallax", "companion_light_on", "companion_colour_assumed"],
-    ),
+    ("* alf Cen B", 71681, 1.33, "K1V", 1.2548, 219.896, -60.837, 10.0, _BESIDE_A_STAR),
     ("* tau Cet", 8102, 3.50, "G8V", 3.650, 26.017, -15.937, None, []),
     ("* eps Eri", 16537, 3.73, "K2V", 3.216, 53.233, -9.458, None, []),
     ("* alf Cen A", 71683, 0.01, "G2V", 1.2548, 219.902, -60.834, 10.0, ["companion_light_unknown"]),
@@ -153,46 +144,24 @@ def ranking(hostile: str) -> RankResult:
 def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
     """The ranking under three other assumptions."""
     names = [row.name for row in rank.targets]
+    # assumption, text, planets found and stars compared with their correlations, kept, largest fall, best
+    told = [
+        ("drift_x2", "wavefront drift twice as large", (3, 0.42, 11, 0.9), (14, 7), (names[3], 6), names[1]),
+        ("t_opt_0.46", "optical throughput 0.46", (9, 0.91, 13, 0.95), (19, 9), (hostile, 2), names[0]),
+        ("same", "the same again", (7, None, 0, None), (20, 10), ("", 0), names[0]),
+    ]
     rows = [
         SensitivityRow(
-            assumption="drift_x2",
-            text="wavefront drift twice as large",
-            n_ok=3,
-            kendall_tau_b=0.42,
-            n_compared=11,
-            kendall_tau=0.9,
-            kept=14,
-            kept_first=7,
-            largest_fall=names[3],
-            largest_fall_ranks=6,
-            best=names[1],
-        ),
-        SensitivityRow(
-            assumption="t_opt_0.46",
-            text="optical throughput 0.46",
-            n_ok=9,
-            kendall_tau_b=0.91,
-            n_compared=13,
-            kendall_tau=0.95,
-            kept=19,
-            kept_first=9,
-            largest_fall=hostile,
-            largest_fall_ranks=2,
-            best=names[0],
-        ),
-        SensitivityRow(
-            assumption="same",
-            text="the same again",
-            n_ok=7,
-            kendall_tau_b=None,
-            n_compared=0,
-            kendall_tau=None,
-            kept=20,
-            kept_first=10,
-            largest_fall="",
-            largest_fall_ranks=0,
-            best=names[0],
-        ),
+            assumption=key,
+            text=text,
+            **dict(zip(("n_ok", "kendall_tau_b", "n_compared", "kendall_tau"), ranks, strict=True)),
+            kept=kept[0],
+            kept_first=kept[1],
+            largest_fall=fall[0],
+            largest_fall_ranks=fall[1],
+            best=best,
+        )
+        for key, text, ranks, kept, fall, best in told
     ]
     return SensitivityResult(
         config_hash="abc",
@@ -248,21 +217,10 @@ def explanation_of(rank: RankResult) -> Explanation:
             band="F850",
             status="saturated",
             reason="pixel_full_well",
-            contrast_limit=None,
-            snr=0.0,
-            significance=0.0,
-            detection_margin=0.0,
-            completeness=0.0,
-            time_s=None,
-            exposure_s=None,
-            n_frames=None,
-            em_gain=None,
-            exposure_limited_by="",
-            gain_limited_by="",
-            gain_caps={},
-            dominant="",
-            budget={},
-            remedies={},
+            **dict.fromkeys(("snr", "significance", "detection_margin", "completeness"), 0.0),
+            **dict.fromkeys(("contrast_limit", "time_s", "exposure_s", "n_frames", "em_gain")),
+            **dict.fromkeys(("exposure_limited_by", "gain_limited_by", "dominant"), ""),
+            **{key: {} for key in ("gain_caps", "budget", "remedies")},
             **common,
         ),
     ]

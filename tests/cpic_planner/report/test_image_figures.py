@@ -15,13 +15,13 @@ from cpic_planner.report.image_figures import (
     spectrum_figure,
     stack_scale,
 )
-from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import fit_albedo
 from cpic_planner.validation.albedo_fit import albedo_model
 from simulator.config import load_instrument, load_scene
 from simulator.imaging import HoleZone
 from simulator.passbands import Passbands
 from simulator.target import stellar_spectrum
+from tests.cpic_planner.measured import band
 
 
 def _panels(**changes):
@@ -211,15 +211,10 @@ def drawn_words(picture):
     return re.findall(r"<!-- (.*?) -->", base64.b64decode(picture.uri.split(",", 1)[1]).decode())
 
 
-def measured(planet, band, contrast):
-    return BandConfirmation(
-        band=band,
+def measured(planet, name, contrast):
+    return band(
+        name,
         planet=planet,
-        status="ok",
-        reason="",
-        message="",
-        separation_arcsec=0.5,
-        pa_deg=0.0,
         true_contrast=contrast,
         recovered_contrast=1.1 * contrast,
         contrast_error=0.2 * contrast,

@@ -7,7 +7,7 @@ import pytest
 from cpic_planner.report.confirm import programme_sentences
 from cpic_planner.report.known import lacking_lines
 from cpic_planner.report.words import unused_text
-from cpic_planner.results import BandConfirmation
+from tests.cpic_planner.measured import band
 
 HOUR = 3600.0
 
@@ -37,20 +37,8 @@ def test_unused_time_is_told_from_one_per_cent_on(rows, text):
     assert bool(unused_text(rows)) == bool(text)
 
 
-def measured(band, **more):
-    return BandConfirmation(
-        band=band,
-        status="ok",
-        reason="",
-        message="",
-        separation_arcsec=0.5,
-        pa_deg=315.0,
-        exposure_s=52.5,
-        visits=10,
-        frames_per_visit=28,
-        time_s=9.0 * HOUR,
-        **more,
-    )
+def measured(name, **more):
+    return band(name, exposure_s=52.5, visits=10, frames_per_visit=28, time_s=9.0 * HOUR, **more)
 
 
 def test_the_summary_of_a_scene_says_visits_planet_and_what_is_left():

@@ -144,37 +144,23 @@ def test_speed_ups(make):
     assert speed_ups(rows) == {"faint": pytest.approx(4000.0)}
 
 
+def errors(*numbers):
+    """Errors of flux and SNR, and how well they are known."""
+    return dict(zip(("flux_error", "snr_error", "flux_uncertainty", "snr_uncertainty"), numbers, strict=True))
+
+
 @pytest.fixture
 def result(make):
     rows = [
-        make.row(
-            "reference",
-            group="tier",
-            wall_s=12.0,
-            flux_error=0.0,
-            snr_error=0.0,
-            flux_uncertainty=0.0,
-            snr_uncertainty=0.0,
-        ),
+        make.row("reference", group="tier", wall_s=12.0, **errors(0.0, 0.0, 0.0, 0.0)),
         make.row(
             "etc",
             group="closed_form",
             wall_s=2e-3,
-            flux_error=0.004,
-            snr_error=-0.02,
-            flux_uncertainty=1e-9,
-            snr_uncertainty=0.003,
+            **errors(0.004, -0.02, 1e-9, 0.003),
             predicted_error={"planet_flux": 0.01},
         ),
-        make.row(
-            "standard",
-            group="tier",
-            wall_s=0.4,
-            flux_error=1e-12,
-            snr_error=1e-4,
-            flux_uncertainty=1e-9,
-            snr_uncertainty=8e-3,
-        ),
+        make.row("standard", group="tier", wall_s=0.4, **errors(1e-12, 1e-4, 1e-9, 8e-3)),
         make.row(
             "quick",
             group="tier",
@@ -186,26 +172,8 @@ def result(make):
             peak_memory_mb=None,
             flux_e=None,
         ),
-        make.row(
-            "wavelengths_1",
-            group="knob",
-            wall_s=3.0,
-            machine="elsewhere",
-            flux_error=-1e-3,
-            snr_error=-2e-3,
-            flux_uncertainty=1e-9,
-            snr_uncertainty=1e-4,
-        ),
-        make.row(
-            "reference",
-            group="tier",
-            scene="edge",
-            wall_s=6.0,
-            flux_error=0.0,
-            snr_error=0.0,
-            flux_uncertainty=0.0,
-            snr_uncertainty=0.0,
-        ),
+        make.row("wavelengths_1", group="knob", wall_s=3.0, machine="elsewhere", **errors(-1e-3, -2e-3, 1e-9, 1e-4)),
+        make.row("reference", group="tier", scene="edge", wall_s=6.0, **errors(0.0, 0.0, 0.0, 0.0)),
     ]
     return make.result(rows, speed_ups={"faint": 6000.0}, other_machines=[make.machine("elsewhere")])
 

@@ -3,19 +3,14 @@
 import numpy as np
 import pytest
 
-from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import PREDICTION_ERROR, calibrate, mean_snr, snr_scatter
 from cpic_planner.validation.verdict import MOST_ERROR, Calibration, calibration_of
+from tests.cpic_planner import measured as targets
 
 
 def band(predicted, recovered, error):
-    return BandConfirmation(
-        band="F520",
-        status="ok",
-        reason="",
-        message="",
-        separation_arcsec=0.5,
-        pa_deg=315.0,
+    return targets.band(
+        "F520",
         predicted_snr=predicted,
         predicted_significance=predicted,
         recovered_snr=recovered,
@@ -77,10 +72,7 @@ def test_bands_that_disagree_enlarge_the_error():
 
 
 def test_bands_without_a_measurement_are_passed_over():
-    empty = BandConfirmation(
-        band="F850", status="saturated", reason="adc_range", message="", separation_arcsec=0.5, pa_deg=0.0
-    )
-    assert calibrate([empty, band(10.0, 9.0, 0.3)]).n_bands == 1
+    assert calibrate([targets.refused("F850"), band(10.0, 9.0, 0.3)]).n_bands == 1
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from cpic_core import Outcome
-from cpic_planner.results import BandConfirmation
 from cpic_planner.validation import ConfirmTask, FrameStatistics, Measurement, Modelling, StarFlux, target_verdict
 from cpic_planner.validation.verdict import audit_of, confirmation_of
 from simulator.knobs import FIDELITIES, dial_of
 from simulator.ledger import EffectRow
+from tests.cpic_planner.measured import refused
 
 EXPECTED = {
     "contrast": 1e-8,
@@ -198,17 +198,15 @@ def test_a_target_in_words():
         answer(realisations(24)),
         answer(realisations(24, 0.7, lambda k: False)).model_copy(update={"band": "F850"}),
     )
-    refused = BandConfirmation(
-        band="F720", status="saturated", reason="adc_range", message="", separation_arcsec=0.5, pa_deg=0.0
-    )
-    text, factor, error = target_verdict([good, bad, refused])
+    never = refused("F720")
+    text, factor, error = target_verdict([good, bad, never])
     assert text.startswith("confirmed in F520; ETC")
     assert 1.0 < factor < 1.5
     assert error > 0
     assert target_verdict([bad])[0].startswith("seen at its known place, not confirmed blind; ETC optimistic by 4")
     unseen = bad.model_copy(update={"n_significant": 3})
     assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 4")
-    assert target_verdict([refused]) == ("not observed: adc_range", None, None)
+    assert target_verdict([never]) == ("not observed: adc_range", None, None)
     cut = answer(realisations(2), story=FrameStatistics(5, 0, 0.0, 0, 100))
     assert target_verdict([cut])[0].startswith("saturated")
     missed = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})

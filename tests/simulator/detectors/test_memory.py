@@ -3,18 +3,12 @@
 It runs in a process of its own, where the line is there before anything reads the chain.
 """
 
-from __future__ import annotations
-
-import json
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
 from simulator.camera import FrameNoise, VisibleCamera, stackable
 from simulator.config import load_instrument
 from simulator.detectors import Effect
+from tests.simulator.detectors.chained import told_by
 
 FRACTION, GAIN = 0.1, 20.0
 
@@ -22,11 +16,7 @@ FRACTION, GAIN = 0.1, 20.0
 @pytest.fixture(scope="module")
 def told():
     """What the program says with the effect in the chain."""
-    script = Path(__file__).with_name("with_afterglow.py")
-    command = [sys.executable, str(script), str(FRACTION), str(GAIN)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    return told_by("with_afterglow.py", FRACTION, GAIN)
 
 
 def test_frames_hold_what_comes_back(told):

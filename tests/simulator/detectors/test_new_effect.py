@@ -3,14 +3,9 @@
 It runs in a process of its own, where the line is there before anything reads the chain.
 """
 
-from __future__ import annotations
-
-import json
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
+
+from tests.simulator.detectors.chained import told_by
 
 RMS_E, GAIN = 400.0, 20.0
 
@@ -18,12 +13,7 @@ RMS_E, GAIN = 400.0, 20.0
 @pytest.fixture(scope="module")
 def told():
     """What the program says with the effect in the chain."""
-    script = Path(__file__).with_name("with_pattern_noise.py")
-    done = subprocess.run(
-        [sys.executable, str(script), str(RMS_E), str(GAIN)], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout)
+    return told_by("with_pattern_noise.py", RMS_E, GAIN)
 
 
 def test_it_is_configured(told):

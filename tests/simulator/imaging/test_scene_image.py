@@ -262,16 +262,6 @@ def test_a_kernel_at_pixel_centres_comes_back_and_between_them_is_the_optics():
     assert inside.min() >= 0
 
 
-def lopsided_of_transfer(band="F520", **knobs):
-    """An imager whose PSF has no symmetry: coma, random screens, and a pupil dark on one side."""
-    bare = bare_imager(load_instrument(), band, Knobs(**({"wavelength_nodes": 2} | knobs)))
-    n = len(bare.transmission)
-    u = (np.arange(n) + 0.5) / n * 2 - 1
-    screens = draw_aberrations(5, samples=n).plus_opd(60 * (3 * u**2 - 2) * u + 25 * (u**2)[:, None] * u[:, None])
-    amplitude = screens.amplitude * (1 - 0.4 * (u[:, None] > 0.2))
-    return dataclasses.replace(bare, static=dataclasses.replace(screens, amplitude=amplitude), jitter_arcsec=0.0)
-
-
 def resynthesised(transfer, y_arcsec, x_arcsec, y_axis, x_axis):
     """Intensity per steradian from all harmonics, by a plain sum."""
     values = transfer.values(y_axis, x_axis)
@@ -284,7 +274,7 @@ def resynthesised(transfer, y_arcsec, x_arcsec, y_axis, x_axis):
 
 
 def test_harmonics_give_back_the_intensity_wherever_the_axes_promise_it():
-    imager = lopsided_of_transfer()
+    imager = lopsided()
     transfer = BandTransfer(imager)
     rng = np.random.default_rng(0)
     peak = imager.intensity(np.zeros(1), np.zeros(1)).max() / imager.pixel_solid_angle_sr
@@ -299,7 +289,7 @@ def test_harmonics_give_back_the_intensity_wherever_the_axes_promise_it():
 
 
 def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
-    imager = lopsided_of_transfer(wavelength_nodes=1)
+    imager = lopsided(wavelength_nodes=1)
     transfer = BandTransfer(imager)
     axis = transfer.axis(-9.0, 9.0)
     values = transfer.values(axis, axis)
@@ -328,7 +318,7 @@ def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
 
 def test_fast_intensity_is_the_imagers():
     for knobs, tolerance in (({}, 1e-14), ({"precision": "single"}, 1e-6)):
-        imager = lopsided_of_transfer(**knobs)
+        imager = lopsided(**knobs)
         transfer = BandTransfer(imager)
         for y, x in (((-0.5, 0.7), (2.0, 3.1)), ((-0.5, 0.7), (-0.3, 0.8)), ((-0.4, 0.4), (-0.4, 0.4))):
             rows, columns = transfer.axis(*y), transfer.axis(*x)
@@ -341,7 +331,7 @@ def test_fast_intensity_is_the_imagers():
 
 
 def test_jitter_is_a_gaussian_factor():
-    still = lopsided_of_transfer()
+    still = lopsided()
     moving = dataclasses.replace(still, jitter_arcsec=0.012)
     axis = BandTransfer(moving).axis(-0.5, 0.5)
     ky = np.abs(np.fft.fftfreq(axis.count) * axis.count / axis.period_arcsec)
@@ -353,7 +343,7 @@ def test_jitter_is_a_gaussian_factor():
 
 
 def test_window_is_one_where_it_must_be_and_gone_at_the_end_of_the_period():
-    axis = BandTransfer(lopsided_of_transfer()).axis(-1.0, 2.0)
+    axis = BandTransfer(lopsided()).axis(-1.0, 2.0)
     samples, window = axis.samples_arcsec, axis.window
     assert axis.count % 2 == 1
     assert samples[0] == 0.0
@@ -378,7 +368,7 @@ def test_bell_integral_against_quadrature():
 
 
 def test_cutoff_and_lengths(refused):
-    imager = lopsided_of_transfer()
+    imager = lopsided()
     assert BandTransfer(imager).cutoff_per_arcsec == pytest.approx(
         2.0 / imager.wavelengths_m.min() * np.pi / 180 / 3600, rel=1e-12
     )

@@ -13,6 +13,7 @@ from simulator.imaging.drift import screen_model
 from simulator.signal import (
     ProgrammeLaw,
     SpeckleLaw,
+    annulus_floor,
     drift_halo,
     error_light_share,
     error_variance_nm2,
@@ -21,7 +22,7 @@ from simulator.signal import (
     speckle_law,
     unit_parts,
 )
-from simulator.signal.speckles import LOW_ORDER_SQUARE
+from simulator.signal.speckles import LOW_ORDER_SQUARE, _annulus_table
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
@@ -229,6 +230,30 @@ def test_a_calm_orbit_changes_nothing_and_drift_scales_as_a_whole():
         assert larger.law(3).variance(3600.0) == pytest.approx(power * part.law(3).variance(3600.0), rel=1e-12)
     whole = programme_law(metrics, settings, 0.6, 1.5, timing=timing).law(3).variance(3600.0)
     assert whole == pytest.approx(sum(part.law(3).variance(3600.0) for part in one), rel=1e-12)
+
+
+def test_residuals_beside_each_other_add_up():
+    law, alone = orbital_laws("half", orbital_nm=0.3)
+    turned, still = law._replace(turned=law.common.scaled(3.0)), alone._replace(turned=None)
+    for one, two in ((turned, turned), (turned, still), (still, turned), (still, still)):
+        found = one.beside(two)
+        for visits in (1, 2, 5):
+            expected = one.law(visits).variance(3600.0) + two.law(visits).variance(3600.0)
+            assert found.law(visits).variance(3600.0) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_floor_of_an_annulus_follows_its_table_to_both_ends():
+    metrics = MODEL.metrics["F662"]
+    metrics = replace(metrics, floor_separation_arcsec=0.3 * metrics.floor_separation_arcsec)  # it falls from the first
+    first, step, *tables = _annulus_table(metrics, 1.5)
+    assert all(abs(rise[0]) > 1e-6 for _, rise in tables)
+    last = metrics.owa_arcsec
+    assert first == pytest.approx(0.5 * metrics.hole_inner_corner_arcsec, rel=1e-12)
+    count = len(tables[0][0])
+    assert first + (count - 1) * step == pytest.approx(last, rel=1e-12)
+    rows = np.array([-3.0, 0.0, 0.25, 0.75, 1.5, count - 2.25, count - 1.75, count - 1.25, count - 1.0, count + 4.0])
+    for found, (logs, _) in zip(annulus_floor(metrics, 1.5, first + rows * step), tables, strict=True):
+        np.testing.assert_allclose(np.log(found), np.interp(rows, np.arange(count), logs), atol=1e-9)
 
 
 def test_the_parts_of_any_sum_are_factors_of_its_variances():
