@@ -580,9 +580,14 @@ def near_top(rank: IntArray, margin: FloatArray, top: int) -> BoolArray:
     top : int
         Ranks that count.
     """
+    return _earlier(rank, margin) <= POOL * top
+
+
+def _earlier(rank: IntArray, margin: FloatArray) -> IntArray:
+    """Return the rank by score or by the reference planet's margin, whichever comes first."""
     by_margin = np.empty(len(rank), np.int64)
     by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)
-    return np.minimum(rank, by_margin) <= POOL * top
+    return np.minimum(rank, by_margin)
 
 
 def sensitivity(
@@ -860,8 +865,9 @@ def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, ch
     draws = [{key: float(values[i]) for key, values in drawn.items()} for i in range(choice.n_instruments)]
     rows, row_of = Rows.held(result.targets), {name: i for i, name in enumerate(targets.name.tolist())}
     order = np.array([row_of[name] for name in rows.columns["name"].tolist()])
+    earlier = _earlier(rows.columns["rank"], rows.columns["detection_margin"])
     first = np.zeros(len(targets), bool)
-    first[order] = _first(rows.columns["rank"], rows.columns["detection_margin"], MOST_RANKED)
+    first[order[np.argsort(earlier, kind="stable")[:MOST_RANKED]]] = True
     found, whole = _ranked_by_all(setting, targets, choice, draws, first)
     pool = np.array([row_of[name] for name in found.names.tolist()])
     columns = {name: np.array(values)[order] for name, values in _columns(found, whole, pool).items()}
@@ -870,16 +876,6 @@ def with_ensemble(result: RankResult, setting: RankSetting, targets: Targets, ch
     asked = {"rank": result.config_hash, "ensemble": choice.ensemble.model_dump(mode="json"), "seed": choice.seed}
     digest = content_hash(asked | {"n_instruments": choice.n_instruments})
     return result.model_copy(update={"targets": shown, "ensemble": record, "config_hash": digest})
-
-
-def _first(rank: IntArray, margin: FloatArray, most: int) -> BoolArray:
-    """Return the stars that come first by nominal rank or by the reference planet's margin."""
-    by_margin = np.empty(len(rank), np.int64)
-    by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)
-    order = np.argsort(np.minimum(by_margin, rank), kind="stable")[:most]
-    chosen = np.zeros(len(rank), bool)
-    chosen[order] = True
-    return chosen
 
 
 def _ranked_by_all(

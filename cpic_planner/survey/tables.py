@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -102,24 +102,17 @@ class ResultStore:
         """Return nothing but that the part was whole when this store was first asked; None if it was not."""
         return {} if key in self._kept else None
 
-    def save_part(self, key: str, body: Mapping[str, Mapping[str, ArrayLike]]) -> dict[str, Any]:
+    def save_part(self, key: str, body: bytes | Mapping[str, Mapping[str, ArrayLike]]) -> dict[str, Any]:
         """Store one part whole; one of the same key is replaced. Rows stay on disk: returns nothing of them.
 
         Parameters
         ----------
         key : str
             Key of the part.
-        body : mapping
-            For every table its columns, arrays of one length (which may be 0); Arrow refuses what does not fit.
+        body : bytes or mapping
+            What `packed` makes, or is given.
         """
-        import pyarrow as pa
-
-        sink = io.BytesIO()
-        for name, table in self._tables.items():
-            arrays = [pa.array(body[name][field.name], field.type) for field in table.schema]
-            with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as stream:
-                stream.write_table(pa.table(arrays, schema=table.schema))
-        self._folder.save_blob(key, sink.getvalue())
+        self._folder.save_blob(key, body if isinstance(body, bytes) else packed(self._tables.values(), body))
         return {}
 
     def read(self, table: str) -> dict[str, NDArray[Any]]:
@@ -174,7 +167,7 @@ class ResultStore:
         for path in self._folder.blob_paths():
             key, content = self._folder.read_blob(path)
             keys.add(key)
-            source = io.BytesIO(content)  # one stream of Arrow after another
+            source = io.BytesIO(content)
             for name, table in self._tables.items():
                 rows = pa.ipc.open_stream(source).read_all()
                 if not rows.schema.equals(table.schema):
@@ -192,6 +185,25 @@ class ResultStore:
         texts = [item.name for item in table.columns if item.dtype == "string"]
         pq.write_table(rows, sink, use_dictionary=texts, **_FORMAT)
         return sink.getvalue()
+
+
+def packed(tables: Iterable[Table], body: Mapping[str, Mapping[str, ArrayLike]]) -> bytes:
+    """Return a part as it is stored: one stream of Arrow after another.
+
+    Parameters
+    ----------
+    tables : iterable of Table
+    body : mapping
+        For every table its columns, arrays of one length (which may be 0); Arrow refuses what does not fit.
+    """
+    import pyarrow as pa
+
+    sink = io.BytesIO()
+    for table in tables:
+        arrays = [pa.array(body[table.name][field.name], field.type) for field in table.schema]
+        with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as stream:
+            stream.write_table(pa.table(arrays, schema=table.schema))
+    return sink.getvalue()
 
 
 def _by_key(table: Table, parts: Sequence[Any]) -> Any:

@@ -31,7 +31,7 @@ from cpic_planner.survey.outcome import (
 from cpic_planner.survey.prepare import Ground, Prepared, imaged_model, planned, read_ground
 from cpic_planner.survey.simulate import TOGETHER, Survey, block_tasks, simulate_survey, survey_counts
 from cpic_planner.survey.strategy import FILES, StrategiesConfig, sources_of
-from cpic_planner.survey.tables import TABLES, ResultStore
+from cpic_planner.survey.tables import TABLES, ResultStore, packed
 from cpic_planner.survey.universe import BLOCK, NEW, albedos_of, chance
 from cpic_planner.survey.visibility import utc_of
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
@@ -228,12 +228,11 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     )
 
 
-def simulate_block(
-    surveys: tuple[Survey, ...], which: int, block: range, n: int, seed: int
-) -> Mapping[str, Mapping[str, Any]]:
-    """Work on one task: rows of one strategy in some blocks of universes."""
+def simulate_block(surveys: tuple[Survey, ...], which: int, block: range, n: int, seed: int) -> bytes:
+    """Work on one task: rows of one strategy in some blocks of universes, packed where they are made."""
     survey = surveys[which]
-    return simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block.start * BLOCK)
+    rows = simulate_survey(survey, block=block, n=n, seed=seed).rows(survey.strategy.name, block.start * BLOCK)
+    return packed(TABLES, rows)
 
 
 def whatif_job(config: StrategiesConfig, *, n_images: int = 0, pages: bool = True) -> Job[WhatIfResult]:
