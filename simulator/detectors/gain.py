@@ -81,7 +81,7 @@ def generating_function(z: ComplexArray, probability: float, stages: int) -> Com
     """
     value = z.copy()
     # In parts that stay in the cache of the processor through all stages.
-    flat = value.reshape(-1)
+    flat = value.ravel()  # the same memory, as a copy lies in one piece
     for part in np.array_split(flat, flat.size // _PART + 1):
         more = np.empty_like(part)
         for _ in range(stages):

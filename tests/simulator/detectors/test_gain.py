@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.stats import binom, gamma
 
-from cpic_core import stream
+from cpic_core import InputError, stream
 from simulator.detectors import excess_noise_factor2, generating_function, stage_probability
 from simulator.detectors.gain import (
     MAX_ENTRIES,
@@ -469,3 +469,12 @@ def test_voltages_grow_with_gain_and_temperature() -> None:
     assert voltage.shape == (100, 31)
     assert (np.diff(voltage, axis=0) > 0).all()
     assert (np.diff(voltage, axis=1) > 0).all()
+
+
+@pytest.mark.parametrize(("temperature_k", "inside"), [(119.9, False), (120, True), (320, True), (320.1, False)])
+def test_temperatures_from_120_to_320_kelvin_have_a_voltage(temperature_k, inside) -> None:
+    if inside:
+        assert np.isfinite(em_voltage_of(10.0, temperature_k))
+    else:
+        with pytest.raises(InputError, match=r"temperature_k = .* K.*120 to 320"):
+            em_voltage_of(10.0, temperature_k)
