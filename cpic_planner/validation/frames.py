@@ -624,6 +624,9 @@ def reject_cosmic_rays(
     pedestal_e: ArrayLike = 0.0,
     stages: int = 604,
     gain_e_adu: float = 0.0,
+    false_alarm: float = FALSE_ALARM,
+    drift: float = DRIFT,
+    grow: bool = True,
 ) -> Rejection:
     """Find the pixel-frames that cosmic rays hit.
 
@@ -643,6 +646,12 @@ def reject_cosmic_rays(
         Stages of the register; 0 without one.
     gain_e_adu : float, optional
         Electrons per ADU at the output: rounding of the converter.
+    false_alarm : float, optional
+        Largest chance of taking a pixel-frame without a hit for one, above 0 and below 0.1.
+    drift : float, optional
+        Fraction by which the light of a pixel may rise in a frame over its mean, 0 to 10.
+    grow : bool, optional
+        Whether the eight neighbours of a hit pixel in the same frame go with it.
 
     Returns
     -------
@@ -663,7 +672,7 @@ def reject_cosmic_rays(
     leave 1.6 % of it in the next row and column each, so that the neighbours hold what the limit lets through. They go
     whatever they hold: that takes light out of no mean.
 
-    On clean frames of 0.01 to 1e4 e- at gains 1 to 1000 the chance of a false hit is 2e-7 at most; the
+    On clean frames of 0.01 to 1e4 e- at gains 1 to 1000 the chance of a false hit is 0.2 ``false_alarm`` at most; the
     mean loses less than 1e-3 of itself or, where read noise rules, 1e-6 of that.
 
     Particles that cross a layer of 14 um (the ``physical`` model) are found in every aperture from gain 20 on. At gain
@@ -674,8 +683,10 @@ def reject_cosmic_rays(
         ("em_gain", em_gain, 1.0, 1e4),
         ("read_noise_e", read_noise_e, 0.0, 1e6),
         ("gain_e_adu", gain_e_adu, 0.0, 1e6),
+        ("drift", drift, 0.0, 10.0),
     ):
         require(key, value, math.isfinite(value) and low <= value <= high, "", f"{low:g} to {high:g}")
+    require("false_alarm", false_alarm, 0.0 < false_alarm < 0.1, "", "above 0 and below 0.1")
     n_frames, hit = len(data), np.zeros(data.shape, dtype=np.bool_)
     if n_frames < 2:
         return Rejection(hit, 0)
@@ -688,14 +699,14 @@ def reject_cosmic_rays(
     total = np.einsum("nyx,nyx->yx", data, good).reshape(-1)
     count = np.count_nonzero(good, axis=0).reshape(-1)
     offset = pedestal.reshape(-1)
-    law = PixelLaw(em_gain, stages, sigma, FALSE_ALARM)
+    law = PixelLaw(em_gain, stages, sigma, false_alarm)
     active = np.flatnonzero(count >= 2)
     for _ in range(_MOST_PASSES):
         limit = np.empty(active.size)
         for number in np.unique(count[active]):
             same = count[active] == number
             where = active[same]
-            limit[same] = law.limit_beside_others(total[where] + number * offset[where], int(number), DRIFT)
+            limit[same] = law.limit_beside_others(total[where] + number * offset[where], int(number), drift)
         columns = slice(None) if active.size == total.size else active  # a choice of columns is a copy
         above = (tested[:, columns] > limit - offset[active]) & counted[:, columns] & ~flat[:, columns]
         changed = above.any(axis=0)
@@ -709,7 +720,7 @@ def reject_cosmic_rays(
         active = active[changed]
         active = active[count[active] >= 2]
     n_hit = int(np.count_nonzero(hit))
-    return Rejection(grown(hit) if n_hit else hit, n_hit)
+    return Rejection(grown(hit) if grow and n_hit else hit, n_hit)
 
 
 def rejected_in(frames: CalibratedFrames) -> Rejection:

@@ -42,7 +42,7 @@ from simulator.imaging.light_expansion import (
 )
 from simulator.imaging.measure import matched_kernel as matched_kernel, visit_responses as visit_responses
 from simulator.imaging.metrics import PsfMetrics as PsfMetrics
-from simulator.imaging.psf import Psf as Psf, single_band_psf as single_band_psf
+from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
 from simulator.imaging.pupil import shipped_file as shipped_file
 from simulator.imaging.sampling import centred_axis as centred_axis, pixel_axis as pixel_axis
 from simulator.imaging.store import (

@@ -7,20 +7,43 @@ from typing import get_args
 import numpy as np
 
 from catalogs import Spectrum
-from cpic_core import FloatArray, InputError, Keyed, Record, check_word, numeric_context
+from cpic_core import FloatArray, InputError, Keyed, Record, check_word, numeric_context, overlap_weights
 from simulator.config import Instrument, InstrumentLike, load_instrument
+from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.build import build_imager, hole_state_of
 from simulator.imaging.imager import Engine, Imager
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.sampling import centred_axis
 from simulator.imaging.scene_image import BandTransfer, PointSources, scene_image
 from simulator.imaging.zones import BandGeometry, HoleStatus
-from simulator.knobs import Knobs
+from simulator.knobs import FIDELITIES, Knobs
 from simulator.target import stellar_spectrum
 
 LARGE_STAMP_PIXELS = 401
 N_KEPT = 12  # of optical models with their stamps, some 3 MB each
 KEPT_PUPIL = 256**2  # most samples of a pupil that is kept
+
+
+class PsfError(Record):
+    """Estimated numerical error of a PSF: its difference from the reference settings.
+
+    Attributes
+    ----------
+    tier : str
+        ``quick``, ``standard``, ``reference``, or ``custom``.
+    peak, aperture : float
+        Relative errors of the peak pixel and of the light in the photometric aperture, unmasked source.
+    hole_mean : float
+        Relative error of the mean starlight in the dark hole.
+    hole_rms : float
+        Rms error of the pixels in the hole, in raw contrast.
+    """
+
+    tier: str
+    peak: float
+    aperture: float
+    hole_mean: float
+    hole_rms: float
 
 
 class Psf(Record, eq=False):
@@ -102,6 +125,25 @@ class Psf(Record, eq=False):
         """Whether the dark hole of these images is as dark as asked; see `simulator.imaging.build.hole_state_of`."""
         light = self.on_axis[self.geometry.hole]
         return hole_state_of(self.instrument, self.band, float(light.mean() / self.off_axis.max()))
+
+    @functools.cached_property
+    @numeric_context()
+    def estimated_error(self) -> PsfError:
+        """How far these stamps are from those at reference settings; about half a second."""
+        finer = FIDELITIES["reference"].model_copy(update={"stamp_pixels": self.knobs.stamp_pixels})
+        best = single_band_psf(self.band, fidelity=finer, instrument=self.instrument, spectrum=self.spectrum)
+        weights = overlap_weights(self.imager.aperture_radius_arcsec / self.pixel_scale_arcsec)
+        middle = len(self.off_axis) // 2
+        cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
+        peak, hole = float(best.off_axis.max()), self.geometry.hole
+        difference = (self.on_axis - best.on_axis)[hole] / peak
+        return PsfError(
+            tier=self.knobs.tier,
+            peak=abs(float(self.off_axis.max()) / peak - 1.0),
+            aperture=abs(float(cores[0] / cores[1]) - 1.0),
+            hole_mean=abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0),
+            hole_rms=float(np.sqrt((difference**2).mean())),
+        )
 
     @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float, *, margin_pixels: int | None = None) -> FloatArray:

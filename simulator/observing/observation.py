@@ -345,6 +345,11 @@ class Observation(sequence.FrameSequence, eq=False):
     tolerance: float = field(default=0.0, kw_only=True)
     choice: Choice | None = field(default=None, kw_only=True)
 
+    @property
+    def estimated_error(self) -> imaging.PsfError | None:
+        """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
+        return None if isinstance(self.psf, imaging.ExternalPsf) else self.psf.estimated_error
+
     def at_visit(self, number: int) -> "Observation":
         """Return the same observation in another visit of its programme, with a wavefront and noise of its own.
 

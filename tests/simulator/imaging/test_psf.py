@@ -222,6 +222,22 @@ def test_standard_settings_agree_with_the_reference(psfs, references, band):
     assert np.sqrt(((hole[0] - hole[1]) ** 2).mean()) < 5e-11
 
 
+def test_estimated_error_is_the_difference_from_the_reference(psfs, references):
+    standard, reference = psfs["F520"], references["F520"]
+    error = standard.estimated_error
+    assert error.tier == "standard"
+    assert error.aperture <= 1e-4
+    cores = [core_of(psf.off_axis, psf) for psf in (standard, reference)]
+    assert error.aperture == pytest.approx(abs(cores[0] / cores[1] - 1), rel=0.05)
+    assert error.peak == pytest.approx(abs(standard.off_axis.max() / reference.off_axis.max() - 1), rel=1e-6)
+    hole = [psf.on_axis[standard.metrics.hole] for psf in (standard, reference)]
+    assert error.hole_mean == pytest.approx(abs(hole[0].mean() / hole[1].mean() - 1), rel=1e-6)
+    rms = np.sqrt(((hole[0] - hole[1]) ** 2).mean()) / reference.off_axis.max()
+    assert error.hole_rms == pytest.approx(rms, rel=1e-6)
+    error = reference.estimated_error
+    assert (error.tier, error.peak, error.aperture, error.hole_mean, error.hole_rms) == ("reference", 0, 0, 0, 0)
+
+
 def test_quick_is_good_for_a_look(references):
     quick = single_band_psf("F520", fidelity="quick", instrument=INSTRUMENT)
     reference = references["F520"]

@@ -212,7 +212,9 @@ def test_a_psf_from_a_file_is_used_as_it_is(refused, tmp_path):
     ours, theirs = (observe(scene(planet(45)), psf=psf, **settings) for psf in (None, kernel))
     assert theirs.light.epochs == 1
     assert theirs.header["FIDELITY"] == "external"
-    assert ours.header["FIDELITY"] == "standard"
+    assert theirs.estimated_error is None
+    assert ours.estimated_error.tier == ours.header["FIDELITY"] == "standard"
+    assert ours.estimated_error.aperture < 1e-4
     assert np.abs(ours.mean_rate_map - theirs.mean_rate_map).max() < 0.02 * ours.mean_rate_map.max()
     refused("psf", observe, scene(), band="F520", exposure_s=1.0, psf=kernel)
     refused("scene_model", observe, scene(), band="F520", exposure_s=1.0, scene_model="fast")
