@@ -24,6 +24,7 @@ from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, calle
 from cpic_planner.queries.etc import PLACES
 from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
 from cpic_planner.targets import Targets, find_target
+from simulator.target import albedo_source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -326,7 +327,9 @@ def best_places(
     best: dict[str, list[float]] = {band: [] for band in bands}
     questions.check_levels(question.snr, question.sigma, largest=1e3 if question.contrast_limit else 1e6)
     for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
-        for cases in _on_grids(model, star, tuple(bands), planet, contrast, question.exposure_s, question.em_gain):
+        light = albedo_source(planet.albedo)  # another one where its file has been written anew
+        how = question.exposure_s, question.em_gain
+        for cases in _on_grids(model, star, tuple(bands), planet, light, contrast, *how):
             cost = _cost(question, model, cases.asked_for(snr=question.snr, sigma=question.sigma))
             for band, there, own in zip(cases.bands, cases.planets, cost, strict=True):
                 best[band].append(float(there.separation_arcsec[int(np.argmin(own))]))
@@ -339,11 +342,15 @@ def _on_grids(
     star: Targets,
     bands: tuple[str, ...],
     planet: ReferencePlanet,
+    light: object,
     contrast: float | None,
     exposure_s: float | None,
     em_gain: float | None,
 ) -> list[etc.Cases]:
-    """Return the cases of a planet at all separations of the bands; kept, as who asks about a star asks again."""
+    """Return the cases of a planet at all separations of the bands; kept, as who asks about a star asks again.
+
+    What its albedo is at present, ``light``, is in the key alone.
+    """
     grids = {band: etc.separation_grid(model, band) for band in bands}
     most = max(len(grid) for grid in grids.values())
     grids = {band: np.pad(grid, (0, most - len(grid)), "edge") for band, grid in grids.items()}

@@ -32,3 +32,15 @@ def test_light_along_the_diagonal_is_worked_out_once():
     exposure_time("eps Eri", snr=3.0, bands="F662", planet_radius_rjup=0.5)
     exposure_time("eps Eri", snr=3.0, bands="F662", drift_nm=0.2)
     assert one_star._on_grids.cache_info().misses == 3
+
+
+def test_an_albedo_whose_file_is_written_anew_is_another_planet(tmp_path):
+    """A planet that shines in the blue alone, and one that does in the red alone."""
+    file = tmp_path / "albedo.csv"
+    one_star._on_grids.cache_clear()
+    for misses, (blue, red) in enumerate(((0.5, 0.1), (0.1, 0.5)), start=1):
+        rows = (f"{nm},{blue if nm < 600 else red}" for nm in range(400, 1100, 10))
+        file.write_text("wavelength_nm,albedo\n" + "\n".join(rows) + "\n")
+        answers = exposure_time("tau Cet", snr=5.0, bands=["F520", "F850"], planet={"albedo": str(file)})
+        assert (answers[0].contrast > answers[1].contrast) == (blue > red)
+        assert one_star._on_grids.cache_info().misses == misses
