@@ -72,7 +72,7 @@ from simulator.target import sin_phase
 
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 _ROUNDING = 1e-12
-_LEVEL_STEPS, _SAME, _STILL, _NEARLY = 60, 1e-10, 1e-10, 0.99
+_LEVEL_STEPS, _SAME, _STILL = 60, 1e-10, 1e-10
 _HAIR, _ABOUT = 1e-14, 1e-6
 _NEAR = math.log(2.0)
 _SHORT, _ENDLESS_S = 0.98, 1e15
@@ -744,7 +744,7 @@ class Cases(Record, eq=False):
         programme = self.programme_of(visits, wall_s)
         problem = self.problem(programme=programme)
         made = problem, self.level(programme, problem)
-        if self.model.strategy.n_modes == 0 and self.model.instrument.drift.correlation_time_h == 0.0:
+        if not self.by_length:
             vars(self)["_visits"] = visits, made
         return made
 
@@ -758,13 +758,18 @@ class Cases(Record, eq=False):
             Modes are those of visits that are nearly as long: enough to compare programmes.
         """
         many, modes = np.asarray(visits, float), self.model.strategy.n_modes > 0
-        if modes and not about:
-            return self._solved_with_modes(many)
+        if self.by_length and not (about and modes):
+            return self._solved_by_length(many)
         wall_s = self.model.time_s(self.by_mean.solved(many)[0]) if modes else np.array(np.inf)
-        for _ in range(4 if modes or self.model.instrument.drift.correlation_time_h > 0.0 else 1):
+        for _ in range(4 if modes else 1):
             visit, level = self._shortest(many, wall_s, about=about)
             wall_s = self.model.time_s(visit)
         return visit, level
+
+    @property
+    def by_length(self) -> bool:
+        """Tell whether a programme follows the length of its visits: modes, and visits that remember each other, do."""
+        return self.model.strategy.n_modes > 0 or self.model.instrument.drift.correlation_time_h > 0.0
 
     @functools.cached_property
     def by_mean(self) -> Self:
@@ -774,11 +779,12 @@ class Cases(Record, eq=False):
         strategy = self.model.strategy.model_copy(update={"n_modes": 0})
         return self._with(model=replace(self.model, strategy=strategy), _single={})
 
-    def _solved_with_modes(self, visits: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the shortest visits where modes follow their length, and the level."""
-        # About as long as with the modes of references without noise, or without modes.
-        endless_s = self._shortest(visits, np.array(np.inf))[0]
-        visit_s = np.minimum(endless_s, self.by_mean.solved(visits)[0])
+    def _solved_by_length(self, visits: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the shortest visits of programmes that follow their length, and the level."""
+        # About as long as with the modes of references without noise and visits far apart, or without modes.
+        visit_s = self._shortest(visits, np.array(np.inf))[0]
+        if self.by_mean is not self:
+            visit_s = np.minimum(visit_s, self.by_mean.solved(visits)[0])
 
         def reaching(start_s: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
             start_s = np.where(wanted, start_s, 1.0)
@@ -968,16 +974,15 @@ class Cases(Record, eq=False):
 
     def at_level(self, visits: FloatArray) -> "Solution":
         """Return the quickest frames of so many visits that reach the level, which may depend on them."""
-        if self.model.strategy.n_modes:
+        if self.by_length:
             return self._by_length(visits, self.solved(visits)[0])
-        alike = self.model.instrument.drift.correlation_time_h == 0.0
-        if self.steady and alike:
+        if self.steady:
             programme = Programme.of(self.model.strategy, visits)
             problem = self.problem(programme=programme)
             level = np.full(visits.shape, float(self.value or 1.0))
             return Solution(self.in_programme(programme), problem, least_time(problem, level), level)
         visit_s, level = self.solved(visits)
-        found = self._by_frames(visits, visit_s, level, 1 if alike else _LEVEL_STEPS)
+        found = self._by_frames(visits, visit_s, level)
         lost = np.isfinite(visit_s) & ~(found.choice.inverse_snr2 * found.level**2 <= 1.0 + 10.0 * _SAME)
         if not lost.any():
             return found
@@ -1006,25 +1011,18 @@ class Cases(Record, eq=False):
         none = np.zeros_like(choice.n_frames)
         return replace(found, choice=choice.where(~lost, replace(choice, n_frames=none, visit_s=none)))
 
-    def _by_frames(self, visits: FloatArray, visit_s: FloatArray, level: FloatArray, rounds: int) -> "Solution":
-        """Return the quickest frames for a level that follows them, in programmes with the gaps of these visits.
+    def _by_frames(self, visits: FloatArray, visit_s: FloatArray, level: FloatArray) -> "Solution":
+        """Return the quickest frames for a level that follows them.
 
         Parameters
         ----------
         visits : ndarray
         visit_s, level : ndarray
             Where frames need not be whole; ``inf`` where no length reaches the level.
-        rounds : int
-            Gaps follow the visits: at most so often.
         """
-        wall_s, about_s = self.model.time_s(visit_s), visit_s if rounds == 1 else visit_s * _NEARLY
-        for _ in range(rounds):
-            programme = Programme.of(self.model.strategy, visits, wall_s)
-            problem = self.problem(programme=programme)
-            choice, last_s = least_time(problem, self.level(programme, problem), about_s), wall_s
-            wall_s = np.where(choice.n_frames >= 1, self.model.time_s(choice.visit_s), wall_s)
-            if np.allclose(wall_s, last_s, rtol=_STILL, atol=0.0):
-                break
+        programme = Programme.of(self.model.strategy, visits, self.model.time_s(visit_s))
+        problem = self.problem(programme=programme)
+        choice = least_time(problem, self.level(programme, problem), visit_s)
         level = np.where(choice.n_frames >= 1, self.level_of(programme, problem, choice), level)
         return Solution(self.in_programme(programme), problem, choice, level)
 

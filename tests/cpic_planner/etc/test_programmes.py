@@ -423,3 +423,18 @@ def test_visits_that_follow_each_other_at_once_are_fewer_independent_ones():
         assert answer.independent_visits == pytest.approx(1.0 / np.exp(-lags / 6.0).mean(), rel=2e-3)
     free = questions.signal_to_noise(model_of(visits=8), STARS["tau Cet"], time_s=8 * 3600.0, **FOR_VISITS)[0]
     assert free.independent_visits == 8.0
+
+
+@pytest.mark.parametrize("tau_h", [1.0, 20.0])
+def test_visits_that_remember_each_other_are_planned_with_their_own_gaps(tau_h):
+    """The limiting contrast of a time is reached in it; by brute force, no lengths of more or fewer visits are quicker."""
+    model, place = model_of({"correlation_time_h": tau_h}), {"separation_arcsec": 0.6, "bands": ["F520"]}
+    limit = questions.contrast_limit(model, STARS["tau Cet"], time_s=36000.0, **place)[0]
+    given = place | {"contrast": limit.value * (1.0 + 1e-7)}
+    found = questions.exposure_time(model, STARS["tau Cet"], detect=True, **given)[0]
+    assert found.time_s <= 36000.0 * (1.0 + 1e-6)
+    for visits in (*range(1, 40, 7), found.visits):
+        for share in np.geomspace(0.2, 0.995, 8):
+            tried = model_of({"correlation_time_h": tau_h}, visits=int(visits))
+            answer = questions.signal_to_noise(tried, STARS["tau Cet"], time_s=share * found.time_s, **given)[0]
+            assert answer.verdict != "detected", (visits, share)
