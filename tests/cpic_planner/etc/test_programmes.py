@@ -427,7 +427,7 @@ def test_visits_that_follow_each_other_at_once_are_fewer_independent_ones():
 
 @pytest.mark.parametrize("tau_h", [1.0, 20.0])
 def test_visits_that_remember_each_other_are_planned_with_their_own_gaps(tau_h):
-    """The limiting contrast of a time is reached in it; by brute force, no lengths of more or fewer visits are quicker."""
+    """The limiting contrast of a time is reached in it, and by brute force not sooner, in however many visits."""
     model, place = model_of({"correlation_time_h": tau_h}), {"separation_arcsec": 0.6, "bands": ["F520"]}
     limit = questions.contrast_limit(model, STARS["tau Cet"], time_s=36000.0, **place)[0]
     given = place | {"contrast": limit.value * (1.0 + 1e-7)}
