@@ -59,7 +59,7 @@ PLACES = (
     "simulator/presets/instrument",
     "catalogs/data",
     "simulator/products/data",
-    *(f"cpic_planner/presets/{kind}" for kind in ("population", "strategy", "visibility")),
+    *(f"cpic_planner/presets/{kind}" for kind in ("population", "strategy")),
 )
 YAML = [path for place in PLACES for path in (ROOT / place).rglob("*.yaml")]
 """Documents that ship as JSON too, of what answers within a second asks; the others are long, and their answers too."""
