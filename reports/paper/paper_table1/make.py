@@ -20,7 +20,7 @@ from tools.report_parts import columns, png, table
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2]))
 
-from reports.paper.paper_table1 import searched  # noqa: E402 (found by the line before)
+from reports.paper.paper_table1 import search, searched  # noqa: E402 (found by the line before)
 from reports.paper.paper_table1.figures import (  # noqa: E402
     PAPER,
     panels_figure,
@@ -159,7 +159,7 @@ def report(found: list[Measured], more: list[Measured], remarks: list[str], trie
     ratios = [predicted(one.case).snr / PAPER[one.case.band][1] for one in found]
     alike = [predicted(one.case, contrast=PAPER[one.case.band][0]).snr / PAPER[one.case.band][1] for one in found]
     by_calculator = [predicted(one.case, contrast=PAPER[one.case.band][0]).snr_paper for one in found]
-    own = float(np.abs(tried.readings[0].over * searched.SNR / by_calculator - 1.0).max())
+    own = float(np.abs(tried.readings[0].over * search.SNR / by_calculator - 1.0).max())
     share = [2.0 * (part := predicted(one.case)).terms["read_noise"] / part.variance_e2 for one in found]
     bands = [config.band(one.case.band) for one in found]
     area = "/".join(f"{config.aperture_pixels(one.case.band):.0f}" for one in found)
