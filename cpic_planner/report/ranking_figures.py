@@ -396,10 +396,11 @@ def _draw_bars(axes: Axes, bars: Sequence[results.EnsembleBar], nominal: float) 
     for at, bar in enumerate(bars):
         for value, text, colour in ((bar.planets_low, bar.low, _LOW), (bar.planets_high, bar.high, _HIGH)):
             axes.barh(at, value - nominal, left=nominal, height=0.6, color=colour)
-            side, spaced = ("left", f" {text}") if value >= nominal else ("right", f"{text} ")
+            upper = value == max(bar.planets_low, bar.planets_high)
+            side, spaced = ("left", f" {text}") if upper else ("right", f"{text} ")
             axes.annotate(literal(spaced), (value, at), fontsize=7.0, va="center", ha=side, color=_INK)
     axes.axvline(nominal, color=_INK, lw=1.0)
     drawing.name_rows(axes, [literal(bar.label) for bar in bars])
     ends = [value for bar in bars for value in (bar.planets_low, bar.planets_high)] or [nominal]
-    room = 0.22 * max(max(ends) - min(ends), 1e-12)
+    room = 0.28 * max(max(ends) - min(ends), 1e-12)
     axes.set(xlabel="planets of one observation each", xlim=(min(ends) - room, max(ends) + room))
