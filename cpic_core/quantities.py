@@ -3,7 +3,6 @@
 import functools
 import math
 import re
-import sys
 from collections.abc import Collection
 from fractions import Fraction
 from typing import Any
@@ -80,9 +79,9 @@ def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
         array = None
     if array is None:
         raise InputError(name, value, unit=unit, allowed="real numbers")
-    masked = sys.modules.get("numpy.ma")  # who has masked numbers has loaded it
-    if masked is not None and masked.isMaskedArray(plain):
-        array[masked.getmaskarray(plain)] = np.nan
+    mask = getattr(plain, "mask", None)  # of masked arrays; what tables of pandas call so is a method
+    if isinstance(mask, np.ndarray | np.bool_):
+        array[np.broadcast_to(mask, array.shape)] = np.nan
     return array
 
 

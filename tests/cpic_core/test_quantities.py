@@ -1,8 +1,13 @@
 """Numbers from outside: units, arrays, and what is no number."""
 
+import sys
+import types
+
 import astropy.units as u
 import numpy as np
+import pandas as pd
 import pytest
+from astropy.utils.masked import Masked
 
 from cpic_core import InputError, check_finite, check_number, check_pair, check_whole, real_array
 from simulator import lambert_phase, planet_albedo, planet_contrast, spectrum_generator, star_photlam
@@ -23,6 +28,28 @@ def test_plain_numbers_of_all_kinds():
 def test_what_is_no_number_is_refused(refused, value):
     refused("x_deg = ", check_finite, "x_deg", value, "deg")
     refused("x_deg = ", check_number, "x_deg", value, "deg")
+
+
+@pytest.mark.parametrize(
+    ("value", "right"),
+    [
+        (np.ma.array([1.0, 2.0], mask=[True, False]), [np.nan, 2.0]),
+        (np.ma.array([1.0, 2.0]), [1.0, 2.0]),
+        (np.ma.array([[1, 2]], mask=[[False, True]]), [[1.0, np.nan]]),
+        (np.ma.array(3.0, mask=True), np.nan),
+        (Masked([1.0, 2.0], mask=[False, True]), [1.0, np.nan]),
+        (Masked([1.0, 2.0] * u.m, mask=[True, False]), [np.nan, 2.0]),
+        (pd.Series([1.0, 2.0]), [1.0, 2.0]),
+    ],
+)
+def test_masked_numbers_are_no_numbers(value, right):
+    np.testing.assert_array_equal(real_array("x_m", value, "m"), right)
+
+
+def test_numbers_are_read_while_another_thread_loads_masked_arrays(monkeypatch):
+    """A page that draws loads them while the first question is answered: their module stands there half made."""
+    monkeypatch.setitem(sys.modules, "numpy.ma", types.ModuleType("numpy.ma"))
+    assert real_array("x", [1.0, 2.0]).tolist() == [1.0, 2.0]
 
 
 def test_units_at_the_public_edge():
