@@ -43,6 +43,7 @@ from cpic_planner.survey.detection import (
     galactic_deg,
     least_factor,
     noise_alarms,
+    of_ways,
     pair_signals,
     reach_au,
     rolled,
@@ -664,3 +665,16 @@ def test_alarms_of_each_visit_are_those_of_its_band_and_time(model):
     each = [float(background_alarms(model, stars, [way], strategy.detection)[0]) for way in options[0]]
     assert background == (tuple(each),)
     assert alarms(UniverseConfig(background="off"), strategy, model, stars, options) == (noise, ((0.0, 0.0),))
+
+
+def test_ways_in_several_bands_are_worked_on_band_by_band():
+    targets = star("tau Cet").select([0, 0])
+    ways = tuple(tuple(replace(SETTING, band=band) for band in bands) for bands in (("F850", "F520"), ("F520",)))
+    asked = []
+
+    def worked(stars, settings):
+        asked.append([way.band for way in settings])
+        return [f"{way.band} of {len(stars)}" for way in settings]
+
+    assert of_ways(targets, ways, worked) == (("F850 of 1", "F520 of 2"), ("F520 of 2",))
+    assert asked == [["F850"], ["F520", "F520"]]

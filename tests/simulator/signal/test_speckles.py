@@ -22,7 +22,7 @@ from simulator.signal import (
     speckle_law,
     unit_parts,
 )
-from simulator.signal.speckles import LOW_ORDER_SQUARE, _annulus_table
+from simulator.signal.speckles import LOW_ORDER_SQUARE, _annulus_table, _followed
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
@@ -401,3 +401,18 @@ def test_light_of_common_errors_crosses_with_that_of_the_orbit():
     of_offset = orbit.science.k0 - neither.science.k0
     assert crossed > 0.0
     assert crossed == pytest.approx(fraction**2 * of_offset, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("bins", "values", "right"),
+    [
+        ([0.5], [-3.0], [-3.0, -3.0, -3.0]),
+        ([0.25, 0.5], [-1.0, -3.0], [-1.0, -3.0, -5.0]),
+        ([0.125, 0.25, 0.5], [-9.0, -1.0, -2.0], [-1.0, -2.0, -3.0]),
+        ([0.25, 0.5], [-3.0, -1.0], [-3.0, -1.0, -1.0]),
+    ],
+)
+def test_floors_fall_on_beyond_the_last_bin_by_the_power_of_the_last_two(bins, values, right):
+    """At 0.25, 0.5 and 1: a factor of two in separation each; what rises does not rise on."""
+    found = _followed(np.array([0.25, 0.5, 1.0]), np.array(bins), np.array(values))
+    np.testing.assert_allclose(found, right, rtol=1e-12)
