@@ -29,7 +29,7 @@ def contrasts(values: np.ndarray, errors: np.ndarray) -> dict[str, tuple[float, 
 
 
 def held(fit: AlbedoFit, log10_mh: float, log10_fsed: float, probability: float = 0.68) -> bool:
-    """Whether a planet lies in the smallest region of this probability."""
+    """Return whether a planet lies in the smallest region of this probability."""
     along = [np.interp(log10_fsed, fit.log10_fsed_grid, row, 0, 0) for row in fit.posterior]
     return np.interp(log10_mh, fit.log10_mh_grid, along, 0, 0) >= fit.level(probability)
 

@@ -1,4 +1,4 @@
-"""What a program beside this file says of an effect that it adds to the chain, before anything reads the chain."""
+"""Let a program beside this file add an effect to the chain, before anything reads the chain."""
 
 import json
 import subprocess

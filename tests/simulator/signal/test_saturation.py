@@ -281,7 +281,7 @@ def test_pixel_saturated_names_the_limit(bare_detector) -> None:
 
 
 def test_pixel_saturated_by_the_converter(bare) -> None:
-    """What bias and margin leave of its range, half an electron here; none, and light is too much."""
+    """Bias and margin leave half an electron of the range of a converter, or none: then any light is too much."""
     short = {"adc_bits": 8, "gain_e_adu": 1.0}
     half = bare(bias_adu=254.5, read_noise_e=0.0, **short)
     assert pixel_saturated(0.1, 1.0, half, 0.0).unwrap() == pytest.approx(0.2, rel=1e-12)
