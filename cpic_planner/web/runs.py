@@ -190,8 +190,8 @@ def _ended(path: Path) -> tuple[str, str]:
     """Return when a run ended, and the hash of its configuration; nothing of one whose record cannot be read."""
     try:
         record = parse_json(_text(path))
-        return str(record["finished_utc"])[:25], str(record["config_hash"])
-    except (InputError, ValueError, KeyError, TypeError):
+        return str(record["finished_utc"])[:25], str(record.get("config_hash", ""))
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
         return "", ""
 
 
