@@ -53,6 +53,12 @@ from cpic_planner.validation.realise import (
     realise_frames as realise_frames,
     visit_pair as visit_pair,
 )
+from cpic_planner.validation.registration import (
+    Shift as Shift,
+    measured_shift as measured_shift,
+    moved as moved,
+    star_light as star_light,
+)
 from cpic_planner.validation.search import (
     BlindSearch as BlindSearch,
     Candidate as Candidate,
