@@ -632,7 +632,7 @@ def check_light(planned: tuple[PlannedSequence, ...]) -> None:
             raise located(error, f"{item.target} in {item.band}") from None
 
 
-RESULT_VERSION = 3
+RESULT_VERSION = 4
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
 
 
