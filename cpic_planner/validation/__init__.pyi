@@ -22,6 +22,13 @@ from cpic_planner.validation.injection import (
     fraction_interval as fraction_interval,
     search_task as search_task,
 )
+from cpic_planner.validation.level1 import (
+    Level1File as Level1File,
+    Level1Programme as Level1Programme,
+    level1_files as level1_files,
+    level1_programmes as level1_programmes,
+    realise_files as realise_files,
+)
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
     PlanetTemplate as PlanetTemplate,

@@ -22,7 +22,7 @@ _REACH = 4.0  # of the smoothing, beyond which a pixel without light does not co
 
 
 class Shift(Record):
-    """How far an image lies from another one.
+    """Distance of an image from another one of the same light.
 
     Attributes
     ----------

@@ -33,7 +33,7 @@ def test_errors_hold_noise_and_speckles_that_changed():
     template, whole = speckles(np.random.default_rng(5)), np.ones((SIDE, SIDE), bool)
     image, draws = speckles(np.random.default_rng(5), (0.1, -0.05), changed=0.1), []
     rng = np.random.default_rng(9)
-    for _ in range(60):
+    for _ in range(30):
         noisy = image * (1 + 0.1 * speckles(rng) / 400.0) + 3.0 * rng.normal(size=image.shape)
         one = measured_shift(noisy, template, whole, CELL)
         draws.append(((one.x_pixel - 0.1) / one.x_error_pixel, (one.y_pixel + 0.05) / one.y_error_pixel))
