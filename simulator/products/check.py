@@ -1075,6 +1075,8 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     try:
         tree: Any = parse_json(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
         rows = [{"file": str(row["file"])} | {key: row[key] for key in listed.values()} for row in tree["sequences"]]
+        own = [key for key in listed.values() if key not in ("role", "visit", "n_visits", "window")]
+        rows += [{key: row[key] for key in ("file", *own)} for row in tree.get("calibrations", ())]
     except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
@@ -1086,6 +1088,8 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
             found.append(Finding(path, None, "", f"lists {row['file']}, which is no Level-0 file of this tree"))
             continue
         for keyword, key in listed.items():
+            if key not in row:
+                continue
             value = header.value(keyword)
             near = is_real(value) and is_real(row[key]) and abs(value - row[key]) * 86400.0 <= TIME_TOLERANCE_S
             if value != row[key] and not near:
