@@ -398,6 +398,7 @@ def _result(
         header["calibration_text"] += "; predictions leave out the light of extended sources"
     if bare:
         header["calibration_text"] = "the files come without a scene: there is nothing to compare with"
+        header["not_modelled"] = []
     return ConfirmResult(
         **header,
         scene=scene.name,

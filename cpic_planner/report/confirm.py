@@ -218,11 +218,12 @@ def _search_blocks(searches: Sequence[SearchRecord], most: int | None = None) ->
         *doc.row_columns(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=itemgetter(1)),
         doc.own_column("is", name, look="left"),
     ]
-    title = "What the blind search names, first realisation"
-    yield doc.Table(title, columns, rows, words.text("texts.search"), last_width=30)
     told = [search for search in searches if search.false_detections is not None]
     if not told:
+        yield doc.Table("What the blind search names", columns, rows, last_width=30)
         return
+    title = "What the blind search names, first realisation"
+    yield doc.Table(title, columns, rows, words.text("texts.search"), last_width=30)
     elsewhere = sum(search.false_detections or 0 for search in told)
     total = sum(search.realisations for search in told)
     word = "detection that is" if elsewhere == 1 else "detections that are"
@@ -434,7 +435,9 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
         report,
         title=f"CPI-C: {heading}, configuration {result.config_hash}",
         heading=heading,
-        about=words.text("texts.confirm_about", library=LIBRARIES[result.reference_library]),
+        about=words.text(
+            "texts.files_about" if result.visits else "texts.confirm_about", library=LIBRARIES[result.reference_library]
+        ),
         summary=summary,
     )
 
@@ -518,11 +521,15 @@ def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CONFIRM_SECTIONS, "modelled", "What was modelled")
 def _modelled(report: ConfirmReport) -> Iterator[doc.Block]:
+    if report.result.visits:
+        return iter(())
     return modelled_blocks([(band.band, band.modelled) for band in report.result.bands if band.modelled])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "missing", "What is not modelled")
 def _missing(report: ConfirmReport) -> Iterator[doc.Block]:
+    if report.result.visits:
+        return iter(())
     return not_modelled_blocks(report.result.not_modelled)
 
 

@@ -324,7 +324,7 @@ class ProductVisitRecord(Row):
     exposure_s: float = column(short="exposure s")
     em_gain: float = column(short="gain")
     roll_deg: float = column("position angle of the detector's +y axis", short="roll °", format=".2f")
-    mjd: float | None = optional("begin of its first exposure, UTC", unit="d")
+    mjd: float | None = optional("begin of its first exposure, UTC")
     shift_x_pixel: float | None = optional(
         "shift of the star's light along columns beside the mean of all visits; null where the light tells none",
         label="shift in x",
@@ -351,7 +351,7 @@ class SourceRecord(Row):
 
     band: str
     source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
-    mjd: float | None = optional("mean begin of the science files, UTC", unit="d", format=".5f")
+    mjd: float | None = optional("mean begin of the science files, UTC", format=".5f")
     separation_arcsec: float = column(format=".4f")
     separation_error_arcsec: float | None = optional("1 sigma of the fit of the place; null where it found none")
     pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
@@ -367,10 +367,9 @@ class SourceRecord(Row):
         "detected rate without mask, apodizer and aperture, by forced photometry at the fitted place",
         label="light",
         short="light e-/s",
-        unit="e-/s",
         format=".3g",
     )
-    rate_error_e_s: float | None = optional("1 sigma, of the scatter of aperture sums", unit="e-/s")
+    rate_error_e_s: float | None = optional("1 sigma, of the scatter of aperture sums")
     contrast: float | None = optional(
         "over the light of the star; null where that is not known", short="contrast", format=".2e ± .1e"
     )
