@@ -1,7 +1,6 @@
 """Questions about Level-1 files: their scene, instrument and frames, as headers and the parameters beside them say."""
 
 import functools
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -36,15 +35,13 @@ class MeasuredFiles(Record, eq=False):
     @functools.cached_property
     def sums(self) -> list[str]:
         """Checksums (SHA-256) of all files that are read, by band and visit."""
-        found = []
-        for programme in self.programmes:
-            for role, visits in programme.visits.items():
-                for number, files in enumerate(visits):
-                    for one in files:
-                        with one.path.open("rb") as file:
-                            digest = hashlib.file_digest(file, "sha256").hexdigest()
-                        found.append(f"{programme.band} {role} {number} {digest}")
-        return found
+        return [
+            f"{programme.band} {role} {number} {one.checksum}"
+            for programme in self.programmes
+            for role, visits in programme.visits.items()
+            for number, files in enumerate(visits)
+            for one in files
+        ]
 
     def programme_question(self, programme: validation.Level1Programme) -> tuple[ConfirmQuestion, float]:
         """Return the question of one band with the frames and the strategy of its files, and the roll of it.

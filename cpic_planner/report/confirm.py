@@ -430,14 +430,16 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     summary.append(doc.Paragraph(" ".join(_confirm_sentences(result)), "lead"))
     if report.calibration:
         summary.append(doc.Paragraph(doc.strong(report.calibration), "lead"))
+    library = LIBRARIES[result.reference_library]
+    about = words.text("texts.confirm_about", library=library)
+    if result.visits:
+        about = words.text("texts.files_about", library=library)
     return doc.document_of(
         CONFIRM_SECTIONS,
         report,
         title=f"CPI-C: {heading}, configuration {result.config_hash}",
         heading=heading,
-        about=words.text(
-            "texts.files_about" if result.visits else "texts.confirm_about", library=LIBRARIES[result.reference_library]
-        ),
+        about=about,
         summary=summary,
     )
 

@@ -5,7 +5,9 @@ A Level-1 file has an image of every frame in electrons at the register input an
 has the orientation of the detector: places are turned to the sky by POS_ANG0.
 """
 
+import contextlib
 import functools
+import hashlib
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record
+from cpic_core import FloatArray, InputError, NDArray, Record, bounded_fits, open_file
 from cpic_planner.results import ProductVisitRecord, SourceRecord
 from cpic_planner.validation.astrometry import fit_position
 from cpic_planner.validation.frames import CalibratedFrames
@@ -52,6 +54,7 @@ _KINDS = ("SCI", "CALS")
 _OFF_MASK_ARCSEC = 0.1  # a star so far from the centre of the mask along both axes is shown, not hidden
 _SAME_DEG, _SAME_SCALE = 1.0 / 3600.0, 0.01
 _CELL_LAMBDA_D = 2.0
+_ALLOWED, _MOST_BYTES = "a FITS file that can be read", 200_000_000_000
 
 
 class Level1File(Record):
@@ -92,6 +95,12 @@ class Level1File(Record):
         """Position angle of the detector's +y axis."""
         return float(self.value("POS_ANG0"))
 
+    @functools.cached_property
+    def checksum(self) -> str:
+        """SHA-256 of the whole file."""
+        with open_file(self.path, key="file", allowed=_ALLOWED, max_bytes=_MOST_BYTES) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
     @property
     def star_deg(self) -> tuple[float, float] | None:
         """Right ascension and declination of the star, ICRS; None where the header does not state them."""
@@ -100,9 +109,7 @@ class Level1File(Record):
 
     def frames(self) -> Iterator[tuple[FloatArray, NDArray[np.uint8]]]:
         """Yield the images in electrons, and their masks, one frame at a time."""
-        from astropy.io import fits
-
-        with fits.open(self.path, memmap=True) as units:
+        with _units(self.path) as units:
             image = None
             for unit in units:
                 if unit.header.get("NAXIS") != 2 or not unit.is_image or _is_error(unit.header):
@@ -112,6 +119,21 @@ class Level1File(Record):
                 elif image is not None:
                     yield np.asarray(image, dtype=np.float64), np.asarray(unit.data, dtype=np.uint8)
                     image = None
+
+
+@contextlib.contextmanager
+def _units(path: Path) -> Iterator[Any]:
+    """Open the units of a FITS file; refused in one line if it is none."""
+    from astropy.io import fits
+
+    with open_file(path, key="file", allowed=_ALLOWED, max_bytes=_MOST_BYTES) as file:
+        try:
+            with fits.open(bounded_fits(file), memmap=True) as units:
+                yield units
+        except (OSError, ValueError, TypeError, fits.VerifyError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError("file", str(path), allowed=_ALLOWED, hint=str(error).splitlines()[0]) from None
 
 
 def _is_error(header: Any) -> bool:
@@ -126,18 +148,13 @@ def level1_files(folder: Path) -> list[Level1File]:
     InputError
         If there is none; where there are Level-0 files instead, saying so.
     """
-    from astropy.io import fits
-
     table, found, raw = load_keywords(), [], 0
     for path in sorted(folder.rglob("*.fits*")):
         if "Truth" in path.parts or not path.is_file():
             continue
-        try:
-            with fits.open(path, memmap=True) as units:
-                headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
-                every = {**(headers[0] if headers else {}), **units[0].header}
-        except OSError as error:
-            raise InputError("file", str(path), allowed="a readable FITS file", hint=str(error)) from None
+        with _units(path) as units:
+            headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
+            every = {**(headers[0] if headers else {}), **units[0].header}
         header = {table.canonical(key): value for key, value in every.items() if key}
         kind = header.get("OBSTYPE", _KINDS[0])
         images = [one for one in headers if one["BITPIX"] < 0 and not _is_error(one)]
