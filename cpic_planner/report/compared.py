@@ -10,7 +10,7 @@ from cpic_planner.report import document as doc
 from cpic_planner.report.ranking import move_blocks
 from cpic_planner.report.writing import page_html
 
-_SHOWN, _LONGEST = 30, 28
+_SHOWN, _LONGEST = 30, 24
 _NONE = "–"
 
 
@@ -23,15 +23,11 @@ def comparison_blocks(
         return
     title = f"What differs in the answer from {result.before.name} (before) to {result.after.name} (after)"
     if result.changes:
-        relative = doc.own_column(
-            "change %", lambda one: _NONE if one.relative is None else f"{100.0 * one.relative:+.3g}"
-        )
         columns = doc.row_columns(
             results.AnswerChange,
             "row:row quantity before after unit/1 relative",
             before=lambda one: shortened(one.before or _NONE, _LONGEST),
             after=lambda one: shortened(one.after or _NONE, _LONGEST),
-            relative=relative,
         )
         first = f": the first {limit} of {len(result.changes)}" if len(result.changes) > limit else ""
         yield doc.Table(f"{title}{first}", columns, result.changes[:limit])

@@ -32,7 +32,12 @@ class AnswerChange(Row):
     before: str | None = column("null where there was no value")
     after: str | None
     unit: str
-    relative: float | None = optional("after over before, less 1; null for words, and where either is missing or 0")
+    relative: float | None = optional(
+        "after over before, less 1; null for words, and where either is missing or 0",
+        label="change",
+        short="change %",
+        format="%",
+    )
 
 
 class AnswerComparison(Document):
