@@ -56,19 +56,18 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             planets = planet_templates(at)
             star = _star(at, measured=not counted)
             maps = maps_of(at)
-            positions: list[Astrometry | None] = [None] * len(planets)
+            positions: list[list[Astrometry | None]] = [[] for _ in planets]
         measured, blind = measure_planets(at, realisation, planets, star, maps=maps)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         if statistics is not None:
             parts.append(statistics)
-        if blind is None:
-            continue
-        false += _false(blind, at)
-        record = record or _search_record(blind, at, planets)
-        for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
-            if not counted and positions[index] is None and item is not None and item.found:
-                positions[index] = positions_of(at, realisation, blind, planet)
+        if blind is not None:
+            false += _false(blind, at)
+            record = record or _search_record(blind, at, planets)
+        for found, planet, item in zip(positions, planets, measured, strict=True):
+            shown = not counted and item is not None and item.found
+            found.append(positions_of(at, realisation, blind, planet) if blind is not None and shown else None)
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
@@ -81,7 +80,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             [measured[index] for measured in every],
             star,
             planet.core,
-            position=positions[index],
+            positions=positions[index],
             audit=audits[index],
             **told,
         )
