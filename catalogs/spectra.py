@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cpic_core import ArrayLike, InputError, Record, check_finite, check_word, read_npz
+from cpic_core import ArrayLike, InputError, Record, check_finite, check_word, of_byte_planes, read_npz
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
@@ -415,7 +415,10 @@ def load_zodi_table() -> ZodiacalLight:
 
 @functools.cache
 def _arrays(file_name: str) -> dict[str, np.ndarray]:
-    return {name: _read_only(array) for name, array in read_npz(_DATA / file_name).items()}
+    return {
+        name: _read_only(of_byte_planes(array) if array.dtype == np.uint8 else array)
+        for name, array in read_npz(_DATA / file_name).items()
+    }
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -355,6 +355,8 @@ def simulation_from(
     changes: Mapping[str, Any] | None = None,
     instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
     date_utc: str | None = None,
+    calibration_frames: int = 0,
+    off_mask_arcsec: tuple[float, float] = (2.0, 2.0),
 ) -> tuple[SimulationConfig, tuple[str, ...]]:
     """Return one simulation of everything that is named.
 
@@ -373,6 +375,10 @@ def simulation_from(
         In place of the default one and of those of the simulations.
     date_utc : str, optional
         Date of the places of the stars of tables and of their companions, UTC; that of the first frame by default.
+    calibration_frames : int
+        Frames of the calibrations that are added, see `with_calibrations`, and make each scene a programme; none for 0.
+    off_mask_arcsec : tuple of float
+        As of `with_calibrations`.
 
     Returns
     -------
@@ -425,6 +431,8 @@ def simulation_from(
             epoch_yr = config.julian_year(config.checked_utc("date_utc", when))
             found = config.scenes_from_table(stars_at(found.table, epoch_yr, orbits=found.orbits))
             dated = True
+        if calibration_frames:
+            own = {"reference_visits": own.get("visits", 1)} | own
         sequences += [config.validate(SequenceConfig, own | {"scene": scene, "instrument": whole}) for scene in found]
     if whole is None:
         for key, value in own.items():
@@ -434,7 +442,92 @@ def simulation_from(
         raise InputError("date_utc", date_utc, unit="UTC", allowed=allowed)
     title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     description = described if len(names) == 1 else ""
-    return config.simulation_of(title, sequences, description=description, changes=changes), tuple(notes)
+    simulation = config.simulation_of(title, sequences, description=description, changes=changes)
+    if calibration_frames:
+        simulation = with_calibrations(simulation, calibration_frames, off_mask_arcsec)
+    return simulation, tuple(notes)
+
+
+FILLED = 0.5
+"""Share of what it holds to which the brightest pixel of the star off the mask is filled."""
+
+
+def with_calibrations(
+    simulation: SimulationConfig, frames: int, off_mask_arcsec: tuple[float, float] = (2.0, 2.0)
+) -> SimulationConfig:
+    """Return a simulation with the calibrations that its programmes need behind them.
+
+    Bias and dark frames have the gains and exposures of the visits, flat frames their bands at a gain of 1, with bias
+    frames of their own; in each band and gain the star stands off the mask, at the exposure of `off_mask_exposure_s`.
+
+    Parameters
+    ----------
+    simulation : SimulationConfig
+    frames : int
+        Frames of each of these sequences.
+    off_mask_arcsec : tuple of float
+        Place of the star from the centre of the mask, x and y.
+
+    Raises
+    ------
+    InputError
+        Without a programme, or where a star off the mask is not on the detector.
+    """
+    visits = [entry for entry in simulation.sequences if entry.is_programme]
+    if not visits:
+        hint = "visits or reference_visits make one of a sequence"
+        raise InputError(called("programme"), simulation.name, allowed="a simulation with a programme", hint=hint)
+    added: list[dict[str, Any]] = []
+    for entry in visits:
+        shared = {"frames": frames, **{name: getattr(entry, name) for name in ("instrument", "seed", "switches")}}
+        sky = {name: getattr(entry, name) for name in ("fidelity", "tolerance", "scene_model", "roll_deg")}
+        sky |= {"kind": "CALS", "scene": entry.scene and entry.scene.without_planets()}
+        for camera in entry.cameras:
+            own = shared | {"camera": camera}
+            added.append(own | {"kind": "BIAS", "em_gain": tuple(dict.fromkeys((1.0, *entry.em_gain)))})
+            added.append(own | {"kind": "DARK", "em_gain": entry.em_gain, "exposure_s": entry.exposure_s})
+        added.append(shared | {"kind": "FLAT", "band": entry.band, "exposure_s": (1.0,)})
+        for band in entry.band:
+            peak_e_s = _off_mask_peak_e_s(entry, band, off_mask_arcsec)
+            for gain in entry.em_gain:
+                limit_e = _limit_e(entry.instrument.channel_of(band).detector, gain)
+                exposure_s = min(_rounded_down(FILLED * limit_e / peak_e_s), max(entry.exposure_s))
+                place = {"star_offset_arcsec": off_mask_arcsec, "exposure_s": (exposure_s,)}
+                added.append(shared | sky | place | {"band": (band,), "em_gain": (gain,)})
+    unlike = [item for number, item in enumerate(added) if item not in added[:number]]
+    entries = [config.validate(SequenceConfig, item) for item in unlike]
+    return simulation.model_copy(update={"sequences": (*simulation.sequences, *entries)})
+
+
+def _off_mask_peak_e_s(entry: SequenceConfig, band: str, off_mask_arcsec: tuple[float, float]) -> float:
+    """Return the rate of the brightest pixel with the star off the mask, electrons per second."""
+    seen = observing.observe(
+        cast(Scene, entry.scene),
+        band=band,
+        exposure_s=1.0,
+        instrument=entry.instrument,
+        fidelity=entry.fidelity,
+        role="calibration",
+        kind="CALS",
+        star_offset_arcsec=off_mask_arcsec,
+    )
+    active = entry.instrument.detector_of(band).sections["active"]
+    x, y = seen.truth.x_pixel[0], seen.truth.y_pixel[0]
+    if not (active[0].start <= y < active[0].stop and active[1].start <= x < active[1].stop):
+        allowed = f"a place on the detector in {band}"
+        raise InputError(called("off_mask_arcsec"), off_mask_arcsec, unit="arcsec", allowed=allowed)
+    return float(seen.mean_rate_map.max())
+
+
+def _limit_e(detector: config.AnyDetector, em_gain: float) -> float:
+    """Return the charge, at the register input, beyond which a limit cuts a pixel off."""
+    return min(detector.full_well_e, min(detector.register_full_well_e, detector.converter_e) / em_gain)
+
+
+def _rounded_down(value: float) -> float:
+    """Return a number above 0 with two digits, not above it."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / unit) * unit:.1e}")
 
 
 def _label(item: SimulationInput) -> str:
@@ -632,7 +725,7 @@ def check_light(planned: tuple[PlannedSequence, ...]) -> None:
             raise located(error, f"{item.target} in {item.band}") from None
 
 
-RESULT_VERSION = 3
+RESULT_VERSION = 4
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
 
 
@@ -828,11 +921,16 @@ def _programmes(planned: Sequence[PlannedSequence], bodies: Mapping[str, Any]) -
             visit_gap_h=science.visit_gap_h,
             orbit_s=products.orbit_s(science),
             span_days=max(item.end_mjd for item in items) - min(item.begin_mjd for item in items),
-            sequences=[_visit_row(item, bodies[item.obsid]["streams"]) for item in items],
+            sequences=[_visit_row(item, bodies[item.obsid]["streams"], planned) for item in items],
+            calibrations=[
+                results.CalibrationRow.of(item, **_masters(item, items[0].programme, planned))
+                for item in planned
+                if item.kind in _CALIBRATIONS
+            ],
         )
 
 
-def _visit_row(item: PlannedSequence, streams: list[str | int]) -> results.VisitRow:
+def _visit_row(item: PlannedSequence, streams: list[str | int], planned: Sequence[PlannedSequence]) -> results.VisitRow:
     assert item.part is not None
     return results.VisitRow.of(
         item.part,
@@ -840,9 +938,43 @@ def _visit_row(item: PlannedSequence, streams: list[str | int]) -> results.Visit
         item.entry,
         visit=item.part.visit + 1,
         window=item.part.window + 1,
-        file=(Path(item.part.folder) / item.name.file).as_posix(),
         streams=streams,
+        **_masters(item, item.programme, planned),
     )
+
+
+_CALIBRATIONS = ("CALS", "BIAS", "DARK", "FLAT")
+
+
+def _masters(item: PlannedSequence, programme: str, planned: Sequence[PlannedSequence]) -> dict[str, Any]:
+    """Return where a file of a programme is, what it looks at, and the calibrations of the run that it needs."""
+
+    def place(file: PlannedSequence) -> str:
+        return Path(os.path.relpath(file.place(file.name.file), programme or ".")).as_posix()
+
+    def nearest(kind: str, **same: Any) -> str | None:
+        fit = [
+            other
+            for other in planned
+            if (other.kind, other.camera, other.instrument) == (kind, item.camera, item.instrument)
+            and (kind != "CALS" or any(other.entry.star_offset_arcsec))
+            and all(getattr(other, name) == value for name, value in same.items())
+        ]
+        ratio = {id(other): abs(math.log(max(other.exposure_s, 1e-9) / max(item.exposure_s, 1e-9))) for other in fit}
+        return place(min(fit, key=lambda other: ratio[id(other)])) if fit else None
+
+    found: dict[str, Any] = {"file": place(item), "roll_deg": None}
+    if item.kind != "BIAS":
+        found["bias"] = nearest("BIAS", em_gain=item.em_gain)
+    if not item.on_sky:
+        return found
+    found |= {"dark": nearest("DARK", em_gain=item.em_gain), "flat": nearest("FLAT", band=item.band)}
+    if item.kind != "CALS":
+        found["star"] = nearest("CALS", target=item.target, band=item.band, em_gain=item.em_gain)
+    detector, scale = item.instrument.channel(item.camera).detector, item.instrument.pixel_scale_arcsec(item.band)
+    x, y = (offset / scale for offset in item.entry.star_offset_arcsec)
+    place_px = {"star_x_pixel": detector.star_column + x, "star_y_pixel": detector.star_row + y}
+    return found | place_px | {"roll_deg": item.entry.roll_deg}
 
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:

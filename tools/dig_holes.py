@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import NDArray, write_npz
+from cpic_core import NDArray, byte_planes, write_npz
 from simulator.config import Instrument, load_instrument, preset_names
 from simulator.imaging import metrics_key, psf_metrics
 from simulator.imaging.build import dig, hole_arrays
@@ -23,15 +23,17 @@ STATE_DIGITS = {"raw_contrast": 12, "core_table": 14, "column_light": 14, "filte
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]], rounded: Mapping[str, int]) -> dict[str, NDArray[Any]]:
-    """Return the arrays as a file holds them: rounded ones as bytes of equal weight side by side, which compress.
+    """Return the arrays as a file holds them: maps and profiles, rounded or exact, as planes of bytes, which compress.
 
     No file has the halo map, which follows from the others, nor the steps of the pupil, which the instrument says.
     """
     packed = {name: array for name, array in arrays.items() if name not in ("halo_map", "pupil_steps")}
-    for name, digits in rounded.items():
-        fraction, exponent = np.frexp(arrays[name])
-        short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
-        packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)
+    for name in DIGITS:
+        kept = arrays[name]
+        if digits := rounded.get(name):
+            fraction, exponent = np.frexp(kept)
+            kept = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
+        packed[name] = byte_planes(kept)
     return packed
 
 

@@ -172,8 +172,9 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
 
     Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. The visits of a programme (--visits,
     --reference-visits) begin where windows of the orbit open, and each has such a tree in a folder of its own,
-    visit_001_science, visit_001_reference and so on; programme.json lists them. Stopped half way, it continues when
-    started again on the same folder; the files are the same for any number of workers.
+    visit_001_science, visit_001_reference and so on; programme.json lists them. With --programme it lists too, file by
+    file, the calibrations that each is reduced with. Stopped half way, it continues when started again on the same
+    folder; the files are the same for any number of workers.
 
     Examples:
 
@@ -192,6 +193,8 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
       cpic simulate paper_example --band F520 --frames 20 --tolerance 0.02 --dry-run
 
       cpic simulate paper_science --band F662 --frames 20 --visits 4 --reference-scene paper_reference
+
+      cpic simulate paper_example --band F520 --exposure-s 17 --em-gain 20 --frames 30 --programme
 
       cpic simulate --list-presets
     """

@@ -24,7 +24,7 @@ from pydantic_core import PydanticUndefined
 from cpic_core import InputError, Record, files_read, load_mapping
 from simulator import config
 
-Meaning = tuple[str, str]
+Meaning = tuple[str, str | bool]
 """A field, and the value of it with which another field has a meaning."""
 
 
@@ -621,9 +621,8 @@ def tree_of(
     for option in options:
         needed = option.asked.only_with
         if option.path in answered and needed is not None and not _has(merged, option.path, *needed):
-            raise InputError(
-                option.flag, answered[option.path], allowed=f"together with {names[needed[0]]} {needed[1]}"
-            )
+            other = names[needed[0]] if needed[1] is True else f"{names[needed[0]]} {needed[1]}"
+            raise InputError(option.flag, answered[option.path], allowed=f"together with {other}")
     return merged
 
 
@@ -633,7 +632,7 @@ def _at(tree: Any, path: Sequence[str]) -> Any:
     return tree
 
 
-def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) -> bool:
+def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str | bool) -> bool:
     """Return whether a field beside a path, or above it, has a value."""
     return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))
 

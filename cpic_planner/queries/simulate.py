@@ -9,7 +9,7 @@ from cpic_core import InputError
 from cpic_planner.queries.changes import InstrumentParts
 from cpic_planner.queries.question import Asked, Parts, asked
 from cpic_planner.queries.shared import RunQuestion, TablesQuestion, several
-from simulator.config import SequenceConfig, SequenceSettings
+from simulator.config import Offset, SequenceConfig, SequenceSettings
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
 
@@ -46,6 +46,9 @@ _PAIR: dict[str, Any] = {
     "accepts": "pair of float",
     "read": _pair,
 }
+
+
+_WHOLE = "programme", True
 
 
 class SwitchParts(Parts):
@@ -126,6 +129,21 @@ class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
         option="--date",
         unset="{start_utc}",
     )
+    programme: bool = asked(
+        False,
+        "Take all that a reduction needs: science and reference visits, the star off the mask, bias, dark and flat "
+        "frames, and a list of what each file is for.",
+    )
+    calibration_frames: int = asked(
+        10, "Frames of each sequence of calibrations and of the star off the mask.", ge=2, le=10_000, only_with=_WHOLE
+    )
+    off_mask_arcsec: tuple[Offset, Offset] = asked(
+        (2.0, 2.0),
+        "Place of the star off the mask, from the centre of the mask; its exposure fills half of what its brightest "
+        "pixel holds, and is no longer than that of the science frames.",
+        only_with=_WHOLE,
+        **_PAIR,
+    )
     truth: bool = asked(True, "Write the truth beside the products.")
     out: Path = asked(
         Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
@@ -134,7 +152,9 @@ class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
     @property
     def given(self) -> dict[str, Any]:
         """Settings of `cpic_planner.simulation.simulation_from`."""
-        return {name: getattr(self, name) for name in ("settings", "changes", "instrument", "date_utc")}
+        names = "settings", "changes", "instrument", "date_utc", "off_mask_arcsec"
+        frames = self.calibration_frames if self.programme else 0
+        return {name: getattr(self, name) for name in names} | {"calibration_frames": frames}
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -231,6 +231,8 @@ def _programme_blocks(programme: results.SimulatedProgramme, out: Path) -> Itera
     more = len(visits) - _MOST
     scheme = f" with the scheme {programme.reference_scheme} of references" if programme.reference_visits else ""
     said = [f"{count_text(more)} more are not shown."] * (more > 0)
+    calibrations = programme.calibrations
+    said += [f"{counted(len(calibrations), 'sequence')} of calibrations belong to it."] * bool(calibrations)
     said += [f"The programme spans {words.decimals(programme.span_days, 2)} days{scheme}."]
     yield doc.Paragraph(" ".join([*said, f"The visits are listed in {out / programme.file}."]), "note")
 

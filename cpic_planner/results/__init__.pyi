@@ -92,6 +92,7 @@ from cpic_planner.results.ranked import (
     VisibleTarget as VisibleTarget,
 )
 from cpic_planner.results.runs import (
+    CalibrationRow as CalibrationRow,
     CheckResult as CheckResult,
     ColumnsResult as ColumnsResult,
     ColumnTaken as ColumnTaken,

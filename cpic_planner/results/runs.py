@@ -50,7 +50,28 @@ class PlannedSequenceRow(SequenceRow):
     )
 
 
-class VisitRow(SequenceRow):
+class ProgrammeRow(SequenceRow):
+    """Base of rows of the files of a programme, with the calibrations that each is reduced with."""
+
+    file: str = column("Level-0 file, below the folder of the list of visits")
+    begin_mjd: float = column("begin of the first exposure, MJD (UTC)")
+    end_mjd: float = column("end of the last exposure, MJD (UTC)")
+    roll_deg: float | None = column("position angle of the +y axis; null without a scene", format="g")
+    star_x_pixel: float | None = optional("column of the star, from 0; null without a scene")
+    star_y_pixel: float | None = optional("row of the star, from 0; null without a scene")
+    bias: str | None = optional("file of bias frames of its gain; null where it needs none or has none")
+    dark: str | None = optional("file of dark frames of its gain and of the exposure nearest to its own; null as bias")
+    flat: str | None = optional("file of flat frames of its band; null as bias")
+    star: str | None = optional("file of the star off the mask, in its band and gain; null as bias")
+
+
+class CalibrationRow(ProgrammeRow):
+    """One sequence of calibrations, or of the star off the mask, of a programme."""
+
+    kind: Literal["CALS", "BIAS", "DARK", "FLAT"] = column("CALS for the star off the mask")
+
+
+class VisitRow(ProgrammeRow):
     """One sequence of a programme: the frames of a visit in one window of the orbit."""
 
     visit: int = column("number of the visit among those of its role, from 1")
@@ -58,11 +79,7 @@ class VisitRow(SequenceRow):
     role: Literal["science", "reference"]
     window: int = column("number of the window of the orbit in the visit, from 1")
     folder: str = column("tree of products of the visit, beside the list of visits")
-    file: str = column("Level-0 file, below the folder of the list of visits")
-    begin_mjd: float = column("begin of the first exposure, MJD (UTC)")
-    end_mjd: float = column("end of the last exposure, MJD (UTC)")
     first_frame: int = column("number of its first frame in the visit, from 0")
-    roll_deg: float = column("position angle of the +y axis", format="g")
     seed: int
     streams: list[str | int] = column("names of the random streams of the visit, below the seed")
 
@@ -83,6 +100,7 @@ class SimulatedProgramme(RunResult):
     orbit_s: float = column("period of the orbit, whose windows the visits begin with")
     span_days: float = column("from the begin of the first exposure to the end of the last")
     sequences: list[VisitRow] = column("in the order of time")
+    calibrations: list[CalibrationRow] = column("of the run, in the order of time", default=[])
 
 
 class SimulatedSequence(PlannedSequenceRow):
@@ -275,6 +293,11 @@ class RunRecord(RunResult):
     kind: Literal["run"] = "run"
     command: list[str]
     config_hash: str
+    parts_hash: str = column(
+        "of what decides the finished pieces of work, whatever number of them was asked for, as the list of files has "
+        "it; empty in older results",
+        default="",
+    )
     started_utc: str
     finished_utc: str
     wall_s: float

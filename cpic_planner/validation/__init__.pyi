@@ -12,7 +12,6 @@ from cpic_planner.validation.frames import (
     calibrated_frames as calibrated_frames,
     combine as combine,
     filled as filled,
-    reject_cosmic_rays as reject_cosmic_rays,
 )
 from cpic_planner.validation.injection import (
     INTERVAL as INTERVAL,
@@ -98,3 +97,4 @@ from cpic_planner.validation.verdict import (
     snr_scatter as snr_scatter,
     target_verdict as target_verdict,
 )
+from simulator.reduction import reject_cosmic_rays as reject_cosmic_rays

@@ -21,7 +21,7 @@ import numpy as np
 from cpic_core import BoolArray, FloatArray, InputError, IntArray, NDArray, Outcome, Reason, Record, Status, stream
 from cpic_planner.etc import MAX_MEAN_E, CountingLaw, FrameCamera, counting_probabilities
 from cpic_planner.queries import Strategy
-from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames, filled, grown, rejected_in
+from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames, filled, rejected_in
 from cpic_planner.validation.photometry import radius_pixel
 from cpic_planner.validation.rdi import ReducedStack, RollResult, pedestal_e, reduce_stack, roll_subtract, smoothed
 from cpic_planner.validation.task import (
@@ -38,6 +38,7 @@ from simulator.config import Drift, Instrument, Scene, validate
 from simulator.detectors import rows_of
 from simulator.imaging import BandGeometry, Psf, TablePsf
 from simulator.observing import HoleStacks, Observation, Role, hole_stackable, hole_stacks, observe
+from simulator.reduction import grown
 
 ROLES: tuple[Role, Role] = ("science", "reference")
 _VARIANCE_ERROR = 0.02

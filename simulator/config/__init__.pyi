@@ -95,6 +95,7 @@ from simulator.config.simulation import (
     PROGRAMME_KEYS as PROGRAMME_KEYS,
     SIMULATION_KEYS as SIMULATION_KEYS,
     SKY_KINDS as SKY_KINDS,
+    Offset as Offset,
     SequenceConfig as SequenceConfig,
     SequenceKind as SequenceKind,
     SequenceSettings as SequenceSettings,

@@ -32,7 +32,17 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, Keyed, NDArray, announce, compute_once, numeric_context, overlap_weights, read_npz
+from cpic_core import (
+    InputError,
+    Keyed,
+    NDArray,
+    announce,
+    compute_once,
+    numeric_context,
+    of_byte_planes,
+    overlap_weights,
+    read_npz,
+)
 from simulator.config import CoronagraphTable, Instrument, content_hash, load_instrument
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.metrics import PsfMetrics
@@ -195,10 +205,7 @@ def unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     arrays = dict(stored)
     for name in DIGITS:
         if arrays[name].dtype == np.uint8:
-            together = np.empty((*arrays[name].shape[1:], len(arrays[name])), np.uint8)
-            for byte, plane in enumerate(arrays[name]):
-                together[..., byte] = plane
-            arrays[name] = together.view("<f4")[..., 0].astype(float)
+            arrays[name] = of_byte_planes(arrays[name]).astype(float)
     if "halo_map" not in arrays:
         weights = overlap_weights(float(arrays["aperture_radius_arcsec"] / arrays["pixel_scale_arcsec"]))
         arrays["halo_map"] = aperture_sums(arrays["raw_contrast"] * arrays["peak_off_axis"], weights)

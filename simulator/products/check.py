@@ -520,6 +520,23 @@ def check_world(report: Report, header: Header, primary: Header, hdu: int) -> No
         report.error(f"is {types[0]!r} with CTYPE2 {types[1]!r}; {known}", "CTYPE1", hdu)
 
 
+def check_electrons(report: Report, header: Header, hdu: int) -> None:
+    """Check that the electrons in a pixel for one count are those at the output divided by the gain of the register.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    hdu : int
+        Number of the unit in the file.
+    """
+    stated, gain, em_gain = (header.value(key) for key in ("EPERADU", "GAIN", "EMGAIN"))
+    register = em_gain if is_real(em_gain) and em_gain > 0 else 1.0
+    if is_real(stated) and is_real(gain) and abs(stated - gain / register) > SCALE_TOLERANCE * abs(stated):
+        report.error(f"is {stated}, GAIN / EMGAIN is {gain / register:.6g}", "EPERADU", hdu)
+
+
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 
 
@@ -587,6 +604,7 @@ def _check_file_units(report: Report, units: Any, facts: FileFacts) -> None:
         check_shared(report, header, headers[1], primary, number)
         _check_image(report, units[number], header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
+        check_electrons(report, header, number)
         if kind in SKY_KINDS or "CTYPE1" in header:
             check_world(report, header, primary, number)
         check_sums(report, units, number, header)
@@ -1057,6 +1075,8 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
     try:
         tree: Any = parse_json(read_text(path, key="file", allowed="a readable file", max_bytes=MAX_BYTES))
         rows = [{"file": str(row["file"])} | {key: row[key] for key in listed.values()} for row in tree["sequences"]]
+        own = [key for key in listed.values() if key not in ("role", "visit", "n_visits", "window")]
+        rows += [{key: row[key] for key in ("file", *own)} for row in tree.get("calibrations", ())]
     except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     headers = {facts.path.resolve(): facts.primary for facts in known}
@@ -1068,6 +1088,8 @@ def _check_programme(path: Path, known: list[FileFacts]) -> list[Finding]:
             found.append(Finding(path, None, "", f"lists {row['file']}, which is no Level-0 file of this tree"))
             continue
         for keyword, key in listed.items():
+            if key not in row:
+                continue
             value = header.value(keyword)
             near = is_real(value) and is_real(row[key]) and abs(value - row[key]) * 86400.0 <= TIME_TOLERANCE_S
             if value != row[key] and not near:

@@ -71,6 +71,7 @@ def sequence_values(
     given = {key: value for key, value in sequence.header.items() if value is not None}
     supplied = {table.canonical(key): keywords.checked_value(table, key, value) for key, value in given.items()}
     found = _configured(sequence) | _where(sequence, sky) | supplied | _own(sequence, name, times)
+    found["EPERADU"] = float(found["GAIN"]) / float(found.get("EMGAIN", 1.0))
     values = {key: keywords.checked_value(table, key, value) for key, value in found.items() if value is not None}
     homes = {key: table.keywords[key].hdu if key in table.keywords else "image" for key in values}
     primary = {key: value for key, value in values.items() if homes[key] != "image"}
@@ -169,6 +170,23 @@ def frame_values(
     begin, end = float(times.begin_mjd[index]), float(times.end_mjd[index])
     counts = {keyword.name: int(getattr(frame, keyword.frame)) for keyword in keywords.load_keywords() if keyword.frame}
     return {**shared, "FRAMEID": index + 1, "EXPBEG": begin, "EXPEND": end, **counts}
+
+
+def explaining_cards(shared: Mapping[str, keywords.Value], profile: keywords.Profile) -> list[keywords.Card]:
+    """Return the comments of every header: how counts become electrons, and what places without coordinates are.
+
+    Parameters
+    ----------
+    shared : mapping of str to Value
+        Header values that all images of the file share.
+    profile : Profile
+        Spellings that the comments name.
+    """
+    names = [profile[key][0] for key in ("BIASLEV", "GAIN", "EMGAIN") if key in shared]
+    texts = [f"electrons in a pixel = (adu - {names[0]}) * {' / '.join(names[1:])}"]
+    if shared.get("CTYPE1") == "EAST":
+        texts.append("no coordinates of the star are known: places are degrees from it")
+    return [("COMMENT", text, "") for text in texts]
 
 
 def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, keywords.Value, str]]:
@@ -469,7 +487,8 @@ def write_level0(
     primary, shared = sequence_values(observation, name, times, sky)
     params = params_of(observation, name, times, sky, primary)
     primary[SUM_KEYWORD] = sum_of(utf8(params[CONFIGURATION_FILE]))[:16]
-    header = [*keywords.header_cards(primary, table, profile), *ledger_cards(observation)]
+    comments = explaining_cards(shared, profile)
+    header = [*keywords.header_cards(primary, table, profile), *comments, *ledger_cards(observation)]
 
     folders = [(root / place).parent for place in (name.file, name.truth, name.params)]
     with (
@@ -484,9 +503,8 @@ def write_level0(
                 writer.begin(name, primary, shared)
             for index, frame in enumerate(observation.iter_full_frames()):
                 values = frame_values(shared, index, times, frame)
-                datasum = keywords.append_image(
-                    file, frame.adu, keywords.header_cards(values, table, profile), "IMAGE", index + 1
-                )
+                cards = [*keywords.header_cards(values, table, profile), *comments]
+                datasum = keywords.append_image(file, frame.adu, cards, "IMAGE", index + 1)
                 if writer is not None:
                     writer.add(frame, datasum)
                 if progress is not None:

@@ -126,18 +126,6 @@ def test_unknown_names_are_refused(refused) -> None:
     refused("", spectra.load_albedo, "earth")
 
 
-def test_npz_bytes_depend_on_the_arrays_alone(tmp_path) -> None:
-    from tools.build_catalogue.npz import write_npz
-
-    arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(3.5)}
-    write_npz(tmp_path / "one.npz", arrays)
-    write_npz(tmp_path / "two.npz", {"a": np.asfortranarray(arrays["a"]), "b": arrays["b"]})
-    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
-    with np.load(tmp_path / "one.npz", allow_pickle=False) as back:
-        np.testing.assert_array_equal(back["a"], arrays["a"])
-        assert back["b"].shape == ()
-
-
 def _node(grid, teff: float, log_g: float, metal: float) -> int:
     it, ig, im = (
         int(np.flatnonzero(a == v)[0]) for a, v in ((grid.teff_k, teff), (grid.log_g, log_g), (grid.metallicity, metal))

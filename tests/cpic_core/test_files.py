@@ -19,6 +19,7 @@ from hypothesis import given, strategies as st
 from cpic_core import (
     InputError,
     LockHeld,
+    byte_planes,
     check_writable,
     digest_of,
     dump_json,
@@ -28,6 +29,7 @@ from cpic_core import (
     is_file,
     load_mapping,
     load_yaml,
+    of_byte_planes,
     only_sent_files,
     open_file,
     read_file,
@@ -129,6 +131,16 @@ def test_round_trip_and_same_bytes(tmp_path):
     for name, array in ARRAYS.items():
         np.testing.assert_array_equal(back[name], array)
         assert back[name].dtype == array.dtype
+
+
+@pytest.mark.parametrize("kind", ["<f4", ">f4", "<f8"])
+def test_byte_planes_hold_every_bit(kind):
+    numbers = np.array([[0.0, -1.5, np.inf], [np.nan, 5e-39, 0.1]], kind)
+    planes = byte_planes(numbers)
+    # The heaviest byte comes last: -1.5 is sign and seven bits of the exponent, then its last bit and the half.
+    assert planes.dtype == np.uint8
+    assert planes[-2:, 0, 1].tolist() == {4: [0xC0, 0xBF], 8: [0xF8, 0xBF]}[numbers.itemsize]
+    assert of_byte_planes(planes).tobytes() == numbers.astype(kind.replace(">", "<")).tobytes()
 
 
 @pytest.mark.parametrize("damage", ["missing", "text", "cut", "flipped", "pickle"])

@@ -67,7 +67,7 @@ def run(installed, work, *arguments):
 
 
 def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
-    # Of which 2.2 MB are the maps that tell the light of companions, 0.9 MB the states of the mirror, 1.4 MB code and
+    # Of which 2.2 MB are the maps that tell the light of companions, 0.9 MB the states of the mirror, 1.5 MB code and
     # 0.04 MB the description of the pages for programs.
     assert wheel.stat().st_size <= 13.2e6
     names = zipfile.ZipFile(wheel).namelist()

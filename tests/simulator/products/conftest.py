@@ -45,6 +45,7 @@ class FakeSequence:
     seed: int = 7
     start_utc: str = "2028-03-04T05:06:07.25"
     roll_deg: float = 30.0
+    parity: int = -1
     instrument: Instrument = INSTRUMENT
     scene: Scene | None = SCENE
     shape: tuple[int, int] = SIDE
@@ -64,7 +65,7 @@ class FakeSequence:
                 self.star,
                 (star.ra_deg, star.dec_deg),
                 roll_deg=self.roll_deg,
-                parity=-1,
+                parity=self.parity,
             )
         return found | self.extra
 

@@ -105,8 +105,9 @@ def test_other_spellings_are_accepted_and_have_to_agree(good):
     def respelled(units):
         header = units[0].header
         del header["OBSTYPE"], header["TARGET"]
-        header.rename_keyword("RA_OBJ", "OBJ_RA")
-        header.rename_keyword("DEC_OBJ", "OBJ_DEC")
+        for unit in units:
+            unit.header.rename_keyword("RA_OBJ", "OBJ_RA")
+            unit.header.rename_keyword("DEC_OBJ", "OBJ_DEC")
         for unit in units[1:]:
             unit.header.rename_keyword("DETNAM", "DETECTOR")
             unit.header.rename_keyword("RDNOISE", "RDNOISE1")

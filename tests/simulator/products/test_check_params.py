@@ -73,7 +73,7 @@ def test_parameters_without_sums_are_compared_with_the_headers(tree, good, param
         ("temperature.csv", "2028", "yesterday", "no time in row 1"),
         ("keywords.yaml", "keywords:", "keywords: [", "cannot be read"),
         ("keywords.yaml", "keywords:", "words:", "no table of keywords"),
-        ("keywords.yaml", "schema_version: 1", "schema_version: 2", "version 2, KEYTABLE is 1"),
+        ("keywords.yaml", "schema_version: 2", "schema_version: 3", "version 3, KEYTABLE is 2"),
         ("configuration.json", '"band": "F662"', '"band": "F999"', "FILTER: is 'F662', that of configuration.json is"),
         ("configuration.json", "{", "[", "cannot be read"),
         ("configuration.json", '"SEED": 7', '"SEED": 8', "SEED: is 7, that of configuration.json is 8"),

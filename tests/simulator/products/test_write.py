@@ -129,23 +129,48 @@ def test_every_kind_of_both_cameras_passes_the_check(kind_of, kind, camera, tmp_
         assert units[0].header["OBJECT"] == (SCENE.name if science else kind)
 
 
-def test_world_coordinates_find_the_planet(sequence, tmp_path):
-    one = sequence(roll_deg=77.0)
+@pytest.mark.parametrize("profile", ["csst", "early"])
+@pytest.mark.parametrize(("roll_deg", "parity"), [(0.0, -1), (77.0, -1), (77.0, 1)])
+def test_world_coordinates_find_the_planet_of_the_truth(sequence, tmp_path, roll_deg, parity, profile):
+    instrument = load_instrument({"mission": {"keyword_profile": profile}, "detector": {"parity": parity}})
+    planet = SCENE.planets[0].model_copy(update={"pa_deg": 90.0})
+    scene = SCENE.model_copy(update={"planets": (planet,)})
+    one = sequence(roll_deg=roll_deg, scene=scene, instrument=instrument, parity=parity)
+    path = write_level0(one, tmp_path)
+    with opened(path) as units, opened(next(tmp_path.glob("Truth/*/*.fits"))) as truth:
+        primary, world = units[0].header, WCS(units[1].header).celestial
+        assert (primary["RA"], primary["DEC"]) == (units[1].header["RA"], units[1].header["DEC"])
+        row = truth["SOURCES"].data[1]
+        assert (row["x_arcsec"] < 0) or roll_deg > 0
+    ra, dec = world.pixel_to_world_values(row["x_pixel"], row["y_pixel"])
+    assert (ra - row["ra_deg"]) * 3600 == pytest.approx(0.0, abs=1e-6)
+    assert (dec - row["dec_deg"]) * 3600 == pytest.approx(0.0, abs=1e-6)
+    # PA 90 is due east: 0.65 arcsec at a larger right ascension and the declination of the star
+    assert (ra - primary["RA"]) * 3600 * np.cos(np.deg2rad(primary["DEC"])) == pytest.approx(0.65, rel=1e-5)
+    assert (dec - primary["DEC"]) * 3600 == pytest.approx(0.0, abs=2e-5)
+    assert errors(tmp_path) == []
+
+
+@pytest.mark.parametrize(("camera", "said"), [("VIS", "(adu - BIASLEV) * GAIN / EMGAIN"), ("NIR", "* GAIN")])
+def test_headers_say_how_counts_become_electrons(kind_of, camera, said, tmp_path):
+    one = kind_of("SCI", camera)
     with opened(write_level0(one, tmp_path)) as units:
-        world = WCS(units[1].header)
-    planet = SCENE.planets[0]
-    ra, dec = world.pixel_to_world_values(one.truth.x_pixel[1], one.truth.y_pixel[1])
-    east = (ra - SCENE.cstar.ra_deg) * 3600 * np.cos(np.deg2rad(SCENE.cstar.dec_deg))
-    north = (dec - SCENE.cstar.dec_deg) * 3600
-    assert np.hypot(east, north) == pytest.approx(planet.separation_arcsec, rel=1e-5)
-    assert np.degrees(np.arctan2(east, north)) % 360 == pytest.approx(planet.pa_deg, abs=1e-3)
+        for unit in units:
+            assert str(unit.header["COMMENT"][0]).endswith(said)
+        header = units[1].header
+        assert header["EPERADU"] == header["GAIN"] / header.get("EMGAIN", 1.0)
+        if camera == "VIS":
+            # the electrons of the sequence are those in the pixels, its register multiplies them
+            electrons = (one.expected - header["BIASLEV"]) * header["EPERADU"]
+            assert electrons == pytest.approx(one.expected_e)
 
 
 def test_a_target_without_coordinates(sequence, tmp_path):
     one = sequence(scene=without_coordinates())
     with opened(write_level0(one, tmp_path)) as units:
-        assert not {"RA_OBJ", "RA_PNT0", "SUNANGL0"} & set(units[0].header)
+        assert not {"RA", "RA_OBJ", "RA_PNT0", "SUNANGL0"} & set(units[0].header)
         assert units[1].header["CTYPE1"] == "EAST"
+        assert "no coordinates of the star" in str(units[1].header["COMMENT"])
         assert "RADESYS" not in units[1].header
         WCS(units[1].header)
     assert errors(tmp_path) == []

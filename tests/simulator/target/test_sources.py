@@ -7,8 +7,12 @@ Sky and detector: absolute pictures, because a round trip cannot see a mirror.
 
 import pickle
 
+import astropy.units as u
 import numpy as np
 import pytest
+from astropy.coordinates import SkyCoord
+from astropy.io import fits
+from astropy.wcs import WCS
 from hypothesis import given, settings, strategies as st
 
 from catalogs import HC_ERG_ANGSTROM, load_albedo
@@ -400,8 +404,6 @@ def test_table_is_read_by_row_by_name_and_by_column():
 
 
 def test_table_in_pandas_and_astropy():
-    import astropy.units as u
-
     table = spectrum_generator(scene_of_source_table(planets=[PLANET]))
     frame = table.to_pandas()
     assert list(frame.name) == ["s", "b"]
@@ -477,8 +479,6 @@ def test_roll_turns_the_sky() -> None:
 
 def test_default_orientation_is_that_of_the_sky() -> None:
     # Oracle: tangent-plane offsets of astropy; east is +lon, drawn to the left (-x).
-    import astropy.units as u
-    from astropy.coordinates import SkyCoord
 
     star = SkyCoord(ra=10.0 * u.deg, dec=20.0 * u.deg)
     for pa in (10.0, 100.0, 200.0, 300.0):
@@ -527,10 +527,6 @@ def test_bad_input_is_refused(refused, call) -> None:
 @pytest.mark.parametrize("parity", [-1, 1])
 @pytest.mark.parametrize("roll_deg", [0.0, 30.0, -125.0])
 def test_written_world_coordinates_say_the_same(parity, roll_deg):
-    from astropy.coordinates import SkyCoord
-    from astropy.io import fits
-    from astropy.wcs import WCS
-
     star = SkyCoord(219.9, -60.8, unit="deg")
     keywords = wcs_keywords(0.016153, (536.0, 514.0), (219.9, -60.8), roll_deg=roll_deg, parity=parity)
     wcs = WCS(fits.Header(keywords))
@@ -542,9 +538,6 @@ def test_written_world_coordinates_say_the_same(parity, roll_deg):
 
 
 def test_a_source_in_the_east_has_the_larger_right_ascension_and_stands_left():
-    from astropy.io import fits
-    from astropy.wcs import WCS
-
     wcs = WCS(fits.Header(wcs_keywords(0.016153, (100.0, 100.0), (10.0, 20.0))))
     x, y = sky_to_detector(0.65, 90.0)
     assert x < 0

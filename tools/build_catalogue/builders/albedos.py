@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import InputError
-from tools.build_catalogue.npz import write_npz
+from cpic_core import InputError, byte_planes, write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 
 DATA_FILE = "albedo.npz"
@@ -58,9 +57,9 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
         known = arrays.setdefault("wavelength_nm", wavelength_nm[keep])
         if not np.array_equal(known, wavelength_nm[keep]):
             raise InputError(_path(planet), "another wavelength column", allowed="the sampling of the first planet")
-        arrays[planet.lower()] = table[keep, 1].astype("<f4")
+        arrays[planet.lower()] = byte_planes(table[keep, 1].astype("<f4"))
     arrays["documented_to_nm"] = np.array(_DOCUMENTED_TO_NM)
-    write_npz(out_dir / DATA_FILE, arrays)
+    write_npz(out_dir / DATA_FILE, arrays, deflated=False)
     return [
         ProvenanceEntry(
             data_file=DATA_FILE,

@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from catalogs import parse_spectral_type
-from cpic_core import InputError
+from cpic_core import InputError, byte_planes, write_npz
 from tools.build_catalogue.builders import references
-from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourceStore
 
 DATA_FILE = "pickles.npz"
@@ -136,8 +135,9 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
             "position": np.array([item.position for item in types]),
             "luminosity_rank": np.array([item.luminosity_rank for item in types]),
             "wavelength_nm": _WAVELENGTH_NM,
-            "flam": flam,
+            "flam": byte_planes(flam),
         },
+        deflated=False,  # the same bytes whatever the version of zlib
     )
     return [
         ProvenanceEntry(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.build_catalogue.npz import write_npz
+from cpic_core import byte_planes, write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 
 DATA_FILE = "reference_spectra.npz"
@@ -71,12 +71,13 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
         out_dir / DATA_FILE,
         {
             "sun_wavelength_nm": sun[0],
-            "sun_flam": sun[1],
+            "sun_flam": byte_planes(sun[1]),
             "vega_wavelength_nm": vega[0],
-            "vega_flam": vega[1],
+            "vega_flam": byte_planes(vega[1]),
             "johnson_v_wavelength_nm": johnson_v[0],
-            "johnson_v_transmission": johnson_v[1],
+            "johnson_v_transmission": byte_planes(johnson_v[1]),
         },
+        deflated=False,  # the same bytes whatever the version of zlib
     )
     return [
         ProvenanceEntry(

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import InputError
-from tools.build_catalogue.npz import write_npz
+from cpic_core import InputError, write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 
 DATA_FILE = "zodiacal_light.npz"
@@ -56,7 +55,9 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     missing = sorted(set(_TABLES) - set(literals))
     if missing:
         raise InputError(_FILE, missing, allowed="all the tables named in the builder")
-    write_npz(out_dir / DATA_FILE, {ours: _numbers(literals[theirs]) for theirs, ours in _TABLES.items()})
+    write_npz(
+        out_dir / DATA_FILE, {ours: _numbers(literals[theirs]) for theirs, ours in _TABLES.items()}, deflated=False
+    )
     return [
         ProvenanceEntry(
             data_file=DATA_FILE,

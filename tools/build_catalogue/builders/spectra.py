@@ -29,9 +29,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cpic_core import InputError
+from cpic_core import InputError, byte_planes, write_npz
 from tools.build_catalogue.builders import references
-from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 
 DATA_FILE = "stellar_grid.npz"
@@ -168,10 +167,11 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
             "metallicity": trend.metallicity,
             "wavelength_nm": wavelength_nm[keep],
             "line_log_g": line_log_g,
-            "log10_flam": log10_flam[:, :, keep],
+            "log10_flam": byte_planes(log10_flam[:, :, keep]),
             "ratio_wavelength_nm": knots_nm,
-            "ratio": ratio,
+            "ratio": byte_planes(ratio),
         },
+        deflated=False,  # the same bytes whatever the version of zlib
     )
     return [_provenance()]
 
