@@ -21,6 +21,13 @@ from cpic_planner.validation.injection import (
     fraction_interval as fraction_interval,
     search_task as search_task,
 )
+from cpic_planner.validation.level1 import (
+    Level1File as Level1File,
+    Level1Programme as Level1Programme,
+    level1_files as level1_files,
+    level1_programmes as level1_programmes,
+    realise_files as realise_files,
+)
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
     PlanetTemplate as PlanetTemplate,
@@ -51,6 +58,12 @@ from cpic_planner.validation.realise import (
     realisations as realisations,
     realise_frames as realise_frames,
     visit_pair as visit_pair,
+)
+from cpic_planner.validation.registration import (
+    Shift as Shift,
+    measured_shift as measured_shift,
+    moved as moved,
+    star_light as star_light,
 )
 from cpic_planner.validation.search import (
     BlindSearch as BlindSearch,
