@@ -380,7 +380,7 @@ class SourceRecord(Row):
 
     band: str
     source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
-    mjd: float | None = optional("mean begin of the science files, UTC", format=".5f")
+    mjd: float | None = optional("mean of the middles of the science exposures, UTC", format=".5f")
     separation_arcsec: float = column(format=".4f")
     separation_error_arcsec: float | None = optional("1 sigma of the fit of the place; null where it found none")
     pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
