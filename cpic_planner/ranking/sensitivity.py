@@ -267,10 +267,6 @@ def _crossing(ranks: np.ndarray[Any, np.dtype[np.int64]], i: int) -> tuple[int, 
     return int(np.count_nonzero(passes)), int(np.count_nonzero(passed))
 
 
-def _hours(value: float | None) -> str:
-    return "none" if value is None else f"{value / 3600.0:.3g} h"
-
-
 def _limit(row: RankedTarget) -> str:
     return "detected" if row.status == "ok" else f"limited by {(row.limited_by or row.reason).replace('_', ' ')}"
 
@@ -289,7 +285,7 @@ Says = Mapping[str, Callable[[RankedTarget], str]]
 _STAR: Says = {
     "completeness": lambda row: _percent(row.completeness),
     "excluded by what is known": _excluded,
-    "time": lambda row: _hours(row.completeness_time_s),
+    "time": lambda row: "none" if row.completeness_time_s is None else f"{row.completeness_time_s / 3600.0:.3g} h",
     "band": lambda row: row.completeness_band,
     "distance": lambda row: f"{row.distance_pc:.4g} pc",
     "V": lambda row: f"{row.v_mag:.2f} mag",

@@ -56,6 +56,7 @@ from cpic_planner.results.planned import (
     ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
     NotImagedRow as NotImagedRow,
+    ObservationRow as ObservationRow,
     PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
