@@ -543,18 +543,6 @@ def dump_json(tree: Any) -> str:
     return _STEERING.sub(lambda sign: json.dumps(sign[0])[1:-1], text)
 
 
-def write_json(path: str | Path, tree: Any) -> Path:
-    """Write a value as `dump_json` has it; see `write_text`.
-
-    Parameters
-    ----------
-    path : str or Path
-    tree : object
-        Plain data.
-    """
-    return write_text(path, dump_json(tree))
-
-
 class LockHeld(RuntimeError):
     """Another live process holds the lock; ``text`` is what it wrote into the lock file."""
 

@@ -5,8 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpic_core import ArrayLike, BoolArray, FloatArray, special
-from cpic_planner.planets import OrbitSearch, smeared, span_days
-from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D, ORBIT_DUTY, _bent
+from cpic_planner.planets import OrbitSearch, span_days
+from cpic_planner.planets.motion import MOST_SHIFT_LAMBDA_D, ORBIT_DUTY, _bent, aperture_track
+
+
+def smeared(shift_lambda_d: ArrayLike) -> FloatArray:
+    """Return the part of a planet's light in its aperture while it goes along a straight line, over that at rest."""
+    track, half = aperture_track(), np.maximum(np.asarray(shift_lambda_d) / 2.0, 1e-6)
+    return np.minimum(np.interp(half, track.offset, track.along) / half, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ from cpic_planner.planets.masses import (
 from cpic_planner.planets.motion import (
     ORBIT_DUTY as ORBIT_DUTY,
     OrbitSearch as OrbitSearch,
-    smeared as smeared,
     span_days as span_days,
 )
 from cpic_planner.planets.population import (

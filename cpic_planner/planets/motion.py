@@ -53,7 +53,6 @@ _RANGES = {
     "gap_h": ("h", 0.0, math.inf, "at least 0"),
     "duty": ("", 1e-6, 1.0, "above 0 and at most 1"),
     "sigma": ("sigma", 1.0, 20.0, "from 1 to 20"),
-    "shift_lambda_d": ("lambda/D", 0.0, math.inf, "at least 0"),
     "separation_arcsec": ("arcsec", 1e-6, math.inf, "above 0"),
     "distance_pc": ("pc", 1e-6, math.inf, "above 0"),
     "star_mass_msun": ("M_Sun", 1e-6, math.inf, "above 0"),
@@ -121,29 +120,6 @@ def aperture_track() -> ApertureTrack:
     return ApertureTrack(offset, light / light[0], along, roughness)
 
 
-def smeared(shift_lambda_d: ArrayLike) -> FloatArray:
-    """Return the part of a planet's light that its aperture gets in a stack in which it goes along a straight line.
-
-    Parameters
-    ----------
-    shift_lambda_d : array_like
-        Way from the first frame to the last, with the aperture on its middle; at least 0.
-
-    Returns
-    -------
-    ndarray
-        Relative to a planet at rest; the aperture has a radius of 0.7 lambda/D.
-
-    Raises
-    ------
-    InputError
-        If the way is not at least 0.
-    """
-    (shift,) = in_range(shift_lambda_d=shift_lambda_d)
-    track, half = aperture_track(), np.maximum(shift / 2.0, 1e-6)
-    return np.asarray(np.minimum(np.interp(half, track.offset, track.along) / half, 1.0))
-
-
 _SPEED_AU_DAY = 2.0 * math.pi / 365.25  # of a circular orbit of 1 au around 1 solar mass
 _BENDS = np.concatenate([[0.0], np.geomspace(1e-2, 40.0, 200)])
 _WAYS = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 1000)])
@@ -162,8 +138,9 @@ def _along_a_bend() -> FloatArray:
 
 
 _SMEARS = (0.0718581003869122, 0.0009736586569963758, 0.0001017201519227341)
-"""Coefficients of ``1 / smeared(s) - 1`` in ``s^2``, ``s^4``, ``s^6`` up to 0.6 lambda/D, to 1e-6: a fit to `smeared`,
-which the tests repeat (it takes as long as all else that a cold answer computes)."""
+"""Coefficients of ``1 / kept(s) - 1`` in ``s^2``, ``s^4``, ``s^6`` up to 0.6 lambda/D, to 1e-6: a fit to the part of a
+planet's light that its aperture gets along a straight line of length s, the mean of `aperture_track` up to s / 2, which
+the tests repeat (it takes as long as all else that a cold answer computes)."""
 
 
 @functools.lru_cache(maxsize=16)

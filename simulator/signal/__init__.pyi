@@ -43,6 +43,5 @@ from simulator.signal.speckles import (
     error_variance_nm2 as error_variance_nm2,
     programme_law as programme_law,
     programme_parts as programme_parts,
-    speckle_law as speckle_law,
     unit_parts as unit_parts,
 )

@@ -158,17 +158,6 @@ def _summed(*laws: SpeckleLaw) -> SpeckleLaw:
     return SpeckleLaw(k0, k1, k2)
 
 
-def speckle_law(
-    metrics: PsfMetrics,
-    drift: Drift,
-    separation_arcsec: ArrayLike,
-    annulus_lambda_d: float,
-    reference_ratio: float = 1.0,
-) -> SpeckleLaw:
-    """Return the law of the residual of one visit with one reference visit; parameters as of `programme_law`."""
-    return programme_law(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio).law()
-
-
 def programme_law(
     metrics: PsfMetrics,
     drift: Drift,

@@ -19,8 +19,7 @@ import numpy as np
 import optics
 import studies
 
-from cpic_core import write_bytes, write_text
-from cpic_core.files import write_json
+from cpic_core import dump_json, write_bytes, write_text
 from cpic_planner.report.whatif_figures import whatif_figures
 from cpic_planner.results import WhatIfResult
 from cpic_planner.survey.visibility import load_visibility, visibility_result
@@ -266,7 +265,7 @@ def main() -> None:
     for name in [] if chosen.text else chosen.only or PARTS:
         print(name, flush=True)
         found[name] = PARTS[name]()
-        write_json(place, found)
+        write_text(place, dump_json(found))
     result = WhatIfResult.model_validate(json.loads((HERE / "whatif.json").read_text(encoding="utf-8")))
     drawn = whatif_figures(result)
     for name in PICTURES:

@@ -13,7 +13,7 @@ from cpic_planner.etc import EtcModel, build_model, contrast_limit, diagonal
 from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator.config import Drift, load_instrument
-from simulator.signal import speckle_law
+from simulator.signal import programme_law
 
 LIMIT_STAR, LIMIT_BAND, LIMIT_ARCSEC, EXPOSURE_S, SIGMA = "tau Cet", "F520", 0.6, 20.0, 5.0
 OFFSETS_NM = (0.0, 0.05, 0.1, 0.5)
@@ -143,7 +143,7 @@ def floor_rows() -> list[FloorRow]:
     width, rows = model.strategy.annulus_lambda_d, []
 
     def row(band: str, place: float, drift: Drift, walk: str, images: FloatArray, visit_s: float) -> FloorRow:
-        said = float(np.sqrt(speckle_law(model.metrics[band], drift, place, width).variance(visit_s)))
+        said = float(np.sqrt(programme_law(model.metrics[band], drift, place, width).law().variance(visit_s)))
         return FloorRow(band, place, drift.visit_nm, walk, said, scatter(images, model.metrics[band], place, width))
 
     for band, places in SEPARATIONS.items():

@@ -10,14 +10,13 @@ from catalogs import load_known_planets
 from cpic_core import InputError
 from cpic_planner.planets import (
     OrbitSearch,
-    smeared,
     span_days,
     star_masses_msun,
 )
 from cpic_planner.planets.motion import _SMEARS, MOST_SHIFT_LAMBDA_D, aperture_track
 from cpic_planner.planets.published_orbits import draw_known, known_uniforms, places_at
 from simulator.imaging import single_band_psf
-from tests.programme_motion import motion_of, programme_motion
+from tests.programme_motion import motion_of, programme_motion, smeared
 
 LAMBDA_D = 0.0536  # arcsec, F520
 G_AU3_MSUN_DAY2 = 0.01720209895**2

@@ -20,7 +20,7 @@ from cpic_planner.validation import Frames, confirm_task, expected_of, star_scen
 from simulator import load_instrument
 from simulator.config import ConstantAlbedo, Planet
 from simulator.imaging import single_band_psf
-from simulator.signal import speckle_law
+from simulator.signal import programme_law
 from simulator.target import contrast_at, sky_to_detector
 
 
@@ -284,7 +284,7 @@ def test_drift_and_throughput_and_dust(instrument):
     nominal = assuming(instrument)
     wild = assuming(instrument, drift=3.0)
     assert wild.instrument.drift.visit_nm == pytest.approx(3.0 * instrument.drift.visit_nm)
-    laws = [speckle_law(model.metrics["F520"], model.instrument.drift, 0.6, 1.5) for model in (nominal, wild)]
+    laws = [programme_law(model.metrics["F520"], model.instrument.drift, 0.6, 1.5).law() for model in (nominal, wild)]
     assert 9.0 <= float(laws[1].k0 / laws[0].k0) <= 81.0
     half = rates(assuming(instrument, throughput=0.5))
     one = rates(nominal)

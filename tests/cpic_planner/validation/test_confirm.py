@@ -17,7 +17,7 @@ from cpic_planner.validation.confirm import encode_arrays
 from cpic_planner.validation.photometry import sample_scatter
 from simulator import load_instrument, observe
 from simulator.observing import hole_stacks
-from simulator.signal import speckle_law
+from simulator.signal import programme_law
 
 REALISATIONS = 24
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
@@ -155,7 +155,7 @@ def test_speckle_floor_is_that_of_the_subtraction_that_runs():
     measured = np.sqrt(np.mean(squares))
     error = np.std(squares, ddof=1) / np.sqrt(len(squares)) / (2 * measured)
     metrics = build_model(instrument, ["F520"]).metrics["F520"]
-    predicted = float(speckle_law(metrics, instrument.drift, separation, 1.5).k0 ** 0.5)
+    predicted = float(programme_law(metrics, instrument.drift, separation, 1.5).law().k0 ** 0.5)
     assert measured == pytest.approx(predicted, abs=0.08 * predicted + 3 * error)
 
 

@@ -19,7 +19,6 @@ from simulator.signal import (
     error_variance_nm2,
     programme_law,
     programme_parts,
-    speckle_law,
     unit_parts,
 )
 from simulator.signal.speckles import LOW_ORDER_SQUARE, _annulus_table, _followed
@@ -27,6 +26,11 @@ from simulator.signal.speckles import LOW_ORDER_SQUARE, _annulus_table, _followe
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
 BANDS = MODEL.bands
+
+
+def speckle_law(*given):
+    """The law of one visit with one reference visit."""
+    return programme_law(*given).law()
 
 
 def speckle_fraction(metrics, drift, visit_s, separation_arcsec, annulus_lambda_d):
