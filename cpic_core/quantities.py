@@ -322,6 +322,32 @@ def converted(text: str, unit: str) -> float | None:
     return float(Fraction(parts[0]) * sizes[parts[1]] / sizes[unit])
 
 
+def described(array: np.ndarray) -> str:
+    """Return the type and shape of an array, as refusals name it."""
+    return f"{array.dtype} array of shape {array.shape}"
+
+
+def check_mask(key: str, value: ArrayLike, shape: tuple[int, ...], *, empty: bool = False) -> BoolArray:
+    """Return the pixels as a mask; refused by name if they are no truth values of that shape, or none of them is true.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like
+        Pixels that are meant.
+    shape : tuple of int
+        Shape of the images.
+    empty : bool, optional
+        Whether all of them may be false.
+    """
+    mask = np.asarray(value)
+    if mask.dtype != np.bool_ or mask.shape != tuple(shape) or not (empty or mask.any()):
+        allowed = f"booleans of shape {tuple(shape)}" + ("" if empty else ", some of them true")
+        raise InputError(key, described(mask), allowed=allowed)
+    return mask
+
+
 def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
     """Refuse a value that is not good, naming key, value, unit and what is allowed."""
     if not good:

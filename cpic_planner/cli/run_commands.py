@@ -111,6 +111,12 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
     of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
     panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
 
+    With --from-products, frames are those of Level-1 files (cpic reduce writes them; so may any program: an image in
+    electrons and a mask for each frame): registered by the light that the mask leaves, reduced, searched and measured
+    in the same way. ROLE, VISIT and FILTER in the headers say which visit a file is of. Beside a scene, given or in the
+    parameters next to the files, stands the prediction; without one the measurements are alone, and contrasts need a
+    file of the star off the mask. --out has sources.csv and sources.ecsv too.
+
     Examples:
 
       cpic confirm paper_example
@@ -127,6 +133,10 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
 
       cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
 
+      cpic confirm --from-products level1 --out measured
+
+      cpic confirm my_scene.yaml --from-products level1 --references "night_2/*"
+
       cpic simulate paper_science --band F662 --frames 20 --visits 4 --reference-scene paper_reference
 
       cpic simulate --list-presets
@@ -140,10 +150,12 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
             command.note(
                 f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why"
             )
-        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
+        name = "the files" if question.scene is None else question.scene.name
+        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {name}"
         return command.cost_line(what, cost, question.workers)
 
-    how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": output.dry_run}
+    steps: int | str = "n_tasks" if question.from_products else len(question.band_names())
+    how: dict[str, Any] = {"steps": steps, "piece": "band", "dry_run": output.dry_run}
     result = command.result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
     if result is None:
         return

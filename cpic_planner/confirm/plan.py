@@ -206,6 +206,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         kind="plan",
         results=scene.RESULT_VERSION,
         decides=lambda: _decides(config, prepared()),
+        decides_parts=lambda: _decides_images(config, prepared()),
         work=work,
         write=write,
         products=("sensitivity.json", "known.json", *PRODUCTS),
@@ -223,7 +224,7 @@ def make_plan(
     config, catalog
         As of `plan_job`.
     out : str or Path
-        Output folder; resumed when it holds work of the same configuration.
+        Output folder; resumed when it holds work of the same configuration, for more or fewer targets too.
     **how
         As of `cpic_planner.jobs.job.run`.
 
@@ -262,6 +263,17 @@ def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
         "period": None if prepared.period is None else prepared.period.model_dump(mode="json"),
         "schedule": None if prepared.schedule is None else prepared.schedule.model_dump(mode="json"),
+    }
+
+
+def _decides_images(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
+    """Return what decides the images of every target, however many targets there are: `_decides` without that."""
+    decides, schedule = _decides(config, prepared), prepared.schedule
+    seen = {"n_days": config.n_days, "pointing": load_visibility(config.limits).content()} if schedule is None else None
+    return decides | {
+        "config": {name: value for name, value in decides["config"].items() if name != "top"},
+        "period": seen,
+        "schedule": None if schedule is None else schedule.source,
     }
 
 

@@ -131,8 +131,8 @@ def _of_json(path: Path) -> Stated | None:
     about = tree.get("software") if "obsid" in tree else tree
     if about is None or "fingerprint" not in about:
         return None
-    names = ("fingerprint", "config_hash") if path.name == RECORD else ("fingerprint",)
-    return {name: about[name] for name in names}
+    of_parts = {"config_hash": about.get("parts_hash") or about["config_hash"]} if path.name == RECORD else {}
+    return {"fingerprint": about["fingerprint"]} | of_parts
 
 
 def _of_fits(path: Path) -> Stated:

@@ -9,7 +9,8 @@ Layout::
     DIR/parts/KEY.blob  the same for pieces that are bytes
     DIR/plan.json ...   the products, written at the end
 
-A folder of the same configuration hash is resumed (finished parts are reused) by the same code, data and libraries;
+The configuration hash is that of what decides the pieces (`cpic_planner.jobs.job.Job.parts_digest`). A folder of the
+same one is resumed (finished parts are reused) by the same code, data and libraries;
 one of another hash or of others is refused unless forced, and then what its list names is removed. One in which nothing
 was finished is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
 
@@ -503,7 +504,7 @@ def open_run_folder(
     kind : str
         Kind of run (``plan``, ``confirm``, ``simulation``, ``whatif``).
     config_hash : str
-        Hash of everything that decides the result.
+        Hash of everything that decides the finished pieces of work.
     products : sequence of str
         Names below the folder that the run will write: refused now, not at the end, where somebody else's files stand.
     force : bool

@@ -284,6 +284,9 @@ class Job(Record, Generic[R], eq=False):
         Returns the `Cost`, without working.
     result_file : str
         Name of the file of the result, ``KIND.json`` by default.
+    decides_parts : callable, optional
+        Returns plain data that decide every finished task, without those that only say how many tasks there are: a
+        folder of the same is continued. What decides the result by default.
     """
 
     kind: str
@@ -294,12 +297,21 @@ class Job(Record, Generic[R], eq=False):
     products: Sequence[str] = ()
     cost: Callable[[], Cost] | None = None
     result_file: str = ""
+    decides_parts: Callable[[], Mapping[str, Any]] | None = None
 
     @functools.cached_property
     def digest(self) -> str:
         """Hash of everything that decides the result."""
+        return self._hash_of(self.decides())
+
+    @functools.cached_property
+    def parts_digest(self) -> str:
+        """Hash of everything that decides the finished tasks of a folder, whatever number of them is asked for."""
+        return self.digest if self.decides_parts is None else self._hash_of(self.decides_parts())
+
+    def _hash_of(self, decides: Mapping[str, Any]) -> str:
         versions_of = {"kind": self.kind, "results": self.results, "version": __version__}
-        return content_hash(versions_of | dict(self.decides()))
+        return content_hash(versions_of | dict(decides))
 
     @property
     def result_name(self) -> str:
@@ -452,7 +464,8 @@ def run(
     ----------
     job : Job
     out : str or Path, optional
-        Output folder; resumed when it holds work of the same configuration. Nothing is written without.
+        Output folder; resumed when it holds work of the same configuration, be it more or less of it. Nothing is
+        written without.
     workers : int
         Local worker processes, 1 to 256; the result does not depend on it.
     scheduler : str, optional
@@ -481,7 +494,7 @@ def run(
     runner = Runner[R](job.digest, workers, scheduler, advance)
     with contextlib.ExitStack() as stack:
         if out is not None:
-            opened = open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force)
+            opened = open_run_folder(out, kind=job.kind, config_hash=job.parts_digest, products=products, force=force)
             runner.output = stack.enter_context(opened)
         with contextlib.ExitStack() as runner._open:
             result = job.work(runner)
@@ -496,6 +509,7 @@ def run(
             runner,
             command=command or [],
             config_hash=job.digest,
+            parts_hash=job.parts_digest,
             started_utc=started.isoformat(timespec="seconds"),
             finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
             wall_s=round(time.monotonic() - clock, 3),

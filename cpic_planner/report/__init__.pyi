@@ -41,6 +41,7 @@ from cpic_planner.report.drawing import (
 from cpic_planner.report.files import (
     PANELS as PANELS,
     PRODUCTS as PRODUCTS,
+    SOURCES_FILES as SOURCES_FILES,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     products_of as products_of,
     write_confirm_report as write_confirm_report,

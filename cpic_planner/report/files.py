@@ -42,6 +42,10 @@ def products_of(bands: Iterable[str]) -> list[str]:
     return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
+SOURCES_FILES = ("sources.csv", "sources.ecsv")
+"""Names of the tables of sources that were detected in files."""
+
+
 N_LIMIT_POINTS = 24
 
 
@@ -91,7 +95,7 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     instrument, metrics = model.instrument, model.metrics[band]
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
-    roll_deg = model.strategy.rolls_deg[0]
+    roll_deg = body.get("roll_deg", model.strategy.rolls_deg[0])
     candidates = body["search"]["candidates"] if body["search"] else ()
     marks = [] if scene is not None else [Mark(x, y) for x, y in body["planet_offsets_arcsec"][:1]]
     marks += [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
@@ -197,9 +201,17 @@ def write_confirm_report(
     from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
+    if result.visits:
+        columns = results.taken_of(results.SourceRecord)
+        rows = map(results.values_of, result.sources)
+        folder.write(SOURCES_FILES[0], results.csv_text(results.names_of(results.SourceRecord), rows))
+        folder.write(
+            SOURCES_FILES[1], results.ecsv_text(columns, result.sources, {"title": f"sources, {result.scene}"})
+        )
     sheet, images = PanelSheet(), {}
     for band, body in bodies.items():
-        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=scene), result.scene)
+        marked = None if result.bare else scene
+        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=marked), result.scene)
         folder.write_bytes(PANELS.format(band=band), _png(picture))
     figures = {}
     spectrum = spectrum_figure(scene, model.instrument, result.bands)

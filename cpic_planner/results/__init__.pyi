@@ -52,9 +52,11 @@ from cpic_planner.results.planned import (
     PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
+    ProductVisitRecord as ProductVisitRecord,
     ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
     SeenRow as SeenRow,
+    SourceRecord as SourceRecord,
     StarImagesResult as StarImagesResult,
 )
 from cpic_planner.results.ranked import (

@@ -86,8 +86,8 @@ class BandConfirmation(FramesColumns):
     )
     chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
-    drawn_as: Literal["sums", "frames"] | None = optional(
-        "sums of frames over the hole, or every frame, where sums cannot stand for them"
+    drawn_as: Literal["sums", "frames", "files"] | None = optional(
+        "sums of frames over the hole, or every frame, where sums cannot stand for them; files that were measured"
     )
     predicted_snr: float | None = optional(
         "of one observation, noise of the planet included", label="predicted SNR", short="SNR pred", format=".3g"
@@ -305,10 +305,79 @@ class SearchRecord(Row):
     unused_s: float | None = None
     chosen_for: str = _CHOSEN_FOR
     realisations: int
-    false_detections: int = column("detections that are no planet of the scene, all realisations")
+    false_detections: int | None = column(
+        "detections that are no planet of the scene, all realisations; null for files without a scene"
+    )
     resolution_elements: float = column("searched area over (lambda/D)^2")
     sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
+
+
+class ProductVisitRecord(Row):
+    """One visit whose frames were read from files, and how far its star was from the place that the headers state."""
+
+    band: str
+    role: Literal["science", "reference"]
+    visit: int = column("its number among those of its role, from 1", format="d")
+    files: list[str]
+    n_frames: int = column("frames that were read", short="frames", format="d")
+    exposure_s: float = column(short="exposure s")
+    em_gain: float = column(short="gain")
+    roll_deg: float = column("position angle of the detector's +y axis", short="roll °", format=".2f")
+    mjd: float | None = optional("begin of its first exposure, UTC")
+    shift_x_pixel: float | None = optional(
+        "shift of the star's light along columns beside the mean of all visits; null where the light tells none",
+        label="shift in x",
+        short="shift x px",
+        format=".4f",
+    )
+    shift_x_error_pixel: float | None = optional("1 sigma: noise, and speckles that changed")
+    shift_y_pixel: float | None = optional("the same along rows", label="shift in y", short="shift y px", format=".4f")
+    shift_y_error_pixel: float | None = optional("1 sigma")
+    moved: bool = column(
+        "frames were moved by this shift, which is significant; else the place of the headers holds",
+        label="visit moved",
+        short="visit moved",
+    )
+    frames_moved: int = column(
+        "frames that were moved beside the mean of their visit, by as much as each shows",
+        label="frames moved",
+        format="d",
+    )
+
+
+class SourceRecord(Row):
+    """A source that a blind search detects in files, with what was measured of it in one band."""
+
+    band: str
+    source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
+    mjd: float | None = optional("mean begin of the science files, UTC", format=".5f")
+    separation_arcsec: float = column(format=".4f")
+    separation_error_arcsec: float | None = optional("1 sigma of the fit of the place; null where it found none")
+    pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
+    pa_error_deg: float | None = None
+    east_arcsec: float = column("offset from the star to the east: of right ascension times cos(declination)")
+    east_error_arcsec: float | None = None
+    north_arcsec: float = column("offset from the star to the north")
+    north_error_arcsec: float | None = None
+    east_north_correlation: float | None = optional("of the errors of both offsets")
+    ra_deg: float | None = optional("null where the headers have no coordinates of the star")
+    dec_deg: float | None = None
+    rate_e_s: float | None = optional(
+        "detected rate without mask, apodizer and aperture, by forced photometry at the fitted place",
+        label="light",
+        short="light e-/s",
+        format=".3g",
+    )
+    rate_error_e_s: float | None = optional("1 sigma, of the scatter of aperture sums")
+    contrast: float | None = optional(
+        "over the light of the star; null where that is not known", short="contrast", format=".2e ± .1e"
+    )
+    contrast_error: float | None = optional("1 sigma, the error of the star's light included")
+    snr: float | None = optional("of the forced photometry", short="SNR", format=".1f")
+    search_snr: float = column("of the matched filter of the search", label="SNR of the search", format=".1f")
+    search_threshold: float = column("SNR that the search asks for there", label="threshold", format=".1f")
+    flags: list[str] = column("of the fit of the place: not_converged, low_snr, edge, whole_region")
 
 
 class PositionRecord(Row):
@@ -364,3 +433,12 @@ class ConfirmResult(ImagedResult):
     searches: list[SearchRecord]
     positions: list[PositionRecord]
     albedos: list[AlbedoRecord]
+    visits: list[ProductVisitRecord] = column("of the files that were measured; empty for simulated images", default=[])
+    sources: list[SourceRecord] = column(
+        "what the search detects in files, measured; empty for simulated images", default=[]
+    )
+
+    @property
+    def bare(self) -> bool:
+        """Whether files were measured of which no scene is known: nothing is compared."""
+        return bool(self.visits) and all(search.false_detections is None for search in self.searches) and not self.bands

@@ -293,6 +293,11 @@ class RunRecord(RunResult):
     kind: Literal["run"] = "run"
     command: list[str]
     config_hash: str
+    parts_hash: str = column(
+        "of what decides the finished pieces of work, whatever number of them was asked for, as the list of files has "
+        "it; empty in older results",
+        default="",
+    )
     started_utc: str
     finished_utc: str
     wall_s: float

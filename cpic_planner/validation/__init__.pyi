@@ -18,7 +18,6 @@ from cpic_planner.validation.frames import (
     calibrated_frames as calibrated_frames,
     combine as combine,
     filled as filled,
-    reject_cosmic_rays as reject_cosmic_rays,
 )
 from cpic_planner.validation.injection import (
     INTERVAL as INTERVAL,
@@ -27,6 +26,13 @@ from cpic_planner.validation.injection import (
     azimuths_inside as azimuths_inside,
     fraction_interval as fraction_interval,
     search_task as search_task,
+)
+from cpic_planner.validation.level1 import (
+    Level1File as Level1File,
+    Level1Programme as Level1Programme,
+    level1_files as level1_files,
+    level1_programmes as level1_programmes,
+    realise_files as realise_files,
 )
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
@@ -58,6 +64,12 @@ from cpic_planner.validation.realise import (
     realisations as realisations,
     realise_frames as realise_frames,
     visit_pair as visit_pair,
+)
+from cpic_planner.validation.registration import (
+    Shift as Shift,
+    measured_shift as measured_shift,
+    moved as moved,
+    star_light as star_light,
 )
 from cpic_planner.validation.search import (
     BlindSearch as BlindSearch,
@@ -104,3 +116,4 @@ from cpic_planner.validation.verdict import (
     snr_scatter as snr_scatter,
     target_verdict as target_verdict,
 )
+from simulator.reduction import reject_cosmic_rays as reject_cosmic_rays

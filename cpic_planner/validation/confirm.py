@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from cpic_core import NDArray, Status, announce
-from cpic_planner.results import AuditRecord, CandidateRecord, SearchRecord
+from cpic_planner.results import AuditRecord, BandConfirmation, CandidateRecord, SearchRecord
+from cpic_planner.validation import level1
 from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.measure import Measurement, PlanetTemplate, maps_of, measure_planets, planet_templates
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, audited, realisations, visit_pair
@@ -36,10 +37,13 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
     dict
         ``confirmations`` (a `BandConfirmation` as plain data for each planet), ``panels`` (images of the first
         realisation, encoded), ``planet_offsets_arcsec``, and ``search`` (a `SearchRecord` of the first realisation;
-        None for two rolls).
+        None for two rolls). Of files beside them ``visits`` (`ProductVisitRecord`), ``sources`` (`SourceRecord`) and
+        ``roll_deg``.
     """
     task = ConfirmTask(**tree)
     announce(f"images of {task.name} in {task.band}")
+    if task.files is not None:
+        return _measure_files(task)
     modelling = modelling_of(task)
     visits = visit_pair(task, modelling=modelling)
     sums = modelling.draw == "sums" and visits.stackable.status is Status.OK
@@ -89,6 +93,16 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
     ]
     if record is not None:
         record = record.model_copy(update={"realisations": len(every), "false_detections": false})
+    return _body(confirmations, first, planets, record)
+
+
+def _body(
+    confirmations: list[BandConfirmation],
+    first: Realisation,
+    planets: tuple[PlanetTemplate, ...],
+    record: SearchRecord | None,
+) -> dict[str, Any]:
+    """Return what was measured as plain data, with the images."""
     residual = np.where(first.reduced.region, first.reduced.image_e, np.nan)
     panels = {"science": first.science_e, "reference": first.reference_e, "residual": residual}
     return {
@@ -97,6 +111,34 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
         "planet_offsets_arcsec": [list(planet.places_arcsec[0]) for planet in planets],
         "search": None if record is None else record.model_dump(mode="json"),
     }
+
+
+def _measure_files(task: ConfirmTask) -> dict[str, Any]:
+    """Measure the Level-1 files of a task, as `confirm_task` measures the first realisation of simulated images."""
+    assert task.files is not None
+    programme = level1.programme_of(task.files, task.band)
+    modelling = modelling_of(task, by_frames=True).of_files()
+    at, realisation, statistics, visits = level1.realise_files(visit_pair(task, modelling=modelling), programme)
+    star = level1.star_of_files(at, programme)
+    if star is None and not task.bare:
+        star = StarFlux.known(at.science.truth.sources[0].rate_e_s)
+    light = star or StarFlux.known(level1.starlight_e_s(at, realisation))
+    planets, maps = planet_templates(at), maps_of(at)
+    measured, blind = measure_planets(at, realisation, planets, light, maps=maps)
+    false = None if task.bare or blind is None else _false(blind, at)
+    confirmations = []
+    for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
+        found = None if item is None or blind is None else positions_of(at, realisation, blind, planet)
+        told: dict[str, Any] = {"false_detections": false or 0, "statistics": statistics, "position": found}
+        made = confirmation_of(task, modelling, index, [item], light, planet.core, **told)
+        confirmations.append(made.model_copy(update={"drawn_as": "files", "modelled": None}))
+    record = None if blind is None else _search_record(blind, at, planets)
+    if record is not None:
+        record = record.model_copy(update={"realisations": 1, "false_detections": false})
+    sources = [] if blind is None else level1.sources_of(at, realisation, blind, star, programme)
+    told = {"visits": visits, "sources": sources}
+    plain = {name: [item.model_dump(mode="json") for item in rows] for name, rows in told.items()}
+    return _body(confirmations, realisation, planets, record) | plain | {"roll_deg": programme.rolls_deg[0]}
 
 
 def positions_of(

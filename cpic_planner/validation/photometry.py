@@ -17,20 +17,17 @@ from cpic_core import (
     IntArray,
     Reason,
     Record,
+    check_mask,
     check_number,
     check_positive,
     checked_array,
+    described,
     disc_overlap,
     numeric_context,
     require,
 )
 from simulator.detectors import excess_noise_factor2
 from simulator.imaging import BandGeometry, Zone
-
-
-def described(array: np.ndarray) -> str:
-    """Return the type and shape of an array, as refusals name it."""
-    return f"{array.dtype} array of shape {array.shape}"
 
 
 def checked_frames(key: str, value: ArrayLike) -> FloatArray:
@@ -47,27 +44,6 @@ def checked_frames(key: str, value: ArrayLike) -> FloatArray:
     if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
         raise InputError(key, described(images), allowed="numbers, (y, x) or (n, y, x)")
     return images.astype(np.float64, copy=False)
-
-
-def check_mask(key: str, value: ArrayLike, shape: tuple[int, ...], *, empty: bool = False) -> BoolArray:
-    """Return the pixels as a mask; refused by name if they are no truth values of that shape, or none of them is true.
-
-    Parameters
-    ----------
-    key : str
-        Name that a refusal gives.
-    value : array_like
-        Pixels that are meant.
-    shape : tuple of int
-        Shape of the images.
-    empty : bool, optional
-        Whether all of them may be false.
-    """
-    mask = np.asarray(value)
-    if mask.dtype != np.bool_ or mask.shape != tuple(shape) or not (empty or mask.any()):
-        allowed = f"booleans of shape {tuple(shape)}" + ("" if empty else ", some of them true")
-        raise InputError(key, described(mask), allowed=allowed)
-    return mask
 
 
 def checked_region(key: str, value: ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:

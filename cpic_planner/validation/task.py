@@ -118,6 +118,13 @@ class ConfirmTask(Frames, kw_only=True):
         Part of the given wall time that the visits leave unused.
     chosen_for : str
         Planet for which visits and frames were chosen; empty where they were given.
+    roll_deg : float
+        Roll of the observation, degrees; planets stand at the places that it gives them.
+    files : dict or None
+        Level-1 files that are measured in place of simulated images, by what they show
+        (`cpic_planner.validation.level1.Level1Programme.files`).
+    bare : bool
+        Whether the scene is no more than the headers of these files say: nothing of its star's light is known.
     """
 
     name: str
@@ -136,6 +143,9 @@ class ConfirmTask(Frames, kw_only=True):
     gap_s: float = 0.0
     unused_s: float | None = None
     chosen_for: str = ""
+    roll_deg: float = 0.0
+    files: dict[str, Any] | None = None
+    bare: bool = False
 
     @property
     def n_science_frames(self) -> int:
@@ -246,7 +256,13 @@ def _known(value: float) -> float | None:
 
 
 def expected_of(
-    model: etc.EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
+    model: etc.EtcModel,
+    target: Targets,
+    band: str,
+    place_arcsec: tuple[Any, Any],
+    contrast: float,
+    frames: Frames,
+    roll_deg: float = 0.0,
 ) -> dict[str, Any]:
     """Return what the ETC expects of a planet in given frames.
 
@@ -260,11 +276,13 @@ def expected_of(
         Offsets x and y on the detector.
     contrast : float
     frames : Frames
+    roll_deg : float
+        At which the place is on the detector.
 
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
+        ``contrast``, ``separation_arcsec``, ``pa_deg``, ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
         with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``) that
         follow, and ``snr_full`` and ``significance_full`` with the frames that particles void; None of these for a
@@ -273,7 +291,7 @@ def expected_of(
     x = np.asarray(place_arcsec[0], float).reshape(1, 1)
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
     faint = np.full((1, 1), contrast, dtype=np.float64)
-    separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    separation, pa_deg = detector_to_sky(x, y, roll_deg=roll_deg, parity=model.instrument.detector.parity)
     elements = model.metrics[band].resolution_elements(np.hypot(x, y))
     about = {
         "contrast": float(contrast),
@@ -425,6 +443,7 @@ def images_of(instrument: Instrument) -> Instrument:
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
 _SUMS_S = 0.03  # of one realisation of both roles, reduced, searched and measured
 _VISIT_S = 1e-3  # of one visit from the expansion of its light, drawn
+_READ_S = 3e-2  # of a frame of a file, read and registered
 _FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned
 # An audit runs a part of the frames with a plain twin each, two sequences of either role at least; and propagations.
 _AUDIT_SHARE, _AUDIT_LEAST, _AUDIT_FRAME_S, _AUDIT_STAMPS = 0.2, 96, 1.5e-2, 0.2
@@ -461,8 +480,10 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     Sums of frames are taken at their word: where a limit turns out to be reached in the hole, two realisations run
     frame by frame instead.
     """
-    how = modelling_of(task)
     frames = round(task.n_all_frames)
+    if task.files is not None:
+        return TaskCost(2.0 * _SETUP_S + frames * _READ_S, 1, 0, _BASE_MB)
+    how = modelling_of(task)
     stamp_s = _stamp_s(how.knobs)
     work = _SETUP_S + _SETUP_STAMPS * stamp_s
     one_by_one, largest, visits = 0, 0, task.visits + task.reference_visits
@@ -543,7 +564,9 @@ class LibraryPlan(Record):
     noise_free: bool = False
 
 
-def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1) -> LibraryPlan:
+def library_plan(
+    strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1, roll_deg: float = 0.0
+) -> LibraryPlan:
     """Return what to simulate for the library that a strategy names (`cpic_planner.registry`).
 
     Parameters
@@ -556,6 +579,8 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
         Science frames of a visit, at least 1; for ``roll`` those of each roll.
     visits : int
         Science visits, at least 1.
+    roll_deg : float
+        Roll of the observation, to which that of two rolls is relative.
 
     Returns
     -------
@@ -564,7 +589,7 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
         of V science visits; without the factor ``V / R`` for a library whose visits are there already.
     """
     count = check_whole("n_frames", n_frames, 1, MOST_FRAMES)
-    library, rolls = strategy.reference_library, strategy.rolls_deg
+    library, rolls = strategy.reference_library, [roll_deg + turn for turn in strategy.rolls_deg]
     role: Role = "science" if library.noise_free else "reference"
     # Expectations are those of the very visits that they stand beside.
     number = visits if library.noise_free else strategy.references_of(visits)
@@ -615,6 +640,10 @@ class Modelling(Choice, kw_only=True):
         epochs = max(self.epochs, MAX_EPOCHS)
         return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=(), still=())
 
+    def of_files(self) -> "Modelling":
+        """Return what files are compared with: every effect, by the same knobs, and one wavefront."""
+        return dataclasses.replace(self.whole(), region="hole", epochs=1)
+
     def runs_by_frames(self, realisations: int) -> int:
         """Return how many realisations are drawn frame by frame: all of them for the reference alone."""
         return realisations if self.dial.fidelity == "reference" else min(realisations, MAX_RUNS_OF_FRAMES)
@@ -650,7 +679,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     instrument = validate(Instrument, task.simulator, where="instrument")
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = validate(Scene, task.scene, where="scene")
-    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits, roll_deg=task.roll_deg)
     dial = task.dial.of("planet_flux", "snr")
     shown, measured = plan.science_scene, tuple(task.planets)
     if not measured:

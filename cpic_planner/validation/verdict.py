@@ -476,7 +476,7 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
         strategy = validate(Strategy, task.strategy, where="strategy")
         instrument = validate(Instrument, task.simulator, where="instrument")
         scene = modelling.kept_sources(validate(Scene, task.scene, where="scene"))
-        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits, roll_deg=task.roll_deg)
         geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
         for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):
             if (hidden := obstacle(place, geometry, strategy)) is not None:

@@ -154,7 +154,8 @@ def _run_of(place: Path) -> RunAnswer | None:
     if kind not in _KINDS or not config_hash.isalnum():
         return None
     files = {name: place / name for name in FILES if name in digests and (place / name).is_file()}
-    date_utc = _date(place / "run.json") if "run.json" in digests else ""
+    date_utc, whole_hash = _ended(place / "run.json") if "run.json" in digests else ("", "")
+    config_hash = whole_hash if whole_hash.isalnum() else config_hash
     state = "finished" if date_utc and f"{kind}.json" in files else "running" if _is_held(place) else "not finished"
     told = {"title": place.name, "kind": kind, "state": state, "date_utc": date_utc, "config_hash": config_hash}
     return _run(files, digests, **told)
@@ -185,11 +186,13 @@ def _beginning(path: Path) -> str:
         return file.read(1000).decode("utf-8", "replace")
 
 
-def _date(path: Path) -> str:
+def _ended(path: Path) -> tuple[str, str]:
+    """Return when a run ended, and the hash of its configuration; nothing of one whose record cannot be read."""
     try:
-        return str(parse_json(_text(path))["finished_utc"])[:25]
-    except (InputError, ValueError, KeyError, TypeError):
-        return ""
+        record = parse_json(_text(path))
+        return str(record["finished_utc"])[:25], str(record.get("config_hash", ""))
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
+        return "", ""
 
 
 def _is_held(place: Path) -> bool:

@@ -14,6 +14,7 @@ from simulator.products.ephemeris import (
     sequence_times as sequence_times,
     times_after as times_after,
 )
+from simulator.products.keywords import load_keywords as load_keywords
 from simulator.products.sequence import (
     OBSID_DIGITS as OBSID_DIGITS,
     PartOfVisit as PartOfVisit,

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy import units as u
+from astropy.coordinates import SkyCoord
 
 from catalogs import (
     POSITION_ERROR,
@@ -278,8 +280,6 @@ def by_name(stars: StarTable, name: str) -> dict[str, str | int | float | bool]:
 
 
 def test_positions_are_those_of_astropys_space_motion() -> None:
-    from astropy import units as u
-    from astropy.coordinates import SkyCoord
     from astropy.time import Time
 
     stars, moved = load_stars(), stars_at(load_stars(), DATE_YR, orbits=False)
@@ -307,9 +307,6 @@ PAIRS = [pair for pair in binary_orbits() if pair.resolved and pair.companion in
 @pytest.mark.parametrize("date_yr", [1995.0, 2014.25, 2028.5, 2041.0])
 def test_one_place_a_star(date_yr: float) -> None:
     """From either star of a pair the other is the same by their coordinates and by the columns of the companion."""
-    from astropy import units as u
-    from astropy.coordinates import SkyCoord
-
     stars = stars_at(load_stars(), date_yr)
     assert {"alf Cen A", "70 Oph A", "61 Cyg A", "ksi Boo A", "36 Oph A", "gam Vir A"} <= {pair.star for pair in PAIRS}
     for pair in PAIRS:

@@ -189,8 +189,6 @@ def test_default_service_is_the_archives_own(refused, monkeypatch):
 
 @pytest.mark.network
 def test_the_real_archive_answers():
-    from catalogs import refresh_planets
-
     made = refresh_planets(TapService())
     assert made.refusal == ""
     assert made.notes == ()

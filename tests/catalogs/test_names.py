@@ -2,7 +2,7 @@
 
 import pytest
 
-from catalogs import load_stars, resolve_star
+from catalogs import load_stars, open_catalogue, resolve_star
 
 HIP = {
     "alf Cen A": 71683,
@@ -81,8 +81,6 @@ def test_a_selection_has_its_own_rows(refused) -> None:
 
 
 def own_table(tmp_path, *names, magnitudes=None):
-    from catalogs import open_catalogue
-
     magnitudes = magnitudes or [5.0 + i for i in range(len(names))]
     lines = [f"{name},10,{v_mag},G2V" for name, v_mag in zip(names, magnitudes, strict=True)]
     (tmp_path / "mine.csv").write_text("\n".join(["name,dist,V,SpT", *lines]) + "\n", encoding="utf-8")
@@ -155,8 +153,6 @@ def test_component_letters_are_not_ignored_in_a_users_table(refused, tmp_path):
 
 
 def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(refused, tmp_path):
-    from catalogs import open_catalogue
-
     text = "name,hip,bayer,dist,V,SpT\nHIP 8102,,,10,5,G2V\ntau Cet,8102,,10,3,G8V\nx B,,alf Cen,10,4,K1V\n"
     (tmp_path / "t.csv").write_text(text)
     table = open_catalogue(tmp_path / "t.csv").table

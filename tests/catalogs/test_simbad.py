@@ -136,7 +136,6 @@ def test_settings_are_checked(refused, make, words):
 @pytest.mark.network
 def test_the_real_service_answers_both_questions():
     cuts = Cuts(v_mag_max=4.0, parallax_min_mas=250.0)
-    from catalogs.simbad import read_measurements, read_stars
 
     stars, measurements = (ask(TapService(), service_url(TapService()), query) for query in queries(cuts))
     answer = read_stars(stars)
@@ -424,9 +423,6 @@ def test_names_stay_unique():
 
 
 def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
-    from catalogs import queries
-    from catalogs.archives import ask
-
     answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     listed, alone = blends(answer)
     assert {answer[i]["main_id"] for i in listed} == {"* alf Cen", "HD 999010"}
@@ -435,8 +431,6 @@ def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
 
 def test_no_two_objects_are_one_star_of_the_snapshot(simbad):
     next(row for row in simbad.tables["ids"] if row["oidref"] == 11)["ids"] += "|HIP 8102"  # a stray identifier
-    from catalogs import queries
-    from catalogs.archives import ask
 
     answer = read_stars(ask(TapService(), simbad.url, queries(Cuts())[0]))
     rows = [row for row in match_snapshot(answer, load_stars()) if row >= 0]

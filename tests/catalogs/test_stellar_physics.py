@@ -271,8 +271,6 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 
 
 def test_every_type_of_the_catalogue_is_read() -> None:
-    from catalogs import load_stars
-
     types = {str(text) for text in load_stars().column("sp_type")}
     assert len(types) > 300
     for text in types:

@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ import cpic_planner.confirm.plan as module
 from cpic_planner.cli.main import main
 from cpic_planner.confirm import make_plan, plan_job
 from cpic_planner.confirm.plan import prepare_plan
-from cpic_planner.jobs import estimate, run
+from cpic_planner.jobs import check_tree, estimate, run
 from cpic_planner.planets import load_population
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import counted_planets
@@ -183,6 +184,35 @@ def test_another_configuration_needs_force(finished, stars, capsys):
     out = finished[0]
     assert main(arguments(stars, out, "--seed", "2")) == 2
     assert "--force" in capsys.readouterr().err
+
+
+def test_fewer_and_more_targets_go_on_in_the_same_folder(finished, stars, tmp_path, no_page):
+    """One target of two makes no image; a second one makes its own alone, and the plan is that of a run of two."""
+    whole, out = finished[0], tmp_path / "plan"
+    shutil.copytree(whole, out)
+
+    given = arguments(stars, out)
+    at = given.index("--top") + 1
+
+    def again(top):
+        assert main([*given[:at], str(top), *given[at + 1 :]]) == 0
+        assert check_tree(out) == []
+        plan, record = (json.loads((out / name).read_text()) for name in ("plan.json", "run.json"))
+        assert record["config_hash"] == plan["config_hash"]
+        return plan, (record["resumed_parts"], record["computed_parts"])
+
+    plan, parts = again(1)
+    both = json.loads(finished[1])
+    assert parts == (2, 0)
+    assert [target["bands"] for target in plan["targets"]] == [both["targets"][0]["bands"]]
+    assert plan["config_hash"] != both["config_hash"]
+    for path in out.glob(f"parts/{both['targets'][1]['name'].replace(' ', '_')}*"):
+        path.unlink()
+    _, parts = again(2)
+    assert parts == (2, 2)
+    for name in ("plan.json", "measurements.csv", "ranking.csv", "sensitivity.json"):
+        assert (out / name).read_bytes() == (whole / name).read_bytes()
+    assert main([*given, "--days", "20"]) == 2  # other days may have other stars
 
 
 @pytest.mark.long

@@ -4,10 +4,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpic_planner.api import answered
 from cpic_planner.etc import build_model, contrast_limit, etc_result
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
-from cpic_planner.queries import Strategy
-from cpic_planner.report import MOST_STARS, check_figure_name, etc_curves, etc_figure, rank_figure, write_figure
+from cpic_planner.queries import EtcQuestion, Strategy
+from cpic_planner.report import MOST_STARS, check_figure_name, etc_curves, etc_figure, rank_figure, style, write_figure
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
@@ -160,10 +161,6 @@ def test_a_ranking_without_any_frame_can_be_drawn(rank):
     [{"bands": ["F520"]}, {"separation_arcsec": [0.4, 0.5, 0.6]}, {"bands": ["all"]}, {"separation_arcsec": 2.0}],
 )
 def test_all_words_lie_in_the_figure_and_legends_on_no_axes(more):
-    from cpic_planner.api import answered
-    from cpic_planner.queries import EtcQuestion
-    from cpic_planner.report import style
-
     figure = answered(EtcQuestion.of({"target": "tau Cet", "time_s": 36e3} | more)).figure()
     with style():
         figure.canvas.draw()
@@ -185,10 +182,6 @@ def test_all_words_lie_in_the_figure_and_legends_on_no_axes(more):
 @pytest.mark.parametrize("more", [{}, {"bands": ["F520"]}, {"separation_arcsec": [0.4, 0.5, 0.6]}])
 def test_labels_are_no_longer_than_their_axes_and_words_are_told_once(more):
     """A label of an axis stays beside it, titles above do not touch it, and bands have one legend."""
-    from cpic_planner.api import answered
-    from cpic_planner.queries import EtcQuestion
-    from cpic_planner.report import style
-
     figure = answered(EtcQuestion.of({"target": "tau Cet", "time_s": 36e3} | more)).figure()
     with style():
         figure.canvas.draw()

@@ -71,9 +71,6 @@ def test_csv_holds_every_row_in_full_precision(rank):
 
 
 def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
-    import astropy.units as u
-    from astropy.table import Table
-
     text = ranking_ecsv(rank)
     assert text.startswith("# %ECSV 1.0")
     table = Table.read(text, format="ascii.ecsv")
@@ -463,25 +460,6 @@ def test_a_row_is_made_of_the_attributes_of_others():
 @pytest.fixture
 def taken(rank):
     return first_table(report.rank_blocks(rank, limit=len(rank.targets)))
-
-
-def test_csv_holds_fields_in_full(rank, taken):
-    rows = list(csv.DictReader(io.StringIO(form_text("csv", rank, taken))))
-    assert [row["name"] for row in rows] == [target.name for target in rank.targets]
-    for row, target in zip(rows, rank.targets, strict=True):
-        for name in ("v_mag", "snr", "separation_arcsec", "contrast", "score"):
-            value = getattr(target, name)
-            assert row[name] == ("" if value is None else repr(value))
-        assert row["status"] == target.status
-
-
-def test_ecsv_reads_back_with_units(rank, taken):
-    table = Table.read(form_text("ecsv", rank, taken), format="ascii.ecsv")
-    assert str(table["separation_arcsec"].unit) == "arcsec"
-    assert len(table) == len(taken.entries)
-    assert table["n_frames"].dtype.kind == "i"
-    assert table["score"].unit == 1 / u.h
-    assert table.meta["title"].startswith("Ranking")
 
 
 def test_latex_is_a_table_that_fits_a_page(rank, taken):

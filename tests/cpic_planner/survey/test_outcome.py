@@ -236,8 +236,6 @@ def test_units_stand_in_the_names():
 
 
 def test_an_empty_block_has_its_columns(plain):
-    from dataclasses import replace
-
     survey = plain.surveys[0]
     nothing = replace(survey, schedule=replace(survey.schedule, visits=()))
     rows = simulate_survey(nothing, block=0, n=5, seed=1).rows("none", 0)
@@ -394,19 +392,15 @@ def test_changes_of_rank_say_why(outcomes):
 
 def test_nothing_found(played):
     survey, tables = played[0]
-    u = {
-        name: np.zeros_like(values) if name not in ("strategy", "universe") else values
-        for name, values in tables["universes"].items()
+    events, named = ("detections", "orbits"), ("strategy", "universe", "star", "block", "universes")
+    empty = {
+        table: {
+            name: values[:0] if table in events else values if name in named else np.zeros_like(values)
+            for name, values in columns.items()
+        }
+        for table, columns in tables.items()
     }
-    d = {name: values[:0] for name, values in tables["detections"].items()}
-    s = {
-        name: np.zeros_like(values)
-        if name in ("new_planets", "known_planets", "visits", "search_h", "follow_up_h")
-        else values
-        for name, values in tables["stars"].items()
-    }
-    o = {name: values[:0] for name, values in tables["orbits"].items()}
-    found = outcome(survey, {"universes": u, "detections": d, "stars": s, "orbits": o}, [""] * 3, None)
+    found = outcome(survey, empty, [""] * 3, None)
     assert found.planets.mean == found.any_planet == 0.0
     assert found.quantiles == {}
     assert found.planets.high > 0.0  # not met is not impossible

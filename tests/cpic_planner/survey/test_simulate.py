@@ -231,8 +231,6 @@ def test_the_survey_ends_with_its_planets(plain, change):
 
 @pytest.mark.long
 def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
-    from simulator.config import deep_merge
-
     rules = deep_merge(
         sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True}, "revisits": {"max_visits": 6}}
     )
@@ -356,12 +354,7 @@ def test_the_last_block_may_be_shorter(plain, n):
 
 def test_false_alarms_are_poisson_numbers_of_the_visits(plain):
     survey = plain.surveys[0]
-    noisy = replace(
-        survey,
-        noise_alarms=tuple((0.3,) for _ in survey.options),
-        background_alarms=tuple((0.05,) for _ in survey.options),
-    )
-    u = simulate_survey(noisy, block=0, n=2000, seed=1).universes
+    u = simulate_survey(with_rates(survey, 0.3, 0.05), block=0, n=2000, seed=1).universes
     for name, rate in (("noise_alarms", 0.3), ("background_alarms", 0.05)):
         expected = rate * u["visits"].sum()
         assert abs(u[name].sum() - expected) < 4.0 * np.sqrt(expected)
@@ -440,15 +433,8 @@ def test_nothing_planned_finds_nothing(plain):
     survey = plain.surveys[0]
     played = simulate_survey(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)
     assert not any(values.any() for name, values in played.universes.items() if name != "universe")
-    assert len(played.detections["universe"]) == len(played.stars["star"]) == 0
-    assert played.detections["universe"].dtype == np.int64
-
-
-def test_without_events_columns_are_empty_and_typed(plain):
-    survey = plain.surveys[0]
-    nothing = replace(survey, schedule=replace(survey.schedule, visits=()))
-    columns = simulate_survey(nothing, block=0, n=3, seed=1).detections
-    assert all(len(values) == 0 for values in columns.values())
+    columns = played.detections
+    assert not any(len(values) for values in (*columns.values(), played.stars["star"]))
     assert columns["universe"].dtype == columns["known_row"].dtype == np.int64
     assert columns["snr"].dtype == float
     assert columns["star"].dtype == columns["band"].dtype == object
@@ -463,11 +449,6 @@ def with_rates(survey, noise, background):
     return replace(
         survey, **{name: tuple((rate,) * len(ways) for ways in survey.options) for name, rate in rates.items()}
     )
-
-
-def with_planets(survey, rate):
-    population = survey.strategy.population.model_copy(update={"planets_per_star": rate})
-    return replace(survey, strategy=survey.strategy.model_copy(update={"population": population}))
 
 
 @pytest.fixture
@@ -494,7 +475,7 @@ def looks(survey, gap=GAP):
 
 def test_a_false_alarm_costs_one_more_visit(checked):
     """Of Poisson numbers of alarms one visit in (1 - exp(-rate)) asks for a second look; its cost is the slot's."""
-    survey = with_planets(with_rates(checked(0), 0.2, 0.5), 1e-9)
+    survey = denser(with_rates(checked(0), 0.2, 0.5), 1e-9)
     slots, cost = looks(survey)
     n = 4000
     universes = simulate_survey(survey, block=0, n=n, seed=3).universes
@@ -511,7 +492,7 @@ def test_a_false_alarm_costs_one_more_visit(checked):
 @pytest.mark.parametrize("patient", [False, True])
 def test_a_planned_visit_refutes_what_an_earlier_one_showed(checked, change, patient):
     """Only alarms of the second of two visits cost time; of both where the gap asked for is longer."""
-    survey = with_planets(with_rates(checked(0, 1), 0.0, 1.0), 1e-9)
+    survey = denser(with_rates(checked(0, 1), 0.0, 1.0), 1e-9)
     first, second = (survey.calendar.day[visit.star, visit.slot] for visit in survey.schedule.visits)
     gap = second - first + (1.0 if patient else -1.0)
     survey, n = change(survey, alarms={"gap_days": gap}), 2000
@@ -543,7 +524,7 @@ def sky(survey, n, days, way):
 
 def test_a_planet_is_confirmed_where_a_later_slot_shows_it(checked):
     """Without chance a planet is seen again where its significance reaches the threshold in one of two later slots."""
-    survey = with_planets(with_rates(checked(0), 0.0, 0.0), 2.0)
+    survey = denser(with_rates(checked(0), 0.0, 0.0), 2.0)
     (visit,) = survey.schedule.visits
     n, (slots, cost) = 1500, looks(survey)
     played = simulate_survey(survey, block=0, n=n, seed=6)
@@ -564,7 +545,7 @@ def test_a_planet_is_confirmed_where_a_later_slot_shows_it(checked):
 
 def test_a_second_look_waits_for_a_roll_that_shows_the_place(checked, change):
     """With the roll of the Sun the dark quadrants turn by a degree a day: no look where they left the place."""
-    survey = change(with_planets(with_rates(checked(0), 0.0, 0.0), 2.0), revisits={"roll": "sun"})
+    survey = change(denser(with_rates(checked(0), 0.0, 0.0), 2.0), revisits={"roll": "sun"})
     (visit,), n = survey.schedule.visits, 1500
     slots, cost = looks(survey)
     played = simulate_survey(survey, block=0, n=n, seed=6)
@@ -626,7 +607,7 @@ def followed(small, sharp_tree):
     rules = deep_merge(sharp_tree, {"detection": law, "alarms": {"check": False}, "revisits": {"max_visits": 4}})
     rules |= {"follow_up": {"bands": ["F520"], "time_s": 18000, "attempts": 3, "snr": 9.0}}
     rules["targets"] = {"names": [STAR]}
-    return with_planets(prepare(small(rules, universe={"known_planets": "off"})).surveys[0], 1.5)
+    return denser(prepare(small(rules, universe={"known_planets": "off"})).surveys[0], 1.5)
 
 
 @pytest.mark.parametrize(("goal", "visits"), [(6.0, 4), (9.0, 1), (14.0, 4)])
@@ -670,7 +651,7 @@ def test_follow_up_to_an_snr_adds_in_quadrature(followed, change, only_visits, g
 def test_several_planets_of_a_star_are_found_each_for_itself(sharp, change, only_visits):
     """Thinned Poisson numbers stay Poisson: the share of stars with none, one and more follows from the mean alone."""
     number = list(sharp.surveys[0].targets.name).index(STAR)
-    survey = with_planets(only_visits(sharp.surveys[0], lambda visit: visit.star == number), 3.5)
+    survey = denser(only_visits(sharp.surveys[0], lambda visit: visit.star == number), 3.5)
     n = 4000
     found = simulate_survey(survey, block=0, n=n, seed=2).universes["new_planets"]
     mean = found.mean()
@@ -685,7 +666,7 @@ def test_several_planets_of_a_star_are_found_each_for_itself(sharp, change, only
 
 
 def test_a_visit_for_a_planet_is_no_cost_of_the_alarm_beside_it(checked):
-    survey = with_planets(with_rates(checked(0), 0.0, 50.0), 2.0)
+    survey = denser(with_rates(checked(0), 0.0, 50.0), 2.0)
     universes = simulate_survey(survey, block=0, n=300, seed=6).universes
     planets = universes["new_planets"] > 0
     assert planets.any()

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cpic_planner.validation import aperture_weights, calibrated_frames, combine, reject_cosmic_rays
-from cpic_planner.validation.frames import dark_bar, frame_level, transferred
+from cpic_planner.validation.frames import dark_bar, transferred
 from simulator import Observation, load_instrument, observe
 from simulator.camera import MaskBit
+from simulator.reduction.steps import frame_level
 
 BAND, N_FRAMES = "F520", 200
 
@@ -83,7 +84,8 @@ def test_level_does_not_see_sources() -> None:
     """Adding a source to a frame leaves its fitted level exactly as it is; particles on the bar move it little."""
     seen = observed(n_frames=1, em_gain=300.0, exposure_s=1.0)
     detector, zero = seen.instrument.detector, np.zeros(seen.shape)
-    level = frame_level(seen, flaws=zero.astype(np.uint8), mean_e=zero)
+    how = {"unlit": dark_bar(seen), "mean_e": zero, "first_pixel": seen.first_pixel}
+    level = frame_level(detector, 300.0, 1.0, **how)
     assert level is not None
     rng = np.random.default_rng(0)
     rows, columns = np.indices(seen.shape)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from cpic_planner.validation.frames import PixelLaw
 from simulator.detectors.gain import multiply
+from simulator.reduction import PixelLaw
 
 STAGES, READ_NOISE_E = 604, 110.0
 

@@ -248,8 +248,6 @@ def test_hostile_questions_are_refused_in_one_line(ask, monkeypatch, tmp_path, a
 
 
 def test_a_fault_of_ours_says_nothing_of_itself(browser, monkeypatch, caplog):
-    from cpic_planner.web import serving
-
     monkeypatch.setattr(serving, "_answer", lambda *given: 1 / 0)
     told = type(browser)(application()).get("/etc?target=tau+Cet&format=json")
     assert told.status == 500

@@ -169,8 +169,6 @@ def test_albedo_as_people_give_it(given, albedo):
 
 
 def test_numbers_of_numpy_and_quantities_of_astropy():
-    import astropy.units as u
-
     body = PLANET | {
         "radius_rjup": np.float32(1.0),
         "separation_arcsec": (650.0 * u.mas).astype(np.float64),

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numba import njit
 from scipy import stats
 
 from cpic_core import stream
@@ -199,7 +200,6 @@ def test_the_curve_of_a_pixel_keeps_its_mean_in_whole_electrons(level):
 
 def test_draws_of_pixels_are_uniform_and_independent():
     """Means, neighbours, draws of one pixel and neighbouring keys, each over many keys."""
-    from numba import njit
 
     @njit
     def fill(keys, draw, out):
@@ -222,8 +222,6 @@ def test_draws_of_pixels_are_uniform_and_independent():
 
 
 def test_normal_numbers_of_pixels():
-    from numba import njit
-
     @njit
     def fill(keys, out):
         for i in range(out.size):

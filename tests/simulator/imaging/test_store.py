@@ -252,8 +252,6 @@ def test_the_published_instrument_has_the_published_contrast(band):
 
 
 def solver(instrument, band="F662"):
-    from simulator.imaging.build import bare_imager
-
     return bare_imager(instrument, band, Knobs(wavelength_nodes=5))
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import astropy.units as u
 import numpy as np
 import pytest
+from astropy.io import fits
 from astropy.modeling.models import BlackBody
 from hypothesis import given, strategies as st
 
@@ -63,20 +64,7 @@ def test_vega_zero_point_near_1000_photons() -> None:
     assert source(5500.0).value == pytest.approx(1000.0, rel=0.02)
 
 
-def test_photlam_over_angstrom() -> None:
-    source = star_photlam(3.0, "G2V")
-    star = stellar_spectrum(3.0, "G2V")
-    assert source(10.0 * star.wavelength_nm[500]).value == pytest.approx(star.photlam[500], rel=1e-12)
-    assert source(2500.0).value == 0.0 == source(18000.0).value
-    assert source.meta["teff_k"] == 5770.0
-    assert source.meta["flags"] == ()
-    assert source.meta["model"] == "grid"
-
-
 def test_blackbody_is_plancks_law() -> None:
-    from astropy import units as u
-    from astropy.modeling.models import BlackBody
-
     star = stellar_spectrum(2.0, teff_k=5772.0, model="blackbody")
     wavelength = star.wavelength_nm * u.nm
     energy = BlackBody(5772.0 * u.K, scale=1.0 * u.erg / u.s / u.cm**2 / u.AA / u.sr)(wavelength)
@@ -198,8 +186,6 @@ def test_planck_law_of_astropy(teff):
 
 
 def test_a_sphere_like_the_sun_at_10_pc_has_the_suns_absolute_magnitude():
-    from simulator.passbands import v_photon_rate, vega_v_photon_rate
-
     wavelength = np.arange(300.0, 1750.0, 0.5)
     photlam = thermal_photlam(wavelength, 5772.0, 695700.0 / 71492.0, 10.0)
     magnitude = -2.5 * np.log10(v_photon_rate(wavelength, photlam) / vega_v_photon_rate())
@@ -213,7 +199,6 @@ PHOTLAM = 1.0 + np.sin(NM / 60.0) ** 2
 
 def in_unit(unit: str) -> np.ndarray:
     """The same spectrum in another unit, converted by synphot."""
-    import astropy.units as u
     from synphot import units
 
     target = {"flam": units.FLAM, "fnu": units.FNU, "jy": u.Jy, "photlam": units.PHOTLAM}[unit]
@@ -266,7 +251,6 @@ def test_headers_as_people_write_them(tmp_path: Path, text: str) -> None:
     ],
 )
 def test_tables_carry_their_units(tmp_path: Path, kind: str, wavelength_unit: str, flux_unit: str) -> None:
-    import astropy.units as u
     from astropy.table import QTable
 
     x = NM * u.nm
@@ -278,8 +262,6 @@ def test_tables_carry_their_units(tmp_path: Path, kind: str, wavelength_unit: st
 
 @pytest.mark.parametrize("names", [("WAVELENGTH", "FLUX"), ("wave", "value")])
 def test_fits_of_synphot_and_others(tmp_path: Path, names: tuple[str, str]) -> None:
-    from astropy.io import fits
-
     columns = [
         fits.Column("ERROR", "D", array=NM) if names[0] == "WAVELENGTH" else None,
         fits.Column(names[0], "D", unit="ANGSTROMS", array=10.0 * NM),
@@ -288,15 +270,6 @@ def test_fits_of_synphot_and_others(tmp_path: Path, names: tuple[str, str]) -> N
     table = fits.BinTableHDU.from_columns([item for item in columns if item])
     fits.HDUList([fits.PrimaryHDU(), table]).writeto(tmp_path / "s.fits")
     np.testing.assert_allclose(read_spectrum(tmp_path / "s.fits").photlam, PHOTLAM, rtol=1e-7)
-
-
-def test_a_file_written_by_synphot(tmp_path: Path) -> None:
-    from synphot import Empirical1D, SourceSpectrum
-
-    source = SourceSpectrum(Empirical1D, points=10.0 * NM, lookup_table=PHOTLAM)
-    source.to_fits(str(tmp_path / "s.fits"), trim_zero=False, pad_zero_ends=False)
-    read = read_spectrum(tmp_path / "s.fits")
-    np.testing.assert_allclose(np.interp(NM, read.wavelength_nm, read.photlam), PHOTLAM, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("x", "y"), [("m / s", "Jy"), (None, "Jy"), ("nm", "m"), ("nm", None)])
@@ -416,8 +389,6 @@ def flam(teff: float, metal: float, log_g: float) -> np.ndarray:
 
 def write_tree(folder: Path, *, scale: float = 1.0) -> Path:
     """Write a tree as STScI lays it out; returns its folder."""
-    from astropy.io import fits
-
     folder.mkdir(parents=True, exist_ok=True)
     index, names = [], []
     for metal in METAL:
@@ -506,8 +477,6 @@ def test_outside_is_refused_with_the_range(tree, teff, metal, log_g, key, allowe
 
 
 def test_a_ragged_grid_takes_the_nodes_that_each_temperature_has(tmp_path: Path) -> None:
-    from astropy.io import fits
-
     def flux(teff: float, log_g: float) -> np.ndarray:
         return np.full(3, teff * log_g)
 
@@ -544,8 +513,6 @@ def test_several_trees_must_be_named(refused, tmp_path: Path) -> None:
 
 
 def test_the_star_says_what_it_was_made_from(tree: Path) -> None:
-    from simulator.target import star_photlam
-
     source = star_photlam(3.0, "K1V", teff_k=5100.0, metallicity=0.1, model=tree)
     assert source.meta["model"] == str(tree)
     assert source.meta["teff_k"] == 5100.0
@@ -564,8 +531,6 @@ def test_the_star_says_what_it_was_made_from(tree: Path) -> None:
 def test_v_magnitude_is_the_one_asked_for_of_stellar_libraries(
     v_magnitude, tree, magnitude, teff, metal, log_g
 ) -> None:
-    from simulator.target import star_photlam
-
     source = star_photlam(magnitude, teff_k=teff, log_g=log_g, metallicity=metal, model=tree)
     assert v_magnitude(source) == pytest.approx(magnitude, abs=1e-6)
 
@@ -599,8 +564,6 @@ def test_only_the_columns_needed_are_read(refused, tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_catalogue_is_refused(refused, tmp_path: Path, index: str, name: str) -> None:
-    from astropy.io import fits
-
     columns = [fits.Column("INDEX", "20A", array=[index]), fits.Column("FILENAME", "20A", array=[name])]
     fits.BinTableHDU.from_columns(columns).writeto(tmp_path / "catalog.fits")
     refused(r"file.fits\[column\]", tree_photlam, tmp_path, 5000.0, 4.5, 0.0)
