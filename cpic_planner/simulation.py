@@ -1079,7 +1079,7 @@ def _cube_sets(planned: Sequence[PlannedSequence]) -> dict[str, CubeSet]:
 
 
 def make_cube(item: PlannedSequence) -> Cube:
-    """Calibrate the frames of a sequence."""
+    """Return the calibrated frames of a sequence."""
     built = cast(Any, item.build())
     if item.part is None:
         return calibrated_cube(built, range(item.n_frames))
