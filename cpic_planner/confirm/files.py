@@ -92,6 +92,12 @@ def measured_files(question: ConfirmQuestion, folder: str | Path) -> MeasuredFil
     if stated is not None and not question.is_given("instrument"):
         instrument = load_instrument(stated["instrument"])
     bare = scene is None and (stated is None or stated.get("scene") is None)
+    if bare and len(question.strategy.rolls_deg) > 1:
+        allowed, hint = (
+            "together with a scene",
+            "two rolls show every planet twice: planets are measured at known places",
+        )
+        raise InputError("strategy.library", question.strategy.library, allowed=allowed, hint=hint)
     if scene is None:
         scene = _bare_scene(first) if bare or stated is None else load_scene(stated["scene"])
     for programme in programmes:

@@ -83,8 +83,9 @@ def _file_sentences(result: results.ConfirmResult) -> list[str]:
     placed = f"in {counted(moved, 'visit')} frames were moved" if moved else "the places of the headers hold"
     sentences = [
         f"{counted(frames, 'frame')} of {counted(len(result.visits), 'visit')} in {', '.join(bands)}, read from files, "
-        f"registered ({placed}), reduced and searched blind; the stack has the orientation of the detector.",
-        f"{counted(len(result.sources), 'source')} detected.",
+        f"registered ({placed}), reduced and {LIBRARIES[result.reference_library].searched}; the stack has the "
+        "orientation of the detector.",
+        *[f"{counted(len(result.sources), 'source')} detected."] * bool(result.searches),
     ]
     if result.bare:
         sentences.append("No scene is known of these files: nothing is compared with a prediction.")
@@ -459,7 +460,7 @@ def _files(report: ConfirmReport) -> Iterator[doc.Block]:
     )
     if result.sources:
         yield doc.Table("Sources that the search detects", columns, result.sources, words.text("texts.sources"))
-    else:
+    elif result.searches:
         yield doc.Paragraph("The search detects no source.")
     read = "band role visit n_frames roll_deg shift_x_pixel shift_y_pixel moved frames_moved"
     columns = doc.row_columns(

@@ -52,6 +52,7 @@ from simulator.target import detector_to_sky, sky_to_detector
 _SPOILT = MaskBit.BAD | MaskBit.HOT | MaskBit.SATURATED | MaskBit.COSMIC_RAY | MaskBit.SATELLITE_TRAIL
 _KINDS = ("SCI", "CALS")
 _OFF_MASK_ARCSEC = 0.1  # a star so far from the centre of the mask along both axes is shown, not hidden
+_STAR = ("OBJECT", "RA_OBJ", "DEC_OBJ")
 _SAME_DEG, _SAME_SCALE = 1.0 / 3600.0, 0.01
 _CELL_LAMBDA_D = 2.0
 _ALLOWED, _MOST_BYTES = "a FITS file that can be read", 200_000_000_000
@@ -94,6 +95,12 @@ class Level1File(Record):
     def roll_deg(self) -> float:
         """Position angle of the detector's +y axis."""
         return float(self.value("POS_ANG0"))
+
+    @property
+    def half_length_s(self) -> float:
+        """Half of the time from the begin of the first exposure to the end of the last, s."""
+        readout_s = float(self.header.get("READTIME") or 0.0)
+        return 0.5 * (self.n_frames * (float(self.value("EXPTIME")) + readout_s) - readout_s)
 
     @functools.cached_property
     def checksum(self) -> str:
@@ -206,9 +213,12 @@ class Level1Programme(Record):
 
     @property
     def middle_mjd(self) -> float | None:
-        """Middle of the science frames, MJD (UTC): the mean of the begins of their files; None without times."""
-        begins = [one.header.get("EXPSTART") for visit in self.visits["science"] for one in visit]
-        return None if None in begins else float(np.mean(np.array(begins, float)))
+        """Mean of the middles of the science exposures, MJD (UTC); None where a file does not state its begin."""
+        files = [one for visit in self.visits["science"] for one in visit]
+        if any(one.header.get("EXPSTART") is None for one in files):
+            return None
+        middles = [one.value("EXPSTART") + one.half_length_s / 86400.0 for one in files]
+        return float(np.average(middles, weights=[one.n_frames for one in files]))
 
     @property
     def other_star(self) -> bool:
@@ -248,10 +258,11 @@ class Level1Programme(Record):
         for role in ROLES:
             for one in (file for visit in self.visits[role] for file in visit):
                 mine = self.first if role == ROLES[0] else self._reference
-                for key in ("EXPTIME", "EMGAIN"):
-                    wanted, given = self.first.header.get(key), one.header.get(key)
+                same = [(key, self.first) for key in ("EXPTIME", "EMGAIN")] + [(key, mine) for key in _STAR]
+                for key, other in same:
+                    wanted, given = other.header.get(key), one.header.get(key)
                     if wanted != given:
-                        raise InputError(f"{one.path.name}: {key}", given, allowed=f"{wanted}, as in {self.first.path}")
+                        raise InputError(f"{one.path.name}: {key}", given, allowed=f"{wanted}, as in {other.path}")
                 if abs(one.roll_deg - mine.roll_deg) > 1e-6:
                     allowed = f"{mine.roll_deg:g}, as in {mine.path.name}"
                     raise InputError(f"{one.path.name}: POS_ANG0", one.roll_deg, unit="deg", allowed=allowed)

@@ -31,9 +31,13 @@ def scenes(*, planet=True):
     return (whole if planet else whole.without_planets()), whole.without_planets()
 
 
-def write_programme(folder, seed, *, frames=8, visits=1, planet=True, jitter=None, roll_deg=0.0):
-    """Write the visits of a programme, every effect of the camera on; frames of visit v are moved by ``jitter[v]``."""
-    for role, scene in zip(("science", "reference"), scenes(planet=planet), strict=True):
+def write_programme(folder, seed, *, frames=8, visits=1, planet=True, jitter=None, rolls_deg=(0.0, 0.0), shown=None):
+    """Write the visits of a programme, every effect of the camera on; frames of visit v are moved by ``jitter[v]``.
+
+    ``shown`` are the scenes of science and reference visits, those of `scenes` by default.
+    """
+    seen_by = zip(("science", "reference"), shown or scenes(planet=planet), rolls_deg, strict=True)
+    for role, scene, roll_deg in seen_by:
         for visit in range(visits):
             seen = observe(
                 scene,

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from astropy.table import Table
 
 from cpic_core import InputError
 from cpic_planner.confirm import confirm_scene
+from cpic_planner.jobs import check_tree
 from cpic_planner.queries import ConfirmQuestion
 from cpic_planner.validation import level1_files, level1_programmes
 from simulator import load_instrument
@@ -16,7 +18,8 @@ PIXEL = load_instrument().pixel_scale_arcsec(BAND)
 
 
 def measured(folder, **asked):
-    return confirm_scene(ConfirmQuestion.of({"from_products": str(folder), "fidelity": "quick"} | asked)).result
+    question = ConfirmQuestion.of({"from_products": str(folder), "fidelity": "quick"} | asked)
+    return confirm_scene(question, question.out, force=question.force).result
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +32,7 @@ def truth():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("level1")
-    write_programme(place, 4, frames=10, visits=2, jitter=JITTER, roll_deg=ROLL_DEG)
+    write_programme(place, 4, frames=10, visits=2, jitter=JITTER, rolls_deg=(ROLL_DEG, ROLL_DEG))
     return place
 
 
@@ -81,6 +84,7 @@ def test_visits_are_told_apart_by_headers_and_patterns(tmp_path):
         ({"EXPTIME": 3.0}, "b.fits: EXPTIME = 3.0"),
         ({"EMGAIN": 300.0}, "b.fits: EMGAIN = 300.0"),
         ({"FILTER": 3}, "b.fits: FILTER = 3"),
+        ({"VISIT": 2, "OBJECT": "tau Cet", "ROLE": "science"}, "b.fits: OBJECT = tau Cet"),
         ({"VISIT": 2, "POS_ANG0": 30.0, "ROLE": "science"}, "b.fits: POS_ANG0 = 30.0 deg"),
     ],
 )
@@ -108,6 +112,8 @@ def test_what_is_no_level1_is_refused(tmp_path):
         measured(tmp_path)
     with pytest.raises(InputError, match="seed"):
         measured(tmp_path, seed=3)
+    with pytest.raises(InputError, match="roll: not accepted; allowed: together with a scene"):
+        measured(tmp_path, strategy={"library": "roll"})
 
 
 @pytest.mark.long
@@ -130,13 +136,30 @@ def test_a_scene_stands_beside_its_files(folder, truth):
 
 
 @pytest.mark.long
+def test_two_rolls_and_references_of_another_star(tmp_path, truth):
+    (whole, alone), (planet, star) = scenes(), truth
+    contrast = planet.rate_e_s / star.rate_e_s
+    write_programme(tmp_path / "rolls", 2, frames=20, visits=2, rolls_deg=(75.0, 105.0), shown=(whole, whole))
+    result = measured(tmp_path / "rolls", scene=whole, strategy={"library": "roll"})
+    (band,) = result.bands
+    assert band.pa_deg == pytest.approx(315.0)
+    assert abs(band.recovered_contrast - contrast) < 3 * band.contrast_error
+    fainter = alone.cstar.model_copy(update={"v_mag": 2.1, "ra_deg": 200.0})
+    shown = whole, alone.model_copy(update={"cstar": fainter})
+    write_programme(tmp_path / "other", 2, frames=20, visits=2, shown=shown)
+    result = measured(tmp_path / "other", scene=whole)
+    assert abs(result.bands[0].recovered_contrast - contrast) < 3 * result.bands[0].contrast_error
+    assert len(result.sources) == 1
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("seeds", [range(1, 11), range(11, 21)])
 def test_pulls_of_place_and_contrast(tmp_path, truth, seeds):
     planet, star = truth
     pulls = []
     for seed in seeds:
         place = tmp_path / str(seed)
-        write_programme(place, seed, frames=20, visits=2, roll_deg=ROLL_DEG)
+        write_programme(place, seed, frames=20, visits=2, rolls_deg=(ROLL_DEG, ROLL_DEG))
         rate = write_off_mask(place, seed)
         (one,) = measured(place).sources
         assert rate == pytest.approx(star.rate_e_s)
@@ -154,6 +177,9 @@ def test_pulls_of_place_and_contrast(tmp_path, truth, seeds):
 
 @pytest.mark.long
 def test_nothing_is_found_where_nothing_is(tmp_path):
+    """In eight programmes without a planet, and the tables of none are whole."""
     for seed in range(1, 9):
         write_programme(tmp_path / str(seed), seed, frames=10, visits=2, planet=False)
-        assert measured(tmp_path / str(seed)).sources == []
+        assert measured(tmp_path / str(seed), out=str(tmp_path / "out"), force=True).sources == []
+    assert len(Table.read(tmp_path / "out" / "sources.ecsv")) == 0
+    assert check_tree(tmp_path / "out") == []
