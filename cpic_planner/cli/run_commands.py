@@ -222,7 +222,8 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
         output.show(planned, report.planned_blocks(planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
-    start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
+    own = partial(simulation.simulate, truth=question.truth, notes=notes, cubes=question.cubes)
+    start = partial(own, made, question.out, **question.how)
     done = command.with_progress("frames", total, start, "sequence")
     output.show(done.result, report.simulation_blocks(done.result, question.out))
 
