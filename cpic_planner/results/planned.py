@@ -353,14 +353,11 @@ class SourceRecord(Row):
     source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
     mjd: float | None = optional("mean of the middles of the science exposures, UTC", format=".5f")
     separation_arcsec: float = column(format=".4f")
-    separation_error_arcsec: float | None = optional("1 sigma of the fit of the place; null where it found none")
+    separation_error_arcsec: float = column("1 sigma of the fit of the place")
     pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
-    pa_error_deg: float | None = None
+    pa_error_deg: float
     east_arcsec: float = column("offset from the star to the east: of right ascension times cos(declination)")
-    east_error_arcsec: float | None = None
     north_arcsec: float = column("offset from the star to the north")
-    north_error_arcsec: float | None = None
-    east_north_correlation: float | None = optional("of the errors of both offsets")
     ra_deg: float | None = optional("null where the headers have no coordinates of the star")
     dec_deg: float | None = None
     rate_e_s: float | None = optional(
