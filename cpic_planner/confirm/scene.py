@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cpic_planner.survey import ScheduledVisit
 
 
-RESULT_VERSION = 9
+RESULT_VERSION = 10
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
@@ -167,9 +167,12 @@ def programme_task(
     strategy = model.strategy.model_copy(update={"visits": frames.visits, "visit_gap_h": min(gap_h, 1e5)})
     visit_s = n_frames * (exposure_s + model.camera(band).readout_s)
     time_s = frames.visits * float(model.time_s(visit_s))
-    return validation.prepare_task(
+    made = validation.prepare_task(
         replace(model, strategy=strategy), star, band, time_s=time_s, planet=planet, frames=frames, **settings
     )
+    if not days or isinstance(made, results.BandConfirmation):
+        return made
+    return replace(made, epoch_mjd=0.5 * (days[0] + days[-1]))
 
 
 def image_tasks(tasks: Sequence[validation.ConfirmTask]) -> list[Task]:
@@ -373,8 +376,8 @@ def confirm_scene(
     ----------
     config : ConfirmQuestion
     out : str or Path, optional
-        Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
-        written without.
+        Output folder of ``confirm.json``, ``measurements.csv``, tables for fits of orbits, ``report.html``, panels and
+        ``run.json``; nothing is written without.
     **how
         As of `cpic_planner.jobs.job.run`.
 

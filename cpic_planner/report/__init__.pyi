@@ -9,6 +9,7 @@ from cpic_planner.report.answers import (
     tradeoff_blocks as tradeoff_blocks,
     write_figure as write_figure,
 )
+from cpic_planner.report.compared import comparison_blocks as comparison_blocks, comparison_page as comparison_page
 from cpic_planner.report.confirm import (
     calibration_sentence as calibration_sentence,
     confirm_blocks as confirm_blocks,

@@ -13,6 +13,7 @@ from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm import ConfirmReport, confirm_document, measurements_csv
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.export import EXPORT_PRODUCTS, write_export
 from cpic_planner.report.image_figures import Mark, MarkKind, Panels
 from cpic_planner.report.plan import PlanReport, plan_document
 from cpic_planner.report.ranking import ranking_csv, ranking_ecsv
@@ -25,7 +26,7 @@ from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
 from simulator.target import scene_sources
 
-PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
+PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", *EXPORT_PRODUCTS, "report.html")
 """Names of the files of a report of a plan."""
 
 
@@ -39,7 +40,7 @@ PANELS = "panels-{band}.png"
 
 def products_of(bands: Iterable[str]) -> list[str]:
     """Return the names of the files of a report of images in these bands."""
-    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
+    return ["measurements.csv", *EXPORT_PRODUCTS, "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
 SOURCES_FILES = ("sources.csv", "sources.ecsv")
@@ -130,7 +131,7 @@ def write_report(
     sensitivity: results.SensitivityResult | None = None,
     known: results.KnownResult | None = None,
 ) -> None:
-    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
+    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv``, those of `EXPORT_PRODUCTS` and ``report.html``.
 
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
     the first of them.
@@ -140,6 +141,7 @@ def write_report(
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
+    write_export(folder, plan)
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
     report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
@@ -152,7 +154,7 @@ def write_star_images(
     model: EtcModel,
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write ``measurements.csv`` and the images of each band as PNG, each whole.
+    """Write ``measurements.csv``, those of `EXPORT_PRODUCTS` and the images of each band as PNG, each whole.
 
     Parameters
     ----------
@@ -167,6 +169,7 @@ def write_star_images(
     from cpic_planner.report.image_figures import PanelSheet
 
     folder.write("measurements.csv", measurements_csv(result))
+    write_export(folder, result)
     sheet = PanelSheet()
     for target in result.targets:
         for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
@@ -185,7 +188,7 @@ def write_confirm_report(
     scene: Scene,
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
+    """Write ``measurements.csv``, those of `EXPORT_PRODUCTS`, images as PNG, and ``report.html``, each whole.
 
     Parameters
     ----------
@@ -201,6 +204,7 @@ def write_confirm_report(
     from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
+    write_export(folder, result)
     if result.visits:
         columns = results.taken_of(results.SourceRecord)
         rows = map(results.values_of, result.sources)

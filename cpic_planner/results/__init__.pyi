@@ -35,9 +35,16 @@ from cpic_planner.results.base import (
     own_taken as own_taken,
     parquet_bytes as parquet_bytes,
     rows_from_csv as rows_from_csv,
+    rows_of as rows_of,
     taken_of as taken_of,
     unit_of as unit_of,
     values_of as values_of,
+)
+from cpic_planner.results.compared import (
+    AnswerChange as AnswerChange,
+    AnswerComparison as AnswerComparison,
+    ComparedAnswer as ComparedAnswer,
+    SettingChange as SettingChange,
 )
 from cpic_planner.results.planned import (
     AlbedoRecord as AlbedoRecord,
@@ -49,6 +56,7 @@ from cpic_planner.results.planned import (
     ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
     NotImagedRow as NotImagedRow,
+    ObservationRow as ObservationRow,
     PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
@@ -84,7 +92,6 @@ from cpic_planner.results.ranked import (
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
     SensitivityStar as SensitivityStar,
-    SettingChange as SettingChange,
     StarInRanking as StarInRanking,
     StarResult as StarResult,
     TwoInstrumentsResult as TwoInstrumentsResult,

@@ -58,6 +58,34 @@ class AuditRecord(Row):
     saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
 
 
+class ObservationRow(Row):
+    """One observation of a planet in one band: one realisation, all its visits reduced together.
+
+    Realisations are draws of one and the same observation: a fit of an orbit or a spectrum takes one of them.
+    """
+
+    realisation: int = column("number of the draw of drift and noise, from 1")
+    epoch_mjd: float = column("middle of the observation, from its first visit to its last", unit="d", format=".4f")
+    detected: bool = column(
+        "the blind search finds the planet; of two rolls, its significance at the place reaches the threshold"
+    )
+    contrast: float = column("measured at the planet's place", format=".2e ± .1e")
+    contrast_error: float = column("1 sigma of the planet's noise and the background's; not that of the star's flux")
+    contrast_limit: float = column("contrast whose significance at the place is the threshold", format=".2e")
+    star_flux_error: float = column("relative error of the star's measured light, the same in all realisations")
+    separation_arcsec: float | None = optional("fitted; null without a detection and a fit that comes to rest")
+    separation_error_arcsec: float | None = None
+    pa_deg: float | None = optional("position angle, east of north")
+    pa_error_deg: float | None = None
+    separation_pa_correlation: float | None = optional("of the errors of separation and position angle")
+    east_arcsec: float | None = optional("offset from the star in right ascension times the cosine of declination")
+    east_error_arcsec: float | None = None
+    north_arcsec: float | None = optional("offset from the star in declination")
+    north_error_arcsec: float | None = None
+    east_north_covariance: float | None = optional("of the errors of both offsets", unit="arcsec2")
+    flags: tuple[str, ...] = column("of the fit: low_snr, edge, whole_region (cpic_planner.Astrometry)", default=())
+
+
 class BandConfirmation(FramesColumns):
     """One band of one target: prediction beside the measurement in simulated images.
 
@@ -164,6 +192,7 @@ class BandConfirmation(FramesColumns):
     audit: AuditRecord | None = None
     modelled: ModellingRecord | None = optional("null where no image was asked for")
     image: str | None = optional("key of the stored panels")
+    observations: list[ObservationRow] = column("one a realisation; empty in older results", default=[])
 
 
 class ConfirmedTarget(Result):

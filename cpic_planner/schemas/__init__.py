@@ -35,6 +35,7 @@ RESULTS = {
         ("sensitivity", "SensitivityResult"),
         ("explanation", "Explanation"),
         ("comparison", "RankComparison"),
+        ("answer_comparison", "AnswerComparison"),
         ("etc", "EtcResult"),
         ("curve", "CurveResult"),
         ("roc", "RocResult"),

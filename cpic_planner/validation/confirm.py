@@ -3,6 +3,7 @@
 import base64
 import io
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,19 +61,18 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             planets = planet_templates(at)
             star = _star(at, measured=not counted)
             maps = maps_of(at)
-            positions: list[Astrometry | None] = [None] * len(planets)
+            positions: list[list[Astrometry | None]] = [[] for _ in planets]
         measured, blind = measure_planets(at, realisation, planets, star, maps=maps)
         every.append(measured)
         announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         if statistics is not None:
             parts.append(statistics)
-        if blind is None:
-            continue
-        false += _false(blind, at)
-        record = record or _search_record(blind, at, planets)
-        for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
-            if not counted and positions[index] is None and item is not None and item.found:
-                positions[index] = positions_of(at, realisation, blind, planet)
+        if blind is not None:
+            false += _false(blind, at)
+            record = record or _search_record(blind, at, planets)
+        for found, planet, item in zip(positions, planets, measured, strict=True):
+            shown = not counted and item is not None and item.found
+            found.append(positions_of(at, realisation, blind, planet) if blind is not None and shown else None)
     audits: list[AuditRecord | None] = [None] * len(planets)
     if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
@@ -85,7 +85,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             [measured[index] for measured in every],
             star,
             planet.core,
-            position=positions[index],
+            positions=positions[index],
             audit=audits[index],
             **told,
         )
@@ -117,6 +117,7 @@ def _measure_files(task: ConfirmTask) -> dict[str, Any]:
     """Measure the Level-1 files of a task, as `confirm_task` measures the first realisation of simulated images."""
     assert task.files is not None
     programme = level1.programme_of(task.files, task.band)
+    task = replace(task, epoch_mjd=programme.middle_mjd or task.epoch_mjd)
     modelling = modelling_of(task, by_frames=True).of_files()
     at, realisation, statistics, visits = level1.realise_files(visit_pair(task, modelling=modelling), programme)
     star = level1.star_of_files(at, programme)
@@ -129,7 +130,7 @@ def _measure_files(task: ConfirmTask) -> dict[str, Any]:
     confirmations = []
     for index, (planet, item) in enumerate(zip(planets, measured, strict=True)):
         found = None if item is None or blind is None else positions_of(at, realisation, blind, planet)
-        told: dict[str, Any] = {"false_detections": false or 0, "statistics": statistics, "position": found}
+        told: dict[str, Any] = {"false_detections": false or 0, "statistics": statistics, "positions": [found]}
         made = confirmation_of(task, modelling, index, [item], light, planet.core, **told)
         confirmations.append(made.model_copy(update={"drawn_as": "files", "modelled": None}))
     record = None if blind is None else _search_record(blind, at, planets)

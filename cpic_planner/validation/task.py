@@ -13,6 +13,7 @@ import numpy as np
 
 from cpic_core import Outcome, Reason, Record, Status, check_whole
 from cpic_planner import etc
+from cpic_planner.planets import span_days
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation, EffectRecord, EtcAnswer, ModellingRecord
@@ -31,6 +32,7 @@ from simulator.imaging import LARGEST_NM, RMS_ERROR, SceneModel, expands, psf_me
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.observing import Role
+from simulator.products import mjd_of
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
@@ -118,6 +120,8 @@ class ConfirmTask(Frames, kw_only=True):
         Part of the given wall time that the visits leave unused.
     chosen_for : str
         Planet for which visits and frames were chosen; empty where they were given.
+    epoch_mjd : float
+        Middle of the visits, MJD (UTC).
     roll_deg : float
         Roll of the observation, degrees; planets stand at the places that it gives them.
     files : dict or None
@@ -143,6 +147,7 @@ class ConfirmTask(Frames, kw_only=True):
     gap_s: float = 0.0
     unused_s: float | None = None
     chosen_for: str = ""
+    epoch_mjd: float = 0.0
     roll_deg: float = 0.0
     files: dict[str, Any] | None = None
     bare: bool = False
@@ -383,7 +388,8 @@ def prepare_task(
     expected = expected_of(
         model, target, band, etc.planet_offsets(model, target, band, separation), float(best.contrast[0]), frames
     )
-    made = task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    when = target.date_utc
+    made = task_of(model, scene, band, frames, [expected], overrides=overrides, start_utc=when, **settings)
     if given:
         return made
     return replace(made, unused_s=max(time_s - made.time_s, 0.0), chosen_for=made.planets[0])
@@ -414,11 +420,16 @@ def task_of(
     *,
     planets: Sequence[str] | None = None,
     overrides: SimulatorOverrides | None = None,
+    start_utc: str = "",
     **settings: Unpack[ImageSettings],
 ) -> ConfirmTask:
-    """Return the work itself; what is overridden changes the images alone. All planets unless some are named."""
+    """Return the work itself; what is overridden changes the images alone.
+
+    All planets unless some are named, and the first visit begins with the mission unless ``start_utc`` is given. Its
+    middle is half of `cpic_planner.planets.span_days` later.
+    """
     altered = overrides or SimulatorOverrides()
-    return ConfirmTask(
+    task = ConfirmTask(
         name=scene.name,
         band=band,
         simulator=altered.instrument(model.instrument).model_dump(mode="json"),
@@ -431,6 +442,8 @@ def task_of(
         planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
         **settings,
     )
+    days = span_days(task.time_s, task.visits, model.strategy.visit_gap_h)
+    return replace(task, epoch_mjd=mjd_of(start_utc or model.instrument.mission.start_utc) + 0.5 * float(days))
 
 
 def images_of(instrument: Instrument) -> Instrument:
