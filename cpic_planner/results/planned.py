@@ -401,7 +401,9 @@ class SourceRecord(Row):
     )
     contrast_error: float | None = optional("1 sigma, the error of the star's light included")
     snr: float | None = optional("of the forced photometry", short="SNR", format=".1f")
-    search_snr: float = column("of the matched filter of the search", label="SNR of the search", format=".1f")
+    search_snr: float = column(
+        "of the matched filter of the search", label="SNR of the search", short="SNR", format=".1f"
+    )
     search_threshold: float = column("SNR that the search asks for there", label="threshold", format=".1f")
     flags: list[str] = column("of the fit of the place: not_converged, low_snr, edge, whole_region")
 
