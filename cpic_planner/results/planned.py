@@ -153,6 +153,13 @@ class BandConfirmation(FramesColumns):
         label="the star's light, from",
     )
     star_flux_error: float | None = optional("relative, common to all realisations")
+    star_flux_density: float | None = optional(
+        "mean flux density of the star by its V magnitude and spectrum, weighted by photons and throughput",
+        unit="W m-2 um-1",
+    )
+    effective_wavelength_nm: float | None = optional("of the star's photons in the band")
+    band_center_nm: float | None = optional("middle of the band")
+    band_width_nm: float | None = optional("full width of the band")
     rdi_throughput: float | None = optional(label="RDI throughput", format="%")
     rdi_modes_used: int | None = optional("beside the mean, around the planet", label="RDI modes")
     core_throughput: float | None = optional(format="%")
@@ -322,6 +329,15 @@ class CandidateRecord(Row):
     planet: str = column("planet of the scene that stands there; empty for none")
 
 
+class LimitRow(Row):
+    """Contrast limit of the first realisation at one separation, on a diagonal of the dark hole, at a known place."""
+
+    separation_arcsec: float
+    threshold: float = column("of small samples at the level of the strategy")
+    throughput: float = column("part of a planet's sum that the subtraction leaves")
+    contrast_limit: float = column("threshold times the scatter of sums like that of a planet around the place")
+
+
 class SearchRecord(Row):
     """The blind search of the first realisation in one band."""
 
@@ -340,6 +356,7 @@ class SearchRecord(Row):
     resolution_elements: float = column("searched area over (lambda/D)^2")
     sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
+    curve: list[LimitRow] = column("empty of files, and in older results", default=[])
 
 
 class ProductVisitRecord(Row):
