@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    Column,
     FramesColumns,
     OfTables,
     RankedSample,
@@ -482,6 +483,10 @@ class ConfirmResult(ImagedResult):
     sources: list[SourceRecord] = column(
         "what the search detects in files, measured; empty for simulated images", default=[]
     )
+
+    def _table(self, rows: str = "") -> tuple[list[Column], list[Any]]:
+        """Return the rows that are asked for; by default those of sources where no planet of a scene is compared."""
+        return super()._table(rows or ("sources" if self.sources and not self.bands else ""))
 
     @property
     def bare(self) -> bool:
