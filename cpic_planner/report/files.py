@@ -210,9 +210,9 @@ def write_confirm_report(
         columns = results.taken_of(results.SourceRecord)
         rows = map(results.values_of, result.sources)
         folder.write(SOURCES_FILES[0], results.csv_text(results.names_of(results.SourceRecord), rows))
-        folder.write(
-            SOURCES_FILES[1], results.ecsv_text(columns, result.sources, {"title": f"sources, {result.scene}"})
-        )
+        about = {"fingerprint", "version", "config_hash", "scene", "instrument", "sigma", "reference_library"}
+        meta = result.model_dump(mode="json", include=about)
+        folder.write(SOURCES_FILES[1], results.ecsv_text(columns, result.sources, meta))
     sheet, images = PanelSheet(), {}
     for band, body in bodies.items():
         marked = None if result.bare else scene
