@@ -36,8 +36,8 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
 
     Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
     ranking.csv, ranking.ecsv, measurements.csv, astrometry.csv (as orbitize! reads it), astrometry.ecsv, limits.ecsv
-    (what was not detected) and report.html into --out. Stopped half way, it continues when started again on the same
-    folder; the result is the same for any number of workers.
+    (what was not detected), photometry.ecsv with band_covariance.ecsv, passbands and report.html into --out. Stopped
+    half way, it continues when started again on the same folder; the result is the same for any number of workers.
 
     Examples:
 
@@ -110,8 +110,9 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
     Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
     of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, astrometry.csv (as
-    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), report.html, panels-BAND.png and
-    run.json; stopped half way, it continues when started again on the same folder.
+    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv,
+    band_covariance.ecsv, passband-BAND.txt, passbands.ecsv, spectrum-N.txt (as TauREx reads it), contrast_curve.csv,
+    report.html, panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
 
     With --from-products, frames are those of Level-1 files (cpic reduce writes them; so may any program: an image in
     electrons and a mask for each frame): registered by the light that the mask leaves, reduced, searched and measured

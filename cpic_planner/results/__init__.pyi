@@ -55,6 +55,7 @@ from cpic_planner.results.planned import (
     ConfirmResult as ConfirmResult,
     ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
+    LimitRow as LimitRow,
     NotImagedRow as NotImagedRow,
     ObservationRow as ObservationRow,
     PeriodRecord as PeriodRecord,

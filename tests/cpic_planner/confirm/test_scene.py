@@ -353,6 +353,21 @@ def test_places_are_told_with_their_day_and_covariance(finished):
     assert list(csv["sep"]) == pytest.approx([1e3 * first["separation_arcsec"]])
 
 
+def test_curve_is_the_limit_of_the_planets_ring(finished):
+    result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
+    (band,) = result.bands
+    table = Table.read(finished / "contrast_curve.ecsv", format="ascii.ecsv")
+    assert list(table["separation_arcsec"]) == [row.separation_arcsec for row in result.searches[0].curve]
+    assert table.meta["sigma"] == 5.0
+    there = np.interp(band.separation_arcsec, table["separation_arcsec"], table["contrast_limit"])
+    # Another quadrant of the same ring: the scatter of some twenty sums is known to 16 %.
+    assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)
+    assert (
+        Table.read(finished / "contrast_curve.csv", format="ascii.csv")["contrast_limit"][3]
+        == table["contrast_limit"][3]
+    )
+
+
 def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finished):
     before = {name: (finished / name).read_bytes() for name in PRODUCTS[:-1]}
     result = cpic_planner.confirm_scene("paper_example", bands="F520", out=finished, **FEW_FRAMES)
