@@ -66,7 +66,7 @@ class ObservationRow(Row):
     """
 
     realisation: int = column("number of the draw of drift and noise, from 1")
-    epoch_mjd: float = column("middle of the observation, from its first visit to its last", unit="d", format=".4f")
+    epoch_mjd: float = column("middle of the observation, from its first visit to its last", format=".4f")
     detected: bool = column(
         "the blind search finds the planet; of two rolls, its significance at the place reaches the threshold"
     )
