@@ -14,6 +14,7 @@ from simulator.reduction.level1 import (
     write_level1 as write_level1,
 )
 from simulator.reduction.masters import (
+    MASTER_KINDS as MASTER_KINDS,
     Masters as Masters,
     Plan as Plan,
     files_under as files_under,

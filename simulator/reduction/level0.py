@@ -19,7 +19,7 @@ KINDS = (*SKY_KINDS, "BIAS", "DARK", "FLAT", "BKG", "LASER")
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 _SAME_EXPOSURE = 1e-3
 _NUMBERS = {"GAIN": "gain_e_adu", "RDNOISE": "read_noise_e", "BIASLEV": "bias_adu", "FULLWELL": "full_well_e"}
-_OWN = ("FRAMEID", "EXPBEG", "EXPEND", "NCR")
+_OWN = ("FRAMEID", "EXPBEG", "EXPEND")
 
 
 class Level0(Record, eq=False):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record, as_path, bounded_fits, open_file, whole_file
+from cpic_core import FloatArray, InputError, NDArray, Record, as_path, bounded_fits, fingerprint, open_file, whole_file
 from simulator.camera import MaskBit
 from simulator.products.keywords import (
     Card,
@@ -58,7 +58,20 @@ NOTES = {
 """Comments of the keywords of the Level-1 data model and of ours, in the order of writing."""
 _MOST_TEXT = 60  # characters of a text and its comment in one card
 _BITS: list[Card] = [(f"MASK{bit.value:03d}", str(bit.name).lower(), "what this bit says") for bit in MaskBit]
-_UNREDUCED = {"NSAT", "NREGSAT", "NCLIP", "BIASLEV", "NEXTEND", "FILENAME", "BUNIT"}
+_UNREDUCED = {
+    "NSAT",
+    "NREGSAT",
+    "NCLIP",
+    "BIASLEV",
+    "EPERADU",
+    "NEXTEND",
+    "FILENAME",
+    "BUNIT",
+    "FPRINT",
+    "PARMSUM",
+    "NCR",
+    "NNEGRATE",
+}
 
 
 class Level1Frame(Record, eq=False):
@@ -199,20 +212,13 @@ def write_level1(
     own: dict[str, Value] = {"VER_PIPE": f"{DISTRIBUTION} {software_version()}", "STA_PIPE": 0}
     own |= {"NFRAME": n_frames}
     with whole_file(error_file(place)) as beside, whole_file(place) as file:
-        name: list[Card] = [
-            card_of("FILENAME", place.name, "this file"),
-            ("NEXTEND", 2 * n_frames, "extensions in this file"),
-        ]
-        append_primary(file, [*name, *cards({**primary, **own})])
+        extensions: Card = ("NEXTEND", 2 * n_frames, "extensions in this file")
+        append_primary(file, [*identity(place), extensions, *cards({**primary, **own})])
         for number, (image, mask, values) in enumerate(frames, start=1):
             found: list[Card] = [("BUNIT", "electron", "of light at the register input"), *cards({**shared, **values})]
             append_image(file, image.astype(np.float32), found, "REDUCED", number)
             append_image(file, mask, _BITS, "MASK", number)
-        name = [
-            card_of("FILENAME", error_file(place).name, "this file"),
-            card_of("L1FILE", place.name, NOTES["L1FILE"]),
-        ]
-        append_primary(beside, name)
+        append_primary(beside, [*identity(error_file(place)), card_of("L1FILE", place.name, NOTES["L1FILE"])])
         for title, image in zip(("ERROR", "MASTERS"), errors(), strict=True):
             append_image(beside, image.astype(np.float32), [("BUNIT", "electron", "standard deviation")], title, 1)
 
@@ -223,6 +229,11 @@ def _cards(values: Mapping[str, Value], table: KeywordTable) -> list[Card]:
         {key: value for key, value in values.items() if key not in NOTES}, table, table.profile("csst")
     )
     return known + [card_of(key, values[key], note) for key, note in NOTES.items() if key in values]
+
+
+def identity(path: Path) -> list[Card]:
+    """Return the cards that say which file this is and which code made it."""
+    return [card_of("FILENAME", path.name, "this file"), ("FPRINT", str(fingerprint()), "its fingerprint")]
 
 
 def card_of(key: str, value: Value, note: str) -> Card:

@@ -1,6 +1,7 @@
 """Masters: which calibration frames go into them, how they are combined with their noise, and their files."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from simulator.camera.calibration_set import flaw_mask, read_calibration_map, wa
 from simulator.products.keywords import Card, append_image, append_primary
 from simulator.reduction.frames import mean_pixels, raw_variance, staged
 from simulator.reduction.level0 import Level0, nearness
-from simulator.reduction.level1 import card_of, fits_units
+from simulator.reduction.level1 import card_of, fits_units, identity
 from simulator.reduction.steps import Calibration, Master, calibration, collected, light
 
 MAP_KINDS = ("flat", "dark", "cic", "bad_columns", "bias")
@@ -88,6 +89,7 @@ def plans_for(level0: Level0, found: Iterable[Level0]) -> dict[str, Plan]:
         name = f"{kind.lower()}_gain{first.em_gain:g}"
         name += f"_{first.exposure_s:g}s" if kind != "BIAS" else ""
         name += f"_{first.header.get('FILTER', 'any')}" if kind == "FLAT" else ""
+        name += f"_{zlib.crc32(repr([file.path.name for file in files] + [used.name for used in uses]).encode()):08x}"
         return Plan(kind, name, tuple(files), uses)
 
     for kind in MASTER_KINDS:
@@ -161,7 +163,7 @@ class Masters(Record, eq=False):
             rate = self._map("dark", level0)
             mask = flaw_mask(np.zeros(level0.shape, dtype=np.bool_), rate, section)
             dark = Master(rate * t, mask=mask, name=f"{self.maps['dark'].name}, without noise")
-        flat = Master(one, name="none: 1")
+        flat = Master(one, name="none, 1 everywhere")
         if "FLAT" in self.made:
             flat = self.made["FLAT"][0]
         elif "flat" in self.maps:
@@ -240,10 +242,8 @@ def write_master(path: Path, master: Master, exposure_s: float) -> None:
     """Write a master: ``VALUE``, ``MASK``, and one ``NOISE`` for itself and each master that it was made with."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as file:
-        cards: list[Card] = [
-            ("EXPTIME", exposure_s, "[s] of its frames"),
-            card_of("NAME", master.name, "what it was made of"),
-        ]
+        cards: list[Card] = [*identity(path), ("EXPTIME", exposure_s, "[s] of its frames")]
+        cards.append(card_of("NAME", master.name, "what it was made of"))
         append_primary(file, cards)
         append_image(file, master.value, [], "VALUE", 1)
         if master.mask is not None:
@@ -271,17 +271,19 @@ def map_kind(path: Path) -> str:
     return kind if kind in MAP_KINDS else ""
 
 
-def files_under(what: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
-    """Yield FITS files that are named, and those below folders that are, with whether they are named themselves.
+def files_under(place: Path) -> Iterator[tuple[Path, bool]]:
+    """Yield a FITS file that is named, or those below a folder, with whether it is named itself.
 
-    Truth, Level-1 files, and files that begin with a dot are none of a tree.
+    Truth, Level-1 files, masters, and what begins with a dot are none of a tree.
+
+    Parameters
+    ----------
+    place : Path
     """
-    for place in what:
-        if not place.is_dir():
-            yield place, True
-            continue
-        for path in sorted(place.rglob("*.fit*")):
-            inside = path.relative_to(place).parts
-            hidden = any(part.startswith(".") or part in ("Truth", "Masters") for part in inside)
-            if not hidden and "_TRUTH" not in path.name and "_L1" not in path.name and path.is_file():
-                yield path, False
+    if not place.is_dir():
+        yield place, True
+        return
+    for path in sorted(place.rglob("*.fit*")):
+        hidden = any(part.startswith(".") or part in ("Truth", "Masters") for part in path.relative_to(place).parts)
+        if not hidden and "_TRUTH" not in path.name and "_L1" not in path.name and path.is_file():
+            yield path, False
