@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline external data reports readme docs pages installs lock wheel clean check-python
+.PHONY: help plan test test-long browser lint mutants fuzz hostile kills flat load bench bench-baseline external data reports readme docs pages programs installs lock wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -105,6 +105,9 @@ docs: $(VENV)/installed  ## build the documentation into docs/_build/html; a war
 
 pages: $(VENV)/installed  ## run every command and block of Python of the README and of the pages, with fewer draws
 	$(BIN)/python -m pytest -q -m pages --numprocesses 2 --dist worksteal tests/docs
+
+programs: $(VENV)/installed  ## have other programs read what this one writes, each in an environment of its own (CPIC_PROGRAMS_CACHE keeps them)
+	$(BIN)/python -m pytest -q -m programs --numprocesses $(WORKERS) --dist loadfile tests/programs
 
 installs: $(VENV)/installed  ## install the built package with every Python that is found, and ask it questions there
 	$(BIN)/python -m tools.installs

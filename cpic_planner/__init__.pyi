@@ -1,5 +1,6 @@
 from catalogs.known_planets import load_known_planets as load_known_planets
 from cpic_core.errors import InputError as InputError
+from cpic_planner.api.comparison import compare_answers as compare_answers
 from cpic_planner.api.keywords import (
     compare_ranks as compare_ranks,
     compare_strategies as compare_strategies,

@@ -221,33 +221,30 @@ def _outer_points(inner: float, outer: float, extent: float, spacing: float) -> 
     return u[keep], v[keep]
 
 
-def mask_figures(mask: FloatArray, radius_lambda_d: float = 0.7) -> dict[str, float]:
+def mask_figures(mask: FloatArray) -> dict[str, float]:
     """Return the throughput figures of a mask, relative to the clear disc.
 
     Parameters
     ----------
     mask : ndarray, shape (n, n)
         Amplitude transmission, 0 to 1.
-    radius_lambda_d : float
-        Radius of the core.
 
     Returns
     -------
     dict
-        ``energy`` E, ``peak`` S = (sum A / area)^2, ``core`` = energy within ``radius_lambda_d`` of the peak.
+        ``energy`` E, ``peak`` S = (sum A / area)^2, ``core`` = energy within 0.7 lambda/D of the peak.
     """
     n = len(mask)
     area = np.pi / 4
     centres = (np.arange(n) - n / 2 + 0.5) / n
     nodes, weights = np.polynomial.legendre.leggauss(48)
-    u = radius_lambda_d * nodes
-    core = 0.0
-    for node, weight in zip(u, weights, strict=True):  # chords of the circle, exactly
-        chord = np.sqrt(radius_lambda_d**2 - node**2)
+    radius, core = 0.7, 0.0
+    for node, weight in zip(radius * nodes, weights, strict=True):  # chords of the circle, exactly
+        chord = np.sqrt(radius**2 - node**2)
         along = chord * nodes
         rows = np.exp(-2j * np.pi * np.outer(along, centres)) * np.sinc(along / n)[:, None] / n
         field = rows @ mask @ np.exp(-2j * np.pi * node * centres) * np.sinc(node / n) / n
-        core += weight * radius_lambda_d * float(weights @ np.abs(field) ** 2) * chord
+        core += weight * radius * float(weights @ np.abs(field) ** 2) * chord
     return {
         "energy": float((mask**2).sum() / n**2 / area),
         "peak": float((mask.sum() / n**2 / area) ** 2),

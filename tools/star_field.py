@@ -13,15 +13,11 @@ def star_field(
     n_stars: int = 300,
     *,
     seed: int = 1,
-    name: str = "dense star field",
     half_width_arcsec: float = 8.2,
-    v_mag_bright: float = 13.0,
-    v_mag_faint: float = 20.0,
     counts_per_mag: float = 0.3,
-    teff_k: tuple[float, float] = (4000.0, 6500.0),
     centre: dict[str, Any] | None = None,
 ) -> Scene:
-    """Scatter stars evenly over a square around a central star.
+    """Scatter stars of V 13 to 20 and 4000 to 6500 K evenly over a square around a central star.
 
     Parameters
     ----------
@@ -29,16 +25,10 @@ def star_field(
         Stars besides the central one.
     seed : int
         Equal seeds give equal fields.
-    name : str
-        Name of the scene; part of what the stars are drawn from.
     half_width_arcsec : float
         Half the side of the square; the active pixels of the visible camera reach 8.27 arcsec.
-    v_mag_bright, v_mag_faint : float
-        Limits of Johnson V.
     counts_per_mag : float
         Slope of log10 N(< V): 0.6 for stars spread evenly through space, about 0.3 for faint stars of the Milky Way.
-    teff_k : tuple of float
-        Limits of the temperature, which is spread evenly.
     centre : dict, optional
         Keys of the central star; by default a star of 12 mag and 5800 K.
 
@@ -47,12 +37,13 @@ def star_field(
     Scene
         Magnitudes to 0.001 mag, places to 0.1 mas, temperatures to 1 K.
     """
+    name = "dense star field"
     rng = stream(seed, name, "star field")
     x, y = rng.uniform(-half_width_arcsec, half_width_arcsec, (2, n_stars))
     # N(< V) grows as 10^(slope V): the inverse of its cumulative distribution between the limits.
-    low, high = (10.0 ** (counts_per_mag * limit) for limit in (v_mag_bright, v_mag_faint))
+    low, high = (10.0 ** (counts_per_mag * limit) for limit in (13.0, 20.0))
     v_mag = np.log10(low + (high - low) * rng.random(n_stars)) / counts_per_mag
-    warmth = rng.uniform(*teff_k, n_stars)
+    warmth = rng.uniform(4000.0, 6500.0, n_stars)
     stars = [
         {
             "name": f"star {number}",

@@ -1,3 +1,4 @@
+from cpic_planner.api.comparison import compare_answers as compare_answers
 from cpic_planner.api.functions import model_of as model_of
 from cpic_planner.api.one_star import (
     Answered as Answered,

@@ -483,7 +483,8 @@ def simulate_products(question: queries.SimulateQuestion) -> results.SimulationR
     from cpic_planner.simulation import simulate, simulation_from
 
     simulation, notes = simulation_from(question.what, **question.given)
-    return simulate(simulation, question.out, truth=question.truth, notes=notes, **question.how).result
+    own = functools.partial(simulate, truth=question.truth, notes=notes, cubes=question.cubes)
+    return own(simulation, question.out, **question.how).result
 
 
 @takes(queries.ReduceQuestion, first=("what", "out"))

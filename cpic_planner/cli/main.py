@@ -122,6 +122,7 @@ for _run in (
     add(app, _run.__name__, _run, QUESTIONS[_run.__name__], *_more)
 add(app, "serve", upkeep.serve)
 add(app, "check", upkeep.check)
+add(app, "compare", upkeep.compare)
 instrument = group(upkeep.INSTRUMENT_HELP, show=upkeep.show, keys=upkeep.keys, diff=upkeep.diff, table=upkeep.table)
 app.add_typer(instrument, name="instrument")
 catalog = group(

@@ -320,6 +320,23 @@ class SchemaOptions(FrozenModel):
     )
 
 
+class CompareOutput(Output):
+    """The answer of ``cpic compare``, and what it compares."""
+
+    before: str = asked(..., "Folder of a run, or file of an answer.", argument=True, metavar="RUN")
+    after: str = asked(..., "The other one, of the same kind.", argument=True, metavar="RUN")
+    limit: int = asked(30, "Values to print; of rankings the first stars of either. JSON has all.", ge=1)
+    out: Path | None = asked(
+        None,
+        "Also write every value to FILE.csv, .ecsv, .tex or .md, everything to FILE.json, or a page to FILE.html.",
+        metavar="FILE",
+    )
+
+    def _check_values(self) -> None:
+        super()._check_values()
+        command.check_file(self.out, (*FORM_OF_ENDING, ".html"), "--out")
+
+
 class CheckOutput(JsonOutput):
     """The answer of ``cpic check``, and what it is about."""
 

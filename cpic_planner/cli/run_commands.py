@@ -35,8 +35,9 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
     plan proposes the first of these, and each keeps its rank in the whole ranking beside.
 
     Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
-    ranking.csv, ranking.ecsv, measurements.csv and report.html into --out. Stopped half way, it continues when started
-    again on the same folder; the result is the same for any number of workers.
+    ranking.csv, ranking.ecsv, measurements.csv, astrometry.csv (as orbitize! reads it), astrometry.ecsv, limits.ecsv
+    (what was not detected), photometry.ecsv with band_covariance.ecsv, passbands and report.html into --out. Stopped
+    half way, it continues when started again on the same folder; the result is the same for any number of workers.
 
     Examples:
 
@@ -108,8 +109,16 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
 
     Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
-    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
-    panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
+    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, astrometry.csv (as
+    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv,
+    band_covariance.ecsv, passband-BAND.txt, passbands.ecsv, spectrum-N.txt (as TauREx reads it), contrast_curve.csv,
+    report.html, panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
+
+    With --from-products, frames are those of Level-1 files (cpic reduce writes them; so may any program: an image in
+    electrons and a mask for each frame): registered by the light that the mask leaves, reduced, searched and measured
+    in the same way. ROLE, VISIT and FILTER in the headers say which visit a file is of. Beside a scene, given or in the
+    parameters next to the files, stands the prediction; without one the measurements are alone, and contrasts need a
+    file of the star off the mask. --out has sources.csv and sources.ecsv too.
 
     Examples:
 
@@ -127,6 +136,10 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
 
       cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
 
+      cpic confirm --from-products level1 --out measured
+
+      cpic confirm my_scene.yaml --from-products level1 --references "night_2/*"
+
       cpic simulate paper_science --band F662 --frames 20 --visits 4 --reference-scene paper_reference
 
       cpic simulate --list-presets
@@ -140,10 +153,12 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
             command.note(
                 f"{cost['n_refused']} of the measurements are impossible: without --dry-run the answer says why"
             )
-        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
+        name = "the files" if question.scene is None else question.scene.name
+        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {name}"
         return command.cost_line(what, cost, question.workers)
 
-    how: dict[str, Any] = {"steps": len(question.band_names()), "piece": "band", "dry_run": output.dry_run}
+    steps: int | str = "n_tasks" if question.from_products else len(question.band_names())
+    how: dict[str, Any] = {"steps": steps, "piece": "band", "dry_run": output.dry_run}
     result = command.result_of(question, confirm_job(question), output, "confirming", line, out=question.out, **how)
     if result is None:
         return
@@ -207,7 +222,8 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
         output.show(planned, report.planned_blocks(planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
-    start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
+    own = partial(simulation.simulate, truth=question.truth, notes=notes, cubes=question.cubes)
+    start = partial(own, made, question.out, **question.how)
     done = command.with_progress("frames", total, start, "sequence")
     output.show(done.result, report.simulation_blocks(done.result, question.out))
 

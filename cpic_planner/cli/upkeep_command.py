@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cpic_core import InputError, cache_info, clear_cache
+from cpic_core import InputError, cache_info, clear_cache, dump_json
 from cpic_planner import report
-from cpic_planner.cli.command import note, place_of, print_json, say
+from cpic_planner.cli.command import note, place_of, print_json, say, write_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cpic_planner.cli.output import (
         CheckOutput,
+        CompareOutput,
         DiffOutput,
         InstrumentOutput,
         JsonOutput,
@@ -83,6 +84,44 @@ def diff(output: DiffOutput) -> None:
       cpic instrument diff cpic_default --set throughput=x0.7
     """
     _show_values(output, "key value other unit", output.instrument, output.changes, output.key, output.other)
+
+
+def compare(output: CompareOutput) -> None:
+    """Say what differs between two answers of one kind, in the question and in the answer, and what explains it.
+
+    RUN is the output folder of cpic plan, whatif, confirm, curve or roc, one of its JSON files, or what --json
+    printed (cpic etc "tau Cet" --snr 8 --json > a.json). Rows are matched by star, band and strategy. Verdicts, status
+    and limits that change come first, then numbers by how much they change. What explains it is a difference of the
+    questions, as far as the answers state them and the records of runs have their commands, or of code, presets,
+    catalogue or libraries; where there is none, that is said. Rankings are compared star by star, as by cpic rank
+    --compare, and may be tables of its --out too.
+
+    Examples:
+
+      cpic compare plan-may plan-june
+
+      cpic compare a.json b.json --out differences.html
+
+      cpic compare ranking.csv new.json --limit 50
+    """
+    from cpic_planner.api import compare_answers
+    from cpic_planner.cli.output import FORM_OF_ENDING
+    from cpic_planner.queries import called_as
+    from cpic_planner.results import AnswerComparison
+
+    with called_as({"before": "RUN", "after": "RUN", "other": "RUN"}):
+        found = compare_answers(output.before, output.after)
+    if output.out is not None:
+        form = FORM_OF_ENDING.get(output.out.suffix)
+        every = len(found.changes if isinstance(found, AnswerComparison) else found.targets)
+        if form is None:
+            text = partial(report.comparison_page, found)
+        elif form == "json":
+            text = partial(dump_json, found.model_dump(mode="json"))
+        else:
+            text = partial(output.text, form, found, report.comparison_blocks(found, max(every, 1)))
+        write_out(output.out, text, every, every)
+    output.show(found, report.comparison_blocks(found, output.limit))
 
 
 def table(options: TableOptions) -> None:

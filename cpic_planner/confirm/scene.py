@@ -11,6 +11,7 @@ import numpy as np
 
 from cpic_core import Reason, Record, Status
 from cpic_planner import queries, results, validation
+from cpic_planner.confirm.files import MeasuredFiles, measured_files
 from cpic_planner.etc import EtcModel, build_model, signal_to_noise, times_of
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.queries import MAX_FRAMES, ConfirmQuestion, audited
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from cpic_planner.survey import ScheduledVisit
 
 
-RESULT_VERSION = 9
+RESULT_VERSION = 10
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
@@ -166,9 +167,12 @@ def programme_task(
     strategy = model.strategy.model_copy(update={"visits": frames.visits, "visit_gap_h": min(gap_h, 1e5)})
     visit_s = n_frames * (exposure_s + model.camera(band).readout_s)
     time_s = frames.visits * float(model.time_s(visit_s))
-    return validation.prepare_task(
+    made = validation.prepare_task(
         replace(model, strategy=strategy), star, band, time_s=time_s, planet=planet, frames=frames, **settings
     )
+    if not days or isinstance(made, results.BandConfirmation):
+        return made
+    return replace(made, epoch_mjd=0.5 * (days[0] + days[-1]))
 
 
 def image_tasks(tasks: Sequence[validation.ConfirmTask]) -> list[Task]:
@@ -330,30 +334,35 @@ class _Work(Record):
     refused: list[BandConfirmation]
 
 
-def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
-    """Return the job that simulates a scene and measures it blind."""
-    from cpic_planner.report import products_of
+def confirm_job(asked: ConfirmQuestion) -> Job[ConfirmResult]:
+    """Return the job that simulates a scene, or takes files of one, and measures it blind."""
+    from cpic_planner.report import SOURCES_FILES, products_of
 
-    prepared = functools.cache(lambda: _work(config))
+    files = None if asked.from_products is None else measured_files(asked, asked.from_products)
+    config = asked if files is None else files.question
+    prepared = functools.cache(lambda: _work(config) if files is None else _files_work(files))
 
     def work(runner: Runner[Any]) -> ConfirmResult:
         bodies = runner.finish(validation.confirm_task, image_tasks(prepared().tasks))
-        return _result(config, prepared(), runner.digest, list(bodies.values()))
+        return _result(config, prepared(), runner.digest, list(bodies.values()), bare=files is not None and files.bare)
 
     def write(folder: RunFolder, result: ConfirmResult, bodies: Mapping[str, Any]) -> None:
         from cpic_planner.report import write_confirm_report
 
         images = {task.band: bodies[task.key] for task in prepared().tasks}
-        shown = config.simulator_overrides.scene(config.scene)
+        shown = config.simulator_overrides.scene(config.looked_at)
         write_confirm_report(folder, result, prepared().model, shown, images)
 
+    products = products_of(config.bands or config.instrument.visible_bands(), len(config.looked_at.planets))
+    taken = {} if files is None else {"files": files.sums, "bare": files.bare}
+    audit = audited(config.dial, config.audit) and files is None
     return Job(
         kind="confirm",
         results=RESULT_VERSION,
-        decides=lambda: {"config": config.hashed() | {"audit": audited(config.dial, config.audit)}},
+        decides=lambda: {"config": config.hashed() | {"audit": audit} | taken},
         work=work,
         write=write,
-        products=products_of(config.bands or config.instrument.visible_bands()),
+        products=products if files is None else [*products, *SOURCES_FILES],
         cost=lambda: images_cost(prepared().tasks, n_refused=len(prepared().refused)),
     )
 
@@ -367,8 +376,8 @@ def confirm_scene(
     ----------
     config : ConfirmQuestion
     out : str or Path, optional
-        Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
-        written without.
+        Output folder of ``confirm.json``, ``measurements.csv``, tables for fits of orbits, ``report.html``, panels and
+        ``run.json``; nothing is written without.
     **how
         As of `cpic_planner.jobs.job.run`.
 
@@ -380,20 +389,28 @@ def confirm_scene(
     return run(confirm_job(config), out, **how)
 
 
-def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
+def _result(
+    config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]], *, bare: bool
+) -> ConfirmResult:
+    scene = config.looked_at
     order = {name: i for i, name in enumerate(work.model.bands)}
     seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
     header = result_header(config, digest, seen)
-    if config.scene.extended and seen:
+    if scene.extended and seen:
         header["calibration_text"] += "; predictions leave out the light of extended sources"
+    if bare:
+        header["calibration_text"] = "the files come without a scene: there is nothing to compare with"
+        header["not_modelled"] = []
     return ConfirmResult(
         **header,
-        scene=config.scene.name,
+        scene=scene.name,
         bands=bands,
         searches=[body["search"] for body in bodies if body["search"] is not None],
-        positions=validation.position_records(config.scene, bands),
-        albedos=validation.albedo_records(validation.albedo_fits(config.scene, config.instrument, bands)),
+        positions=validation.position_records(scene, bands),
+        albedos=validation.albedo_records(validation.albedo_fits(scene, config.instrument, bands)),
+        visits=[row for body in bodies for row in body.get("visits", ())],
+        sources=[row for body in bodies for row in body.get("sources", ())],
     )
 
 
@@ -428,31 +445,43 @@ def scene_target(scene: Scene) -> Targets:
     )
 
 
-def _work(config: ConfirmQuestion) -> _Work:
-    model = build_model(config.instrument, config.bands, config.strategy)
-    target = scene_target(config.scene)
+def _files_work(files: MeasuredFiles) -> _Work:
+    """Return the work on files: each band in the visits and frames that are there."""
+    parts = []
+    for programme in files.programmes:
+        given, roll_deg = files.programme_question(programme)
+        taken: dict[str, Any] = {"files": programme.files(), "bare": files.bare, "audit": False}
+        parts.append(_work(given, roll_deg=roll_deg, **taken))
+    model = build_model(files.question.instrument, [one.band for one in files.programmes], parts[0].model.strategy)
+    return _Work(model, [task for part in parts for task in part.tasks], [no for part in parts for no in part.refused])
+
+
+def _work(config: ConfirmQuestion, *, roll_deg: float = 0.0, **taken: Any) -> _Work:
+    """Return the work on a scene at a roll; ``taken`` stands for other fields of the tasks."""
+    model, scene = build_model(config.instrument, config.bands, config.strategy), config.looked_at
+    target = scene_target(scene)
     tasks: list[validation.ConfirmTask] = []
     refused: list[BandConfirmation] = []
     for band in model.bands:
-        every = scene_sources(config.scene, config.instrument, band)
+        every = scene_sources(scene, config.instrument, band, roll_deg=roll_deg)
         planets = [source for source in every if source.kind == "planet"]
         shown = [planet for planet in planets if _inside(model.metrics[band], planet)]
-        refused += [_outside(model, band, planet) for planet in planets if planet not in shown]
-        if planets and not shown:
+        refused += [_outside(model, band, planet, roll_deg) for planet in planets if planet not in shown]
+        if planets and not shown and not taken:
             continue
         frames, about = _programme(config, model, target, band, shown)
         if frames is None:
-            refused += [_refusal(model, band, planet, **about) for planet in shown]
+            refused += [_refusal(model, band, planet, roll_deg=roll_deg, **about) for planet in shown]
             continue
         predictions = [
             validation.expected_of(
-                model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames
+                model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames, roll_deg
             )
             for planet in shown
         ]
         task = validation.task_of(
             model,
-            config.scene,
+            scene,
             band,
             frames,
             predictions,
@@ -460,12 +489,12 @@ def _work(config: ConfirmQuestion) -> _Work:
             audit=audited(config.dial, config.audit),
             **config.image_settings,
         )
-        task = replace(task, **about)
+        task = replace(task, roll_deg=roll_deg, **about, **taken)
         answers = validation.refusals_of(task)
         refused += answers
         hidden = {answer.planet for answer in answers}
         left = [number for number, name in enumerate(task.planets) if name not in hidden]
-        if left or not answers:
+        if left or not answers or taken:
             predictions = [task.predictions[number] for number in left]
             tasks.append(replace(task, planets=[task.planets[number] for number in left], predictions=predictions))
     return _Work(model, tasks, refused)
@@ -511,15 +540,17 @@ def _inside(metrics: PsfMetrics, planet: Source) -> bool:
     return bool(metrics.zone.contains(*place, metrics.aperture_radius_arcsec))
 
 
-def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
+def _outside(model: EtcModel, band: str, planet: Source, roll_deg: float) -> BandConfirmation:
     metrics = model.metrics[band]
     reason = validation.edge_crossed(metrics.zone, planet.x_arcsec, planet.y_arcsec, metrics.aperture_radius_arcsec)
-    return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
+    text = f"its aperture leaves the dark hole of {band}"
+    return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, text, roll_deg=roll_deg)
 
 
 def _refusal(
-    model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
+    model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str, *, roll_deg: float
 ) -> BandConfirmation:
-    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
+    parity = model.instrument.detector.parity
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, roll_deg=roll_deg, parity=parity)
     where = {"separation_arcsec": float(separation), "pa_deg": float(pa_deg), "true_contrast": planet.contrast}
     return validation.not_observed(status, reason, message, band=band, planet=planet.name, **where)

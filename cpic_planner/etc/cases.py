@@ -692,17 +692,15 @@ class Cases(Record, eq=False):
         most = np.full(self.shape, float(MAX_VISITS))
         return lowest_whole(lambda visits: visits * self.model.time_s(self.solved(visits, about=True)[0]), most)
 
-    def fewest(self, visit_s: ArrayLike, most: float = MAX_VISITS) -> FloatArray:
+    def fewest(self, visit_s: ArrayLike) -> FloatArray:
         """Return the least numbers of visits of a given length that reach the level; ``inf`` where none does.
 
         Parameters
         ----------
         visit_s : array_like
             Science frames of a visit.
-        most : float
-            Largest number to look at.
         """
-        low, high = np.zeros(self.shape), np.full(self.shape, float(most))
+        low, high = np.zeros(self.shape), np.full(self.shape, float(MAX_VISITS))
         wall_s = self.model.time_s(visit_s)
         possible = self._missed(high, high * wall_s) <= 1.0 + _CLOSE
         while np.any(high - low > 1.0):

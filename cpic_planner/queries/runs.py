@@ -103,13 +103,20 @@ class StarImagesQuestion(ImageQuestion, shared.StarsQuestion, shared.RunQuestion
 class SceneParts(Parts):
     """Options of a scene."""
 
-    scene: str = asked(..., "Scene: a preset or a YAML file.", argument=True)
+    scene: str | None = asked(
+        None,
+        "Scene: a preset or a YAML file.",
+        argument=True,
+        unset="that of the parameters beside the files of {from_products}",
+    )
     companions: shared.OnOff | None = asked(
         None, "Put the scene's companions on the images.", unset="as the scene says"
     )
 
     def made(self, base: Any) -> Scene:
         """Return the scene, with or without its companions."""
+        if self.scene is None:
+            raise InputError("companions", self.companions, allowed="together with a scene")
         chosen = _scene(self.scene)
         return chosen if self.companions is None else chosen.model_copy(update={"companions": self.companions})
 
@@ -137,16 +144,33 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
     first planet of the scene that is in the dark hole of the band (for one of 1e-8 at the middle of the hole where it
     has none). A gain that is not given is the best one.
     ``audit`` None: as `cpic_planner.queries.shared.audited` says.
+    With ``from_products`` Level-1 files are measured in place of simulated images; without a scene, beside none.
     """
 
     KIND: ClassVar[str] = "confirm"
 
-    scene: Scene = asked(
-        ...,
+    scene: Scene | None = asked(
+        None,
         "The scene, with any number of planets and other stars; what `simulator.load_scene` reads.",
         parts=SceneParts,
         read=load_scene,
         accepts="Scene, mapping, str or Path",
+    )
+    # Files count by what they hold, not by where they are.
+    from_products: Path | None = asked(
+        None,
+        "Measure the Level-1 files below this folder in place of simulated images: frames, visits, roll and exposure "
+        "are theirs.",
+        metavar="DIR",
+        physics=False,
+        accepts="str or Path",
+        names_file=bool,
+    )
+    references: shared.Texts = asked(
+        (),
+        "Names below {from_products} of files that are references, whatever their headers say; * stands for anything.",
+        metavar="PATTERN",
+        physics=False,
     )
     date_utc: Utc | None = asked(
         None,
@@ -174,6 +198,15 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
 
     @model_validator(mode="after")
     def _frames(self) -> Self:
+        if self.from_products is None:
+            if self.scene is None:
+                raise InputError("scene", "missing", allowed=f"a scene, or files to measure: {called('from_products')}")
+            if self.references:
+                raise InputError("references", self.references, allowed=f"only with {called('from_products')}")
+        else:
+            theirs = ("time_s", "visit_time_s", "exposure_s", "n_frames", "em_gain", "audit", "realisations", "seed")
+            for name in (*theirs, "simulator_overrides", "strategy.visits", "strategy.reference_visits"):
+                self.refuse_together(("from_products", name), "files are measured as they are")
         for name in ("time_s", "visit_time_s"):
             if getattr(self, name) is not None and self.n_frames is not None:
                 allowed = f"without {called(name)}"
@@ -186,6 +219,19 @@ class ConfirmQuestion(shared.ProgrammeQuestion, ImageQuestion, shared.ReportQues
             raise InputError("exposure_s", self.exposure_s, unit="s", allowed=allowed)
         shared.audited(self.dial, self.audit)
         return self
+
+    @property
+    def looked_at(self) -> Scene:
+        """The scene that is given, or that files are of.
+
+        Raises
+        ------
+        InputError
+            If nobody looked at the files yet.
+        """
+        if self.scene is None:
+            raise InputError("scene", "missing", allowed="a scene")
+        return self.scene
 
 
 class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):

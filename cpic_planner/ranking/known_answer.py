@@ -281,15 +281,11 @@ def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[results.Know
     found = []
     for start, end in zip(starts, ends, strict=True):
         best = int(start + np.argmax(share[start : end + 1]))
-        first, last, peak = (_day(mjd[i]) for i in (start, end, best))
+        first, last, peak = ((_MJD_ZERO + timedelta(days=float(mjd[i]))).date().isoformat() for i in (start, end, best))
         found.append(
             results.KnownWindow(band=band, start_utc=first, end_utc=last, best_utc=peak, best_share=float(share[best]))
         )
     return found
-
-
-def _day(mjd: float) -> str:
-    return (_MJD_ZERO + timedelta(days=float(mjd))).date().isoformat()
 
 
 def _track(where: Ephemeris) -> results.KnownTrack:

@@ -52,6 +52,7 @@ from cpic_planner.results import (
     rows_from_csv,
 )
 from cpic_planner.results.base import Rows
+from cpic_planner.results.compared import differing
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, ParametricAlbedo, at, content_hash, load_instrument
 from simulator.imaging import PsfMetrics, at_contrast, measured_states, metrics_key, published_bands
@@ -266,10 +267,6 @@ def _crossing(ranks: np.ndarray[Any, np.dtype[np.int64]], i: int) -> tuple[int, 
     return int(np.count_nonzero(passes)), int(np.count_nonzero(passed))
 
 
-def _hours(value: float | None) -> str:
-    return "none" if value is None else f"{value / 3600.0:.3g} h"
-
-
 def _limit(row: RankedTarget) -> str:
     return "detected" if row.status == "ok" else f"limited by {(row.limited_by or row.reason).replace('_', ' ')}"
 
@@ -288,7 +285,7 @@ Says = Mapping[str, Callable[[RankedTarget], str]]
 _STAR: Says = {
     "completeness": lambda row: _percent(row.completeness),
     "excluded by what is known": _excluded,
-    "time": lambda row: _hours(row.completeness_time_s),
+    "time": lambda row: "none" if row.completeness_time_s is None else f"{row.completeness_time_s / 3600.0:.3g} h",
     "band": lambda row: row.completeness_band,
     "distance": lambda row: f"{row.distance_pc:.4g} pc",
     "V": lambda row: f"{row.v_mag:.2f} mag",
@@ -344,27 +341,7 @@ def _settings(before: Ranking, after: Ranking) -> list[SettingChange] | None:
     if before.instrument is not None and after.instrument is not None:
         old |= dict.fromkeys(_OF_INSTRUMENT) | {"instrument": before.instrument}
         new |= dict.fromkeys(_OF_INSTRUMENT) | {"instrument": after.instrument}
-    flat, other = dict(_leaves(old)), dict(_leaves(new))
-    return [
-        SettingChange(key=key, before=flat.get(key, "none"), after=other.get(key, "none"))
-        for key in flat | other
-        if flat.get(key, "none") != other.get(key, "none")
-    ]
-
-
-def _leaves(tree: Any, above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the dotted keys of a tree, and what is there as text."""
-    if hasattr(tree, "model_dump"):
-        tree = {name: getattr(tree, name) for name in type(tree).model_fields}
-    if isinstance(tree, Mapping):
-        for name, below in tree.items():
-            yield from _leaves(below, f"{above}.{name}" if above else str(name))
-    elif isinstance(tree, float):
-        yield above, f"{tree:.6g}"
-    elif isinstance(tree, list | tuple):
-        yield above, ", ".join(text for item in tree for _, text in _leaves(item, above)) or "none"
-    else:
-        yield above, "none" if tree is None else str(tree)
+    return differing(old, new)
 
 
 def _comparison_statement(

@@ -9,6 +9,7 @@ from cpic_planner.report.answers import (
     tradeoff_blocks as tradeoff_blocks,
     write_figure as write_figure,
 )
+from cpic_planner.report.compared import comparison_blocks as comparison_blocks, comparison_page as comparison_page
 from cpic_planner.report.confirm import (
     calibration_sentence as calibration_sentence,
     confirm_blocks as confirm_blocks,
@@ -41,6 +42,7 @@ from cpic_planner.report.drawing import (
 from cpic_planner.report.files import (
     PANELS as PANELS,
     PRODUCTS as PRODUCTS,
+    SOURCES_FILES as SOURCES_FILES,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
     products_of as products_of,
     write_confirm_report as write_confirm_report,

@@ -24,19 +24,20 @@ def calibration_sentence(result: results.ImagedResult) -> str:
 
 
 def outcome_text(bands: Sequence[BandConfirmation]) -> str:
-    """Return whether simulated images confirm planets: in how many bands, or that nothing was measured.
+    """Return whether images confirm planets: in how many bands, or that nothing was measured.
 
     Parameters
     ----------
     bands : sequence of BandConfirmation
         At least one: of one planet, or of several, each of whose bands counts.
     """
+    images = "files" if any(band.drawn_as == "files" for band in bands) else "simulated images"
     if all(band.recovered_snr is None for band in bands):
-        return "not measured in simulated images"
+        return f"not measured in {images}"
     found, tried = sum(bool(band.detected) for band in bands), len(bands)
     of = counted(tried, "band" if len({band.planet for band in bands}) == 1 else "measurement")
     where = bands[0].band if tried == 1 else f"{found or 'any'} of {of}"
-    return f"{'' if found else 'not '}confirmed by simulated images in {where}"
+    return f"{'' if found else 'not '}confirmed by {images} in {where}"
 
 
 def overrides_sentence(result: results.ImagedResult) -> str:
@@ -53,6 +54,8 @@ def setup_text(result: results.ImagedResult) -> str:
 def _confirm_sentences(result: results.ConfirmResult) -> list[str]:
     """Return the summary of a confirmed scene, one sentence an item."""
     planets = list(dict.fromkeys(band.planet for band in result.bands))
+    if result.visits:
+        return _file_sentences(result)
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
     sentences = [
         f"{counted(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
@@ -70,6 +73,25 @@ def _confirm_sentences(result: results.ConfirmResult) -> list[str]:
     if not planets:
         sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
     return [*sentences, *programme_sentences(result)]
+
+
+def _file_sentences(result: results.ConfirmResult) -> list[str]:
+    """Return the summary of files that were measured, one sentence an item."""
+    bands = list(dict.fromkeys(row.band for row in result.visits))
+    frames = sum(row.n_frames for row in result.visits)
+    moved = sum(row.moved or row.frames_moved > 0 for row in result.visits)
+    placed = f"in {counted(moved, 'visit')} frames were moved" if moved else "the places of the headers hold"
+    sentences = [
+        f"{counted(frames, 'frame')} of {counted(len(result.visits), 'visit')} in {', '.join(bands)}, read from files, "
+        f"registered ({placed}), reduced, {LIBRARIES[result.reference_library].searched}; the stack has the "
+        "orientation of the detector.",
+        *[f"{counted(len(result.sources), 'source')} detected."] * bool(result.searches),
+    ]
+    if result.bare:
+        sentences.append("No scene is known of these files: nothing is compared with a prediction.")
+    for band in result.bands:
+        sentences.append(f"{band.planet} in {band.band}: {band.verdict or band.message}.")
+    return sentences
 
 
 def programme_sentences(result: results.ConfirmResult) -> list[str]:
@@ -150,7 +172,7 @@ def confirm_blocks(result: results.ConfirmResult, *, full: bool = True) -> Itera
     full : bool
         Also how images were made.
     """
-    names = ["planets", *["search"] * bool(result.searches), "found"]
+    names = ["files", "planets", *["search"] * bool(result.searches), "found"]
     yield from doc.parts(confirm_document(ConfirmReport(result, {}, {}, _SHOWN)), *names)
     yield from doc.notes(
         *dict.fromkeys(f"{one.band}: {one.message}" for one in result.bands if one.status == "invalid")
@@ -165,7 +187,8 @@ def _scene_table(result: results.ConfirmResult) -> doc.Table:
     layout = f"{'planet ' * several}band {MEASURED.format(more=' true_contrast/7 recovered_contrast/2')}"
     columns = measured_columns(layout, doc.itself, result.reference_library)
     rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
-    title = f"{result.scene}: {outcome_text(rows)}, {counted(result.realisations, 'realisation')} a band"
+    drawn = "" if result.visits else f", {counted(result.realisations, 'realisation')} a band"
+    title = f"{result.scene}: {outcome_text(rows)}{drawn}"
     return doc.Table(title, columns, rows, legend=True)
 
 
@@ -181,7 +204,10 @@ def _search_blocks(searches: Sequence[SearchRecord], most: int | None = None) ->
         item = row[1]
         if item is None:
             return "nothing"
-        return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
+        known = row[0].false_detections is not None
+        return item.planet or (
+            ("no planet of the scene" if known else "detected") if item.detected else "below the threshold"
+        )
 
     rows: list[_Candidate] = []
     for search in searches:
@@ -193,10 +219,14 @@ def _search_blocks(searches: Sequence[SearchRecord], most: int | None = None) ->
         *doc.row_columns(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=itemgetter(1)),
         doc.own_column("is", name, look="left"),
     ]
+    told = [search for search in searches if search.false_detections is not None]
+    if not told:
+        yield doc.Table("What the blind search names", columns, rows, last_width=30)
+        return
     title = "What the blind search names, first realisation"
     yield doc.Table(title, columns, rows, words.text("texts.search"), last_width=30)
-    elsewhere = sum(search.false_detections for search in searches)
-    total = sum(search.realisations for search in searches)
+    elsewhere = sum(search.false_detections or 0 for search in told)
+    total = sum(search.realisations for search in told)
     word = "detection that is" if elsewhere == 1 else "detections that are"
     yield doc.Paragraph(f"{elsewhere} {word} no planet of the scene, in {total} searches.", "note")
 
@@ -401,14 +431,46 @@ def confirm_document(report: ConfirmReport) -> doc.Document:
     summary.append(doc.Paragraph(" ".join(_confirm_sentences(result)), "lead"))
     if report.calibration:
         summary.append(doc.Paragraph(doc.strong(report.calibration), "lead"))
+    library = LIBRARIES[result.reference_library]
+    about = words.text("texts.confirm_about", library=library)
+    if result.visits:
+        about = words.text("texts.files_about", library=library)
     return doc.document_of(
         CONFIRM_SECTIONS,
         report,
         title=f"CPI-C: {heading}, configuration {result.config_hash}",
         heading=heading,
-        about=words.text("texts.confirm_about", library=LIBRARIES[result.reference_library]),
+        about=about,
         summary=summary,
     )
+
+
+@doc.section_of(CONFIRM_SECTIONS, "files", "Files and sources")
+def _files(report: ConfirmReport) -> Iterator[doc.Block]:
+    result = report.result
+    if not result.visits:
+        return
+    layout = "band source separation_arcsec pa_deg rate_e_s contrast/1 search_snr search_threshold"
+    columns = doc.row_columns(
+        results.SourceRecord,
+        layout,
+        separation_arcsec="{separation_arcsec:.4f} ± {separation_error_arcsec:.4f}",
+        pa_deg="{pa_deg:.2f} ± {pa_error_deg:.2f}",
+        rate_e_s="{rate_e_s:.3g} ± {rate_error_e_s:.2g}",
+        contrast="{contrast:.2e} ± {contrast_error:.0e}",
+    )
+    if result.sources:
+        yield doc.Table("Sources that the search detects", columns, result.sources, words.text("texts.sources"))
+    elif result.searches:
+        yield doc.Paragraph("The search detects no source.")
+    read = "band role visit n_frames roll_deg shift_x_pixel shift_y_pixel moved frames_moved"
+    columns = doc.row_columns(
+        results.ProductVisitRecord,
+        read,
+        shift_x_pixel="{shift_x_pixel:.4f} ± {shift_x_error_pixel:.4f}",
+        shift_y_pixel="{shift_y_pixel:.4f} ± {shift_y_error_pixel:.4f}",
+    )
+    yield doc.Table("Visits that were read", columns, result.visits, words.text("texts.registered"))
 
 
 @doc.section_of(CONFIRM_SECTIONS, "planets", "Planets")
@@ -463,11 +525,15 @@ def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CONFIRM_SECTIONS, "modelled", "What was modelled")
 def _modelled(report: ConfirmReport) -> Iterator[doc.Block]:
+    if report.result.visits:
+        return iter(())
     return modelled_blocks([(band.band, band.modelled) for band in report.result.bands if band.modelled])
 
 
 @doc.section_of(CONFIRM_SECTIONS, "missing", "What is not modelled")
 def _missing(report: ConfirmReport) -> Iterator[doc.Block]:
+    if report.result.visits:
+        return iter(())
     return not_modelled_blocks(report.result.not_modelled)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm import ConfirmReport, confirm_document, measurements_csv
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.export import EXPORT_PRODUCTS, export_products, write_export
 from cpic_planner.report.image_figures import Mark, MarkKind, Panels
 from cpic_planner.report.plan import PlanReport, plan_document
 from cpic_planner.report.ranking import ranking_csv, ranking_ecsv
@@ -25,7 +26,7 @@ from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
 from simulator.config import ParametricAlbedo, Scene
 from simulator.target import scene_sources
 
-PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
+PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", *EXPORT_PRODUCTS, "report.html")
 """Names of the files of a report of a plan."""
 
 
@@ -37,9 +38,14 @@ PANELS = "panels-{band}.png"
 """Name of the images of a band."""
 
 
-def products_of(bands: Iterable[str]) -> list[str]:
-    """Return the names of the files of a report of images in these bands."""
-    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
+def products_of(bands: Sequence[str], planets: int = 0) -> list[str]:
+    """Return the names of the files of a report of images in these bands; ``planets`` is the number of a scene's."""
+    panels = (PANELS.format(band=band) for band in bands)
+    return ["measurements.csv", *export_products(bands, planets), "report.html", *panels]
+
+
+SOURCES_FILES = ("sources.csv", "sources.ecsv")
+"""Names of the tables of sources that were detected in files."""
 
 
 N_LIMIT_POINTS = 24
@@ -91,7 +97,7 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     instrument, metrics = model.instrument, model.metrics[band]
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
-    roll_deg = model.strategy.rolls_deg[0]
+    roll_deg = body.get("roll_deg", model.strategy.rolls_deg[0])
     candidates = body["search"]["candidates"] if body["search"] else ()
     marks = [] if scene is not None else [Mark(x, y) for x, y in body["planet_offsets_arcsec"][:1]]
     marks += [Mark(item["x_arcsec"], item["y_arcsec"], "candidate") for item in candidates if item["detected"]]
@@ -126,7 +132,7 @@ def write_report(
     sensitivity: results.SensitivityResult | None = None,
     known: results.KnownResult | None = None,
 ) -> None:
-    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
+    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv``, those of `EXPORT_PRODUCTS` and ``report.html``.
 
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions, `known` the known planets of
     the first of them.
@@ -136,6 +142,7 @@ def write_report(
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
+    write_export(folder, plan, model.instrument)
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
     report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
@@ -148,7 +155,7 @@ def write_star_images(
     model: EtcModel,
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write ``measurements.csv`` and the images of each band as PNG, each whole.
+    """Write ``measurements.csv``, those of `EXPORT_PRODUCTS` and the images of each band as PNG, each whole.
 
     Parameters
     ----------
@@ -163,6 +170,7 @@ def write_star_images(
     from cpic_planner.report.image_figures import PanelSheet
 
     folder.write("measurements.csv", measurements_csv(result))
+    write_export(folder, result, model.instrument)
     sheet = PanelSheet()
     for target in result.targets:
         for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
@@ -181,7 +189,7 @@ def write_confirm_report(
     scene: Scene,
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
+    """Write ``measurements.csv``, those of `EXPORT_PRODUCTS`, images as PNG, and ``report.html``, each whole.
 
     Parameters
     ----------
@@ -197,9 +205,18 @@ def write_confirm_report(
     from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
+    write_export(folder, result, model.instrument)
+    if result.visits:
+        columns = results.taken_of(results.SourceRecord)
+        rows = map(results.values_of, result.sources)
+        folder.write(SOURCES_FILES[0], results.csv_text(results.names_of(results.SourceRecord), rows))
+        about = {"fingerprint", "version", "config_hash", "scene", "instrument", "sigma", "reference_library"}
+        meta = result.model_dump(mode="json", include=about)
+        folder.write(SOURCES_FILES[1], results.ecsv_text(columns, result.sources, meta))
     sheet, images = PanelSheet(), {}
     for band, body in bodies.items():
-        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=scene), result.scene)
+        marked = None if result.bare else scene
+        images[band] = picture = sheet.picture(panels_of(model, band, body, scene=marked), result.scene)
         folder.write_bytes(PANELS.format(band=band), _png(picture))
     figures = {}
     spectrum = spectrum_figure(scene, model.instrument, result.bands)

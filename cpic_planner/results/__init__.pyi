@@ -35,9 +35,16 @@ from cpic_planner.results.base import (
     own_taken as own_taken,
     parquet_bytes as parquet_bytes,
     rows_from_csv as rows_from_csv,
+    rows_of as rows_of,
     taken_of as taken_of,
     unit_of as unit_of,
     values_of as values_of,
+)
+from cpic_planner.results.compared import (
+    AnswerChange as AnswerChange,
+    AnswerComparison as AnswerComparison,
+    ComparedAnswer as ComparedAnswer,
+    SettingChange as SettingChange,
 )
 from cpic_planner.results.planned import (
     AlbedoRecord as AlbedoRecord,
@@ -48,13 +55,17 @@ from cpic_planner.results.planned import (
     ConfirmResult as ConfirmResult,
     ImagedResult as ImagedResult,
     LeftOutRow as LeftOutRow,
+    LimitRow as LimitRow,
     NotImagedRow as NotImagedRow,
+    ObservationRow as ObservationRow,
     PeriodRecord as PeriodRecord,
     PlanResult as PlanResult,
     PositionRecord as PositionRecord,
+    ProductVisitRecord as ProductVisitRecord,
     ScheduleImages as ScheduleImages,
     SearchRecord as SearchRecord,
     SeenRow as SeenRow,
+    SourceRecord as SourceRecord,
     StarImagesResult as StarImagesResult,
 )
 from cpic_planner.results.ranked import (
@@ -82,7 +93,6 @@ from cpic_planner.results.ranked import (
     SensitivityResult as SensitivityResult,
     SensitivityRow as SensitivityRow,
     SensitivityStar as SensitivityStar,
-    SettingChange as SettingChange,
     StarInRanking as StarInRanking,
     StarResult as StarResult,
     TwoInstrumentsResult as TwoInstrumentsResult,

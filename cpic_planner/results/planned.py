@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    Column,
     FramesColumns,
     OfTables,
     RankedSample,
@@ -58,6 +59,34 @@ class AuditRecord(Row):
     saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
 
 
+class ObservationRow(Row):
+    """One observation of a planet in one band: one realisation, all its visits reduced together.
+
+    Realisations are draws of one and the same observation: a fit of an orbit or a spectrum takes one of them.
+    """
+
+    realisation: int = column("number of the draw of drift and noise, from 1")
+    epoch_mjd: float = column("middle of the observation, from its first visit to its last", unit="d", format=".4f")
+    detected: bool = column(
+        "the blind search finds the planet; of two rolls, its significance at the place reaches the threshold"
+    )
+    contrast: float = column("measured at the planet's place", format=".2e ± .1e")
+    contrast_error: float = column("1 sigma of the planet's noise and the background's; not that of the star's flux")
+    contrast_limit: float = column("contrast whose significance at the place is the threshold", format=".2e")
+    star_flux_error: float = column("relative error of the star's measured light, the same in all realisations")
+    separation_arcsec: float | None = optional("fitted; null without a detection and a fit that comes to rest")
+    separation_error_arcsec: float | None = None
+    pa_deg: float | None = optional("position angle, east of north")
+    pa_error_deg: float | None = None
+    separation_pa_correlation: float | None = optional("of the errors of separation and position angle")
+    east_arcsec: float | None = optional("offset from the star in right ascension times the cosine of declination")
+    east_error_arcsec: float | None = None
+    north_arcsec: float | None = optional("offset from the star in declination")
+    north_error_arcsec: float | None = None
+    east_north_covariance: float | None = optional("of the errors of both offsets", unit="arcsec2")
+    flags: tuple[str, ...] = column("of the fit: low_snr, edge, whole_region (cpic_planner.Astrometry)", default=())
+
+
 class BandConfirmation(FramesColumns):
     """One band of one target: prediction beside the measurement in simulated images.
 
@@ -86,8 +115,8 @@ class BandConfirmation(FramesColumns):
     )
     chosen_for: str = _CHOSEN_FOR
     realisations: int | None = optional("independent draws of drift and noise")
-    drawn_as: Literal["sums", "frames"] | None = optional(
-        "sums of frames over the hole, or every frame, where sums cannot stand for them"
+    drawn_as: Literal["sums", "frames", "files"] | None = optional(
+        "sums of frames over the hole, or every frame, where sums cannot stand for them; files that were measured"
     )
     predicted_snr: float | None = optional(
         "of one observation, noise of the planet included", label="predicted SNR", short="SNR pred", format=".3g"
@@ -125,6 +154,13 @@ class BandConfirmation(FramesColumns):
         label="the star's light, from",
     )
     star_flux_error: float | None = optional("relative, common to all realisations")
+    star_flux_density: float | None = optional(
+        "mean flux density of the star by its V magnitude and spectrum, weighted by photons and throughput",
+        unit="W m-2 um-1",
+    )
+    effective_wavelength_nm: float | None = optional("of the star's photons in the band")
+    band_center_nm: float | None = optional("middle of the band")
+    band_width_nm: float | None = optional("full width of the band")
     rdi_throughput: float | None = optional(label="RDI throughput", format="%")
     rdi_modes_used: int | None = optional("beside the mean, around the planet", label="RDI modes")
     core_throughput: float | None = optional(format="%")
@@ -164,6 +200,7 @@ class BandConfirmation(FramesColumns):
     audit: AuditRecord | None = None
     modelled: ModellingRecord | None = optional("null where no image was asked for")
     image: str | None = optional("key of the stored panels")
+    observations: list[ObservationRow] = column("one a realisation; empty in older results", default=[])
 
 
 class ConfirmedTarget(Result):
@@ -293,6 +330,15 @@ class CandidateRecord(Row):
     planet: str = column("planet of the scene that stands there; empty for none")
 
 
+class LimitRow(Row):
+    """Contrast limit of the first realisation at one separation, on a diagonal of the dark hole, at a known place."""
+
+    separation_arcsec: float
+    threshold: float = column("of small samples at the level of the strategy")
+    throughput: float = column("part of a planet's sum that the subtraction leaves")
+    contrast_limit: float = column("threshold times the scatter of sums like that of a planet around the place")
+
+
 class SearchRecord(Row):
     """The blind search of the first realisation in one band."""
 
@@ -305,10 +351,79 @@ class SearchRecord(Row):
     unused_s: float | None = None
     chosen_for: str = _CHOSEN_FOR
     realisations: int
-    false_detections: int = column("detections that are no planet of the scene, all realisations")
+    false_detections: int | None = column(
+        "detections that are no planet of the scene, all realisations; null for files without a scene"
+    )
     resolution_elements: float = column("searched area over (lambda/D)^2")
     sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
+    curve: list[LimitRow] = column("empty of files, and in older results", default=[])
+
+
+class ProductVisitRecord(Row):
+    """One visit whose frames were read from files, and how far its star was from the place that the headers state."""
+
+    band: str
+    role: Literal["science", "reference"]
+    visit: int = column("its number among those of its role, from 1", format="d")
+    files: list[str]
+    n_frames: int = column("frames that were read", short="frames", format="d")
+    exposure_s: float = column(short="exposure s")
+    em_gain: float = column(short="gain")
+    roll_deg: float = column("position angle of the detector's +y axis", short="roll °", format=".2f")
+    mjd: float | None = optional("begin of its first exposure, UTC")
+    shift_x_pixel: float | None = optional(
+        "shift of the star's light along columns beside the mean of all visits; null where the light tells none",
+        label="shift in x",
+        short="shift x px",
+        format=".4f",
+    )
+    shift_x_error_pixel: float | None = optional("1 sigma: noise, and speckles that changed")
+    shift_y_pixel: float | None = optional("the same along rows", label="shift in y", short="shift y px", format=".4f")
+    shift_y_error_pixel: float | None = optional("1 sigma")
+    moved: bool = column(
+        "frames were moved by this shift, which is significant; else the place of the headers holds",
+        label="visit moved",
+        short="visit moved",
+    )
+    frames_moved: int = column(
+        "frames that were moved beside the mean of their visit, by as much as each shows",
+        label="frames moved",
+        format="d",
+    )
+
+
+class SourceRecord(Row):
+    """A source that a blind search detects in files, with what was measured of it in one band."""
+
+    band: str
+    source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
+    mjd: float | None = optional("mean of the middles of the science exposures, UTC", format=".5f")
+    separation_arcsec: float = column(format=".4f")
+    separation_error_arcsec: float = column("1 sigma of the fit of the place")
+    pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
+    pa_error_deg: float
+    east_arcsec: float = column("offset from the star to the east: of right ascension times cos(declination)")
+    north_arcsec: float = column("offset from the star to the north")
+    ra_deg: float | None = optional("null where the headers have no coordinates of the star")
+    dec_deg: float | None = None
+    rate_e_s: float | None = optional(
+        "detected rate without mask, apodizer and aperture, by forced photometry at the fitted place",
+        label="light",
+        short="light e-/s",
+        format=".3g",
+    )
+    rate_error_e_s: float | None = optional("1 sigma, of the scatter of aperture sums")
+    contrast: float | None = optional(
+        "over the light of the star; null where that is not known", short="contrast", format=".2e ± .1e"
+    )
+    contrast_error: float | None = optional("1 sigma, the error of the star's light included")
+    snr: float | None = optional("of the forced photometry", short="SNR", format=".1f")
+    search_snr: float = column(
+        "of the matched filter of the search", label="SNR of the search", short="SNR", format=".1f"
+    )
+    search_threshold: float = column("SNR that the search asks for there", label="threshold", format=".1f")
+    flags: list[str] = column("of the fit of the place: not_converged, low_snr, edge, whole_region")
 
 
 class PositionRecord(Row):
@@ -364,3 +479,16 @@ class ConfirmResult(ImagedResult):
     searches: list[SearchRecord]
     positions: list[PositionRecord]
     albedos: list[AlbedoRecord]
+    visits: list[ProductVisitRecord] = column("of the files that were measured; empty for simulated images", default=[])
+    sources: list[SourceRecord] = column(
+        "what the search detects in files, measured; empty for simulated images", default=[]
+    )
+
+    def _table(self, rows: str = "") -> tuple[list[Column], list[Any]]:
+        """Return the rows that are asked for; by default those of sources where no planet of a scene is compared."""
+        return super()._table(rows or ("sources" if self.sources and not self.bands else ""))
+
+    @property
+    def bare(self) -> bool:
+        """Whether files were measured of which no scene is known: nothing is compared."""
+        return bool(self.visits) and all(search.false_detections is None for search in self.searches) and not self.bands

@@ -25,6 +25,7 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
+from cpic_planner.results.compared import SettingChange
 from cpic_planner.results.runs import InstrumentResult
 from simulator.config import Real
 
@@ -367,14 +368,6 @@ class RankAgreement(Row):
         format=".2f",
     )
     n_compared: int = column("number of these stars")
-
-
-class SettingChange(Row):
-    """A setting that differs between two rankings."""
-
-    key: str = column("key of the instrument, or field of the ranking", label="setting")
-    before: str
-    after: str
 
 
 class ComparedRanking(Result):

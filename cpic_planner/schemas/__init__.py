@@ -36,6 +36,7 @@ RESULTS = {
         ("sensitivity", "SensitivityResult"),
         ("explanation", "Explanation"),
         ("comparison", "RankComparison"),
+        ("answer_comparison", "AnswerComparison"),
         ("etc", "EtcResult"),
         ("curve", "CurveResult"),
         ("roc", "RocResult"),

@@ -82,19 +82,17 @@ def decide(worth: FloatArray, weights: FloatArray) -> Choice:
     return Choice(worth, weights, mean, best, loss, cautious, expected, knowing)
 
 
-def quantiles(values: FloatArray, weights: FloatArray, level: float = LEVEL) -> tuple[float, float]:
-    """Return the values between which that part of the weight lies.
+def quantiles(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
+    """Return the values between which `LEVEL` of the weight lies.
 
     Parameters
     ----------
     values, weights : ndarray, shape (n,)
         Weights sum to 1.
-    level : float, optional
-        Part of the weight that lies between them, 0 to 1.
     """
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[order])
-    ends = np.searchsorted(below, np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level]) - _ROUNDING)
+    ends = np.searchsorted(below, np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]) - _ROUNDING)
     low, high = values[order[np.minimum(ends, len(values) - 1)]]
     return float(low), float(high)
 

@@ -137,18 +137,16 @@ def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def convergence(values: ArrayLike, points: int = 12) -> list[results.CurvePoint]:
+def convergence(values: ArrayLike) -> list[results.CurvePoint]:
     """Return the means from the first few universes to all of them, at numbers evenly spaced in logarithm.
 
     Parameters
     ----------
     values : array_like
         One value for each universe, shape (n,).
-    points : int, optional
-        Number of estimates.
     """
     x = np.asarray(values, float)
-    sizes = np.unique(np.geomspace(min(10, x.size), x.size, points).round().astype(int))
+    sizes = np.unique(np.geomspace(min(10, x.size), x.size, 12).round().astype(int))
     return [_point(float(size), x[:size]) for size in sizes if size >= 2]
 
 

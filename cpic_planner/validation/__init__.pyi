@@ -7,6 +7,12 @@ from cpic_planner.validation.albedo_fit import (
 )
 from cpic_planner.validation.astrometry import Astrometry as Astrometry, fit_position as fit_position
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
+from cpic_planner.validation.cubes import (
+    Cube as Cube,
+    CubeKind as CubeKind,
+    calibrated_cube as calibrated_cube,
+    cube_files as cube_files,
+)
 from cpic_planner.validation.frames import (
     CalibratedFrames as CalibratedFrames,
     calibrated_frames as calibrated_frames,
@@ -20,6 +26,13 @@ from cpic_planner.validation.injection import (
     azimuths_inside as azimuths_inside,
     fraction_interval as fraction_interval,
     search_task as search_task,
+)
+from cpic_planner.validation.level1 import (
+    Level1File as Level1File,
+    Level1Programme as Level1Programme,
+    level1_files as level1_files,
+    level1_programmes as level1_programmes,
+    realise_files as realise_files,
 )
 from cpic_planner.validation.measure import (
     Measurement as Measurement,
@@ -51,6 +64,12 @@ from cpic_planner.validation.realise import (
     realisations as realisations,
     realise_frames as realise_frames,
     visit_pair as visit_pair,
+)
+from cpic_planner.validation.registration import (
+    Shift as Shift,
+    measured_shift as measured_shift,
+    moved as moved,
+    star_light as star_light,
 )
 from cpic_planner.validation.search import (
     BlindSearch as BlindSearch,

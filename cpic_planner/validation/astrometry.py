@@ -11,6 +11,7 @@ linear.
 import functools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -380,6 +381,10 @@ class Astrometry(Record, eq=False):
         Separation from the star and its 1-sigma error.
     pa_deg, pa_error_deg : float
         Position angle, degrees east of north, 0 to 360, and its 1-sigma error; 180 at most.
+    sky_covariance : ndarray, shape (2, 2)
+        Of east_arcsec and north_arcsec.
+    separation_pa_correlation : float
+        Of the errors of separation and position angle.
     flux_e, flux_error_e : float
         Electrons of the summed stack that the planet sends through the clear pupil, before apodizer, mask and
         subtraction: over star rate x integration time it is the contrast. As in any fit of a position, noise raises it
@@ -411,6 +416,8 @@ class Astrometry(Record, eq=False):
     separation_error_arcsec: float
     pa_deg: float
     pa_error_deg: float
+    sky_covariance: FloatArray
+    separation_pa_correlation: float
     flux_e: float
     flux_error_e: float
     chi2: float
@@ -521,17 +528,19 @@ def fit_position(
     )
 
 
-def _on_sky(offset: FloatArray, covariance: FloatArray) -> dict[str, float]:
+def _on_sky(offset: FloatArray, covariance: FloatArray) -> dict[str, Any]:
     """Return what `Astrometry` says of an offset (east, north); on the sky itself east is +x (parity +1)."""
     separation, pa = (float(part) for part in detector_to_sky(offset[0], offset[1], parity=1))
     radial = offset / separation if separation > 0 else np.array([0.0, 1.0])
     tangential = np.array([radial[1], -radial[0]])
-    across = math.sqrt(max(float(tangential @ covariance @ tangential), 0.0))
+    along, across = (math.sqrt(max(float(part @ covariance @ part), 0.0)) for part in (radial, tangential))
     return {
+        "sky_covariance": covariance,
+        "separation_pa_correlation": float(radial @ covariance @ tangential) / (along * across or 1.0),
         "east_arcsec": float(offset[0]),
         "north_arcsec": float(offset[1]),
         "separation_arcsec": separation,
-        "separation_error_arcsec": math.sqrt(max(float(radial @ covariance @ radial), 0.0)),
+        "separation_error_arcsec": along,
         "pa_deg": pa,
         "pa_error_deg": min(math.degrees(across / separation), 180.0) if separation > 0 else 180.0,
     }

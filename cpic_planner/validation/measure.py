@@ -525,10 +525,10 @@ class Measurement(Record):
     throughput: float
     n_apertures: int
     modes: int
-    found: bool
-    found_at_place: bool
-    search_snr: float | None
-    search_threshold: float | None
+    found: bool = False
+    found_at_place: bool = False
+    search_snr: float | None = None
+    search_threshold: float | None = None
 
 
 def maps_of(visits: VisitPair) -> SpeckleMaps:
@@ -609,30 +609,62 @@ def measure_planets(
     known = iter(() if blind is None else blind.at_places)
     for planet, covered, expected in zip(planets, whole, visits.task.predictions, strict=True):
         place = next(known, None) if covered else None
-        if not covered or not planet.tells_noise(stack.region, geometry, visits.strategy):
-            found.append(None)
-            continue
-        near = reduced_around(realisation, planet, visits)
-        measured = forced_photometry(near, planet, geometry, visits.strategy.filter, model)
-        star_e = measured.throughput * planet.core * star.rate_e_s * stack.integration_s
-        match = None if blind is None else blind.strongest_near(*planet.places_arcsec[0], geometry)
-        at_place = measured.significance >= expected["threshold"] if place is None else place.detected
-        one = Measurement(
-            contrast=measured.raw_flux / star_e,
-            contrast_error=measured.error * measured.throughput / star_e,
-            contrast_sigma=measured.sigma_background / star_e,
-            snr=measured.snr,
-            significance=measured.significance,
-            throughput=measured.throughput,
-            n_apertures=measured.n_background_apertures,
-            modes=near.reduced.rdi.modes_used,
-            found=at_place if blind is None else bool(match and match.detected),
-            found_at_place=at_place,
-            search_snr=match.snr_mf if match else None,
-            search_threshold=match.threshold if match else None,
-        )
+        one = measured_at(visits, realisation, planet, star.rate_e_s, model) if covered else None
+        if one is not None:
+            match = None if blind is None else blind.strongest_near(*planet.places_arcsec[0], geometry)
+            at_place = one.significance >= expected["threshold"] if place is None else place.detected
+            one = replace(
+                one,
+                found=at_place if blind is None else bool(match and match.detected),
+                found_at_place=at_place,
+                search_snr=match.snr_mf if match else None,
+                search_threshold=match.threshold if match else None,
+            )
         found.append(one)
     return found, blind
+
+
+def measured_at(
+    visits: VisitPair,
+    realisation: Realisation,
+    planet: PlanetTemplate,
+    star_rate_e_s: float,
+    model: SpeckleModel | None = None,
+) -> Measurement | None:
+    """Measure one planet at its place by forced photometry.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    realisation : Realisation
+    planet : PlanetTemplate
+        Whose apertures the region covers.
+    star_rate_e_s : float
+        Rate of the star that the contrast refers to; with 1 the contrast is the rate of the planet, e-/s.
+    model : SpeckleModel, optional
+        `speckles_of` the visits.
+
+    Returns
+    -------
+    Measurement or None
+        Without what a search says of it; None where too little of the background is left to tell the noise.
+    """
+    stack, geometry = realisation.reduced, visits.geometry
+    if not planet.tells_noise(stack.region, geometry, visits.strategy):
+        return None
+    near = reduced_around(realisation, planet, visits)
+    measured = forced_photometry(near, planet, geometry, visits.strategy.filter, model)
+    star_e = measured.throughput * planet.core * star_rate_e_s * stack.integration_s
+    return Measurement(
+        contrast=measured.raw_flux / star_e,
+        contrast_error=measured.error * measured.throughput / star_e,
+        contrast_sigma=measured.sigma_background / star_e,
+        snr=measured.snr,
+        significance=measured.significance,
+        throughput=measured.throughput,
+        n_apertures=measured.n_background_apertures,
+        modes=near.reduced.rdi.modes_used,
+    )
 
 
 def reduced_around(realisation: Realisation, planet: PlanetTemplate, visits: VisitPair) -> Realisation:
@@ -723,3 +755,31 @@ def forced_photometry(
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     through = surviving_fraction("template", template, left, weights, around)
     return aperture_photometry(image, *first, radius, throughput=through, kernel=kernel, left=left, **shared)
+
+
+def noise_at(
+    visits: VisitPair,
+    realisation: Realisation,
+    place: PlanetTemplate | None,
+    rate_e_s: float,
+    model: SpeckleModel | None,
+) -> list[float | None]:
+    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    realisation : Realisation
+    place : PlanetTemplate, optional
+        Without one neither is known.
+    rate_e_s : float
+        Rate of the star on the clear disc.
+    model : SpeckleModel, optional
+        As of `forced_photometry`.
+    """
+    if place is None:
+        return [None, None]
+    near = reduced_around(realisation, place, visits)
+    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
+    star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
+    return [float(measured.sigma_background / star_e), float(measured.throughput)]

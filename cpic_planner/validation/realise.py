@@ -14,7 +14,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -305,7 +305,7 @@ def visit_pair(task: ConfirmTask, *, realisation: int = 0, modelling: Modelling 
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = how.kept_sources(validate(Scene, task.scene, where="scene"))
     chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
-    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits, roll_deg=task.roll_deg)
     sums = how.draw == "sums"
 
     def seen(shown: Scene, visit: VisitSettings) -> Observation:
@@ -382,42 +382,75 @@ def realisations(
             yield visits, *realise_frames(visits)
 
 
+class WholeFrames(NamedTuple):
+    """The frames of one visit, ready to be reduced.
+
+    Attributes
+    ----------
+    electrons : ndarray, shape (n_frames, n, n)
+        Frames without holes (`cpic_planner.validation.frames.filled`).
+    usable : ndarray of bool, same shape
+    statistics : FrameStatistics
+    """
+
+    electrons: FloatArray
+    usable: BoolArray
+    statistics: FrameStatistics
+
+
 def realise_frames(visits: VisitPair) -> tuple[Realisation, FrameStatistics]:
-    """Draw every frame, calibrate it, take out particles, and reduce.
+    """Draw every frame, calibrate it, take out particles, and reduce."""
+
+    def drawn(role: Role, number: int) -> Iterator[WholeFrames]:
+        return (frames_of(visits.visit(role, visit), visits.geometry.hole)[1] for visit in range(number))
+
+    return reduced_frames(
+        visits, drawn("science", visits.plan.visits), drawn("reference", visits.plan.reference_visits)
+    )
+
+
+def reduced_frames(
+    visits: VisitPair, science: Iterable[WholeFrames], reference: Iterable[WholeFrames]
+) -> tuple[Realisation, FrameStatistics]:
+    """Reduce the frames of a programme.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    science, reference : iterable of WholeFrames
+        One a visit, in their order.
 
     Notes
     -----
     Pixel-frames that are hit or cut off take the temporal mean of their pixel, so that each frame is whole for the
     projection; pixels with no usable frame leave the region. The white variance grows by the frames that a pixel lost.
     """
-    hole = visits.geometry.hole
-    region = hole.copy()
+    region = visits.geometry.hole.copy()
     kept: list[FloatArray] = []
-    counts: list[int] = []
+    counts: list[list[int]] = []
     parts: list[FrameStatistics] = []
     thinning: list[FloatArray] = []
-    roles: tuple[tuple[Role, int], ...] = ("science", visits.plan.visits), ("reference", visits.plan.reference_visits)
-    for role, number in roles:
-        images, lost = [], []
-        for visit in range(number):
-            observation = visits.visit(role, visit)
-            _, whole, usable, story = frames_of(observation, hole)
+    # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
+    pedestal = pedestal_e(visits.science.channel.detector, visits.task.exposure_s)
+    for frames, number in ((science, visits.plan.visits), (reference, visits.plan.reference_visits)):
+        images, lost, numbers = [], [], []
+        for electrons, usable, story in frames:
             region &= usable.any(axis=0)
             parts.append(story)
             lost.append(len(usable) / np.maximum(usable.sum(axis=0), 1))
-            # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
-            whole = whole + pedestal_e(observation.channel.detector, observation.exposure_s)
+            whole = electrons + pedestal
             images.append(whole if number == 1 else whole.sum(axis=0, keepdims=True))
+            numbers += [1] * len(whole) if number == 1 else [len(whole)]
         thinning.append(np.mean(lost, axis=0))
         kept.append(np.concatenate(images))
-        counts.append(1 if number == 1 else observation.n_frames)
+        counts.append(numbers)
     realisation = visits.reduced(kept[0], kept[1], counts[0], counts[1], region)
     return thinned(realisation, thinning[0], thinning[1]), FrameStatistics.of(parts)
 
 
 def frames_of(
     observation: Observation, hole: BoolArray, numbers: Sequence[int] | None = None
-) -> tuple[CalibratedFrames, FloatArray, BoolArray, FrameStatistics]:
+) -> tuple[CalibratedFrames, WholeFrames]:
     """Draw frames of a visit, calibrate them and take out particles.
 
     Parameters
@@ -426,20 +459,23 @@ def frames_of(
     hole : ndarray of bool, shape (n, n)
     numbers : sequence of int, optional
         Numbers of the frames; all of them by default.
-
-    Returns
-    -------
-    frames : CalibratedFrames
-    whole : ndarray, shape (n_frames, n, n)
-        Frames without holes (`cpic_planner.validation.frames.filled`).
-    usable : ndarray of bool, same shape
-    statistics : FrameStatistics
     """
     frames = calibrated_frames(observation, cropped=observation.window == "full", numbers=numbers)
+    return frames, whole_frames(frames, hole)
+
+
+def whole_frames(frames: CalibratedFrames, hole: BoolArray) -> WholeFrames:
+    """Take particles out of calibrated frames, and fill the holes that are left.
+
+    Parameters
+    ----------
+    frames : CalibratedFrames
+    hole : ndarray of bool, shape (n, n)
+    """
     electrons, usable, hits = cleaned(frames)
     rejected = float(1.0 - usable[:, hole].mean())
     story = FrameStatistics(_by_light(frames, hole), frames.lost_outside, rejected, hits, frames.n_frames)
-    return frames, filled(electrons, usable)[0], usable, story
+    return WholeFrames(filled(electrons, usable)[0], usable, story)
 
 
 def thinned(realisation: Realisation, science: FloatArray, reference: FloatArray) -> Realisation:
@@ -576,7 +612,7 @@ def frame_effects(visits: VisitPair, role: Role, n_visits: int) -> FrameEffects:
     covered = hole.copy()
     for visit, numbers in sequences(n_visits, length):
         observation = visits.visit(role, visit)
-        frames, whole, usable, story = frames_of(observation, hole, numbers)
+        frames, (whole, usable, story) = frames_of(observation, hole, numbers)
         twin = calibrated_frames(without_frame_effects(observation), numbers=numbers).electrons
         counted = usable | ~grown(frames.struck, _REACH_PIXELS)
         covered &= usable.any(axis=0)

@@ -12,7 +12,14 @@ from typing import Any, Literal
 import numpy as np
 
 from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Record, Status, check_positive, require
-from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, combine, rejected_in, transferred
+from cpic_planner.validation.frames import (
+    MOST_LOST,
+    CalibratedFrames,
+    calibrated_frames,
+    combine,
+    rejected_in,
+    transferred,
+)
 from cpic_planner.validation.photometry import aperture_weights
 from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
@@ -177,13 +184,15 @@ def observe_off_mask(
     return Outcome.ok(seen)
 
 
-def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
+def star_flux_off_mask(observation: Observation, frames: CalibratedFrames | None = None) -> Outcome[StarFlux]:
     """Return the rate of the star from a series of frames beside the mask.
 
     Parameters
     ----------
     observation : Observation
         With the star off the mask (`observe_off_mask`).
+    frames : CalibratedFrames, optional
+        Its frames, where they are not to be drawn: those of files.
 
     Returns
     -------
@@ -204,7 +213,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     (`CalibratedFrames.variance_e2`); that of the model of the point-spread function is not in it. Left alone: the
     wavefront's drift, and the curve of the pixels before the transfers, each 1e-5 of the rate.
     """
-    frames = calibrated_frames(observation)
+    frames = frames or calibrated_frames(observation)
     summed = combine(frames.electrons, frames.usable & ~rejected_in(frames).rejected)
     template = observation.psf.at(*observation.star_offset_arcsec)
     rows, columns, part = observation.area.stamp(len(template))

@@ -13,6 +13,7 @@ import numpy as np
 
 from cpic_core import Outcome, Reason, Record, Status, check_whole
 from cpic_planner import etc
+from cpic_planner.planets import span_days
 from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
 from cpic_planner.ranking import best_in_band, no_frame_status
 from cpic_planner.results import BandConfirmation, EffectRecord, EtcAnswer, ModellingRecord
@@ -31,6 +32,7 @@ from simulator.imaging import LARGEST_NM, RMS_ERROR, SceneModel, expands, psf_me
 from simulator.knobs import Dial, Knobs, dial_of
 from simulator.ledger import MAX_EPOCHS, NOT_IN_SUMS, SUM_EPOCHS, Choice, EffectRow, choose, forecast
 from simulator.observing import Role
+from simulator.products import mjd_of
 from simulator.signal import exozodi_disc
 from simulator.target import detector_to_sky
 
@@ -118,6 +120,15 @@ class ConfirmTask(Frames, kw_only=True):
         Part of the given wall time that the visits leave unused.
     chosen_for : str
         Planet for which visits and frames were chosen; empty where they were given.
+    epoch_mjd : float
+        Middle of the visits, MJD (UTC).
+    roll_deg : float
+        Roll of the observation, degrees; planets stand at the places that it gives them.
+    files : dict or None
+        Level-1 files that are measured in place of simulated images, by what they show
+        (`cpic_planner.validation.level1.Level1Programme.files`).
+    bare : bool
+        Whether the scene is no more than the headers of these files say: nothing of its star's light is known.
     """
 
     name: str
@@ -136,6 +147,10 @@ class ConfirmTask(Frames, kw_only=True):
     gap_s: float = 0.0
     unused_s: float | None = None
     chosen_for: str = ""
+    epoch_mjd: float = 0.0
+    roll_deg: float = 0.0
+    files: dict[str, Any] | None = None
+    bare: bool = False
 
     @property
     def n_science_frames(self) -> int:
@@ -246,7 +261,13 @@ def _known(value: float) -> float | None:
 
 
 def expected_of(
-    model: etc.EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
+    model: etc.EtcModel,
+    target: Targets,
+    band: str,
+    place_arcsec: tuple[Any, Any],
+    contrast: float,
+    frames: Frames,
+    roll_deg: float = 0.0,
 ) -> dict[str, Any]:
     """Return what the ETC expects of a planet in given frames.
 
@@ -260,11 +281,13 @@ def expected_of(
         Offsets x and y on the detector.
     contrast : float
     frames : Frames
+    roll_deg : float
+        At which the place is on the detector.
 
     Returns
     -------
     dict
-        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``threshold``,
+        ``contrast``, ``separation_arcsec``, ``pa_deg``, ``threshold``,
         ``n_modes`` that the prediction is for, ``snr`` and ``significance`` of sums of frames, which no particle hits,
         with the ``verdict`` and the probabilities of a detection (``chance_blind``, ``chance_known_place``) that
         follow, and ``snr_full`` and ``significance_full`` with the frames that particles void; None of these for a
@@ -273,7 +296,7 @@ def expected_of(
     x = np.asarray(place_arcsec[0], float).reshape(1, 1)
     y = np.asarray(place_arcsec[1], float).reshape(1, 1)
     faint = np.full((1, 1), contrast, dtype=np.float64)
-    separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    separation, pa_deg = detector_to_sky(x, y, roll_deg=roll_deg, parity=model.instrument.detector.parity)
     elements = model.metrics[band].resolution_elements(np.hypot(x, y))
     about = {
         "contrast": float(contrast),
@@ -365,7 +388,8 @@ def prepare_task(
     expected = expected_of(
         model, target, band, etc.planet_offsets(model, target, band, separation), float(best.contrast[0]), frames
     )
-    made = task_of(model, scene, band, frames, [expected], overrides=overrides, **settings)
+    when = target.date_utc
+    made = task_of(model, scene, band, frames, [expected], overrides=overrides, start_utc=when, **settings)
     if given:
         return made
     return replace(made, unused_s=max(time_s - made.time_s, 0.0), chosen_for=made.planets[0])
@@ -396,11 +420,16 @@ def task_of(
     *,
     planets: Sequence[str] | None = None,
     overrides: SimulatorOverrides | None = None,
+    start_utc: str = "",
     **settings: Unpack[ImageSettings],
 ) -> ConfirmTask:
-    """Return the work itself; what is overridden changes the images alone. All planets unless some are named."""
+    """Return the work itself; what is overridden changes the images alone.
+
+    All planets unless some are named, and the first visit begins with the mission unless ``start_utc`` is given. Its
+    middle is half of `cpic_planner.planets.span_days` later.
+    """
     altered = overrides or SimulatorOverrides()
-    return ConfirmTask(
+    task = ConfirmTask(
         name=scene.name,
         band=band,
         simulator=altered.instrument(model.instrument).model_dump(mode="json"),
@@ -413,6 +442,8 @@ def task_of(
         planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
         **settings,
     )
+    days = span_days(task.time_s, task.visits, model.strategy.visit_gap_h)
+    return replace(task, epoch_mjd=mjd_of(start_utc or model.instrument.mission.start_utc) + 0.5 * float(days))
 
 
 def images_of(instrument: Instrument) -> Instrument:
@@ -425,6 +456,7 @@ def images_of(instrument: Instrument) -> Instrument:
 _SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
 _SUMS_S = 0.03  # of one realisation of both roles, reduced, searched and measured
 _VISIT_S = 1e-3  # of one visit from the expansion of its light, drawn
+_READ_S = 3e-2  # of a frame of a file, read and registered
 _FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned
 # An audit runs a part of the frames with a plain twin each, two sequences of either role at least; and propagations.
 _AUDIT_SHARE, _AUDIT_LEAST, _AUDIT_FRAME_S, _AUDIT_STAMPS = 0.2, 96, 1.5e-2, 0.2
@@ -461,8 +493,10 @@ def task_cost(task: ConfirmTask) -> TaskCost:
     Sums of frames are taken at their word: where a limit turns out to be reached in the hole, two realisations run
     frame by frame instead.
     """
-    how = modelling_of(task)
     frames = round(task.n_all_frames)
+    if task.files is not None:
+        return TaskCost(2.0 * _SETUP_S + frames * _READ_S, 1, 0, _BASE_MB)
+    how = modelling_of(task)
     stamp_s = _stamp_s(how.knobs)
     work = _SETUP_S + _SETUP_STAMPS * stamp_s
     one_by_one, largest, visits = 0, 0, task.visits + task.reference_visits
@@ -543,7 +577,9 @@ class LibraryPlan(Record):
     noise_free: bool = False
 
 
-def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1) -> LibraryPlan:
+def library_plan(
+    strategy: Strategy, scene: Scene, n_frames: int, *, visits: int = 1, roll_deg: float = 0.0
+) -> LibraryPlan:
     """Return what to simulate for the library that a strategy names (`cpic_planner.registry`).
 
     Parameters
@@ -556,6 +592,8 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
         Science frames of a visit, at least 1; for ``roll`` those of each roll.
     visits : int
         Science visits, at least 1.
+    roll_deg : float
+        Roll of the observation, to which that of two rolls is relative.
 
     Returns
     -------
@@ -564,7 +602,7 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, visits: int
         of V science visits; without the factor ``V / R`` for a library whose visits are there already.
     """
     count = check_whole("n_frames", n_frames, 1, MOST_FRAMES)
-    library, rolls = strategy.reference_library, strategy.rolls_deg
+    library, rolls = strategy.reference_library, [roll_deg + turn for turn in strategy.rolls_deg]
     role: Role = "science" if library.noise_free else "reference"
     # Expectations are those of the very visits that they stand beside.
     number = visits if library.noise_free else strategy.references_of(visits)
@@ -615,6 +653,10 @@ class Modelling(Choice, kw_only=True):
         epochs = max(self.epochs, MAX_EPOCHS)
         return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=(), still=())
 
+    def of_files(self) -> "Modelling":
+        """Return what files are compared with: every effect, by the same knobs, and one wavefront."""
+        return dataclasses.replace(self.whole(), region="hole", epochs=1)
+
     def runs_by_frames(self, realisations: int) -> int:
         """Return how many realisations are drawn frame by frame: all of them for the reference alone."""
         return realisations if self.dial.fidelity == "reference" else min(realisations, MAX_RUNS_OF_FRAMES)
@@ -650,7 +692,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     instrument = validate(Instrument, task.simulator, where="instrument")
     strategy = validate(Strategy, task.strategy, where="strategy")
     scene = validate(Scene, task.scene, where="scene")
-    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+    plan = library_plan(strategy, scene, task.n_frames, visits=task.visits, roll_deg=task.roll_deg)
     dial = task.dial.of("planet_flux", "snr")
     shown, measured = plan.science_scene, tuple(task.planets)
     if not measured:

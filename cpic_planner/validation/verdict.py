@@ -4,14 +4,15 @@ Predictions and measurements are compared over bands, targets and plans; positio
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from cpic_core import ArrayLike, FloatArray, InputError, Reason, Record, Status
 from cpic_planner.queries import Strategy
-from cpic_planner.results import AlbedoRecord, AuditRecord, BandConfirmation, PositionRecord
+from cpic_planner.results import AlbedoRecord, AuditRecord, BandConfirmation, ObservationRow, PositionRecord
 from cpic_planner.validation.albedo_fit import AlbedoFit, AlbedoModel, fit_albedo, planet_albedo_model
 from cpic_planner.validation.astrometry import Astrometry
 from cpic_planner.validation.measure import Measurement, obstacle, planet_places
@@ -325,7 +326,8 @@ def confirmation_of(
     *,
     false_detections: int = 0,
     statistics: FrameStatistics | None = None,
-    position: Astrometry | None = None,
+    positions: Sequence[Astrometry | None] = (),
+    light: Mapping[str, float] = MappingProxyType({}),
     audit: AuditRecord | None = None,
 ) -> BandConfirmation:
     """Return the answer for planet ``number`` of a task.
@@ -347,8 +349,10 @@ def confirmation_of(
         Of all searches.
     statistics : FrameStatistics, optional
         Of frames that were run one by one; none for sums.
-    position : Astrometry, optional
-        Fit of the first realisation that shows the planet.
+    positions : sequence of Astrometry or None
+        Fits of the realisations that show the planet; empty where none was made.
+    light : mapping, optional
+        Fields on the star's light in the band.
     audit : AuditRecord, optional
     """
     lost = 0 if statistics is None else statistics.lost_in
@@ -380,6 +384,7 @@ def confirmation_of(
     mean = Calibration() if predicted is None else calibration_of(predicted, snr, snr_error)
     compared = "no closed form predicts this reduction" if predicted is None else _etc(mean)
     detected = bool(2 * found >= n and not lost)
+    position = next((fit for fit in positions if fit is not None), None)
     return BandConfirmation(
         **_asked(task, number),
         status="saturated" if lost else "ok",
@@ -398,6 +403,7 @@ def confirmation_of(
         contrast_mean_error=spread / math.sqrt(n),
         star_flux=star.method,
         star_flux_error=None if star.method == "known" else star.error_e_s / star.rate_e_s,
+        **light,
         rdi_throughput=float(np.mean([item.throughput for item in measured])),
         rdi_modes_used=measured[0].modes,
         core_throughput=core,
@@ -416,6 +422,42 @@ def confirmation_of(
         found_pa_error_deg=position and position.pa_error_deg,
         verdict=_verdict(_predicted(task, expected), detected, (found, at_place, n), compared),
         audit=audit,
+        observations=[
+            _observation(task, at, item, fit, star, lost=bool(lost), threshold=expected["threshold"])
+            for at, (item, fit) in enumerate(zip(measured, positions or [None] * n, strict=True))
+        ],
+    )
+
+
+def _observation(
+    task: ConfirmTask,
+    at: int,
+    item: Measurement,
+    fit: Astrometry | None,
+    star: StarFlux,
+    *,
+    lost: bool,
+    threshold: float,
+) -> ObservationRow:
+    """Return one realisation as a row, with the fitted place where the fit came to rest."""
+    place: dict[str, Any] = {}
+    if fit is not None and fit.converged and not lost:
+        east, north = np.sqrt(np.diag(fit.sky_covariance)).tolist()
+        place = {
+            "east_error_arcsec": east,
+            "north_error_arcsec": north,
+            "east_north_covariance": float(fit.sky_covariance[0, 1]),
+            "pa_deg": fit.pa_deg % 360.0,
+        }
+    return ObservationRow.of(
+        item,
+        *([fit] if place else []),
+        **place,
+        realisation=at + 1,
+        epoch_mjd=task.epoch_mjd,
+        detected=item.found and not lost,
+        contrast_limit=threshold * item.contrast_sigma,
+        star_flux_error=star.error_e_s / star.rate_e_s,
     )
 
 
@@ -476,7 +518,7 @@ def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
         strategy = validate(Strategy, task.strategy, where="strategy")
         instrument = validate(Instrument, task.simulator, where="instrument")
         scene = modelling.kept_sources(validate(Scene, task.scene, where="scene"))
-        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits)
+        plan = library_plan(strategy, scene, task.n_frames, visits=task.visits, roll_deg=task.roll_deg)
         geometry = BandGeometry.of(instrument, task.band, modelling.knobs.stamp_pixels)
         for number, place in enumerate(planet_places(plan, instrument, task, geometry, strategy)):
             if (hidden := obstacle(place, geometry, strategy)) is not None:

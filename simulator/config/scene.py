@@ -1138,7 +1138,7 @@ def scenes_from_table(table: StarColumns, *, planet: Planet | Mapping[str, Any] 
     """
     if not is_table(table):
         raise InputError("table", table, allowed="a table with named columns")
-    names = _names(table)
+    names = tuple(str(name) for name in table.columns)
     star, companion = _found(table, names, _STAR), _found(table, names, _COMPANION)
     if "name" not in names:
         raise required("table.name", "a column of names")
@@ -1194,10 +1194,6 @@ def _found(table: StarColumns, names: tuple[str, ...], wanted: Mapping[str, tupl
     """Return the cells of the columns that there are, by key."""
     chosen = {key: next((name for name in spellings if name in names), None) for key, spellings in wanted.items()}
     return {key: _cells(table, name, key) for key, name in chosen.items() if name is not None}
-
-
-def _names(table: StarColumns) -> tuple[str, ...]:
-    return tuple(str(name) for name in table.columns)
 
 
 def _cells(table: Any, name: str, key: str) -> list[Any]:

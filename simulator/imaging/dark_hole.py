@@ -488,9 +488,7 @@ def solve_dark_hole(
     *,
     mode: HoleMode = "4q",
     side: HoleSide = "right",
-    inner_arcsec: float | None = None,
     settings: ControlSettings | None = None,
-    limit_contrast: float | None = None,
 ) -> DarkHole:
     """Find the mirror state of one band and say how dark it is.
 
@@ -508,17 +506,14 @@ def solve_dark_hole(
         Four quadrants, or two on one side of the star.
     side : {"right", "left", "top", "bottom"}
         Side for ``2q``.
-    inner_arcsec : float, optional
-        Inner edge of the squares per axis; the imager's if omitted.
     settings : ControlSettings, optional
         `default_settings` of the mode if omitted.
-    limit_contrast : float, optional
-        Mean contrast over the controlled bandwidth at which it counts as reached: 2e-9 in ``4q``, 8e-9 in ``2q``, 5e-8
-        with a single Jacobian, and half the sensing error more.
 
     Returns
     -------
     DarkHole
+        It counts as reached at a mean contrast over the controlled bandwidth of 2e-9 in ``4q``, 8e-9 in ``2q``, 5e-8
+        with a single Jacobian, and half the sensing error more.
 
     Raises
     ------
@@ -526,12 +521,10 @@ def solve_dark_hole(
         If a parameter is out of range or the grids differ.
     """
     mirror = mirror or DeformableMirror()
-    inner, outer = imager.hole_arcsec
-    zone = HoleZone(inner if inner_arcsec is None else inner_arcsec, outer, mode, side)
+    zone = HoleZone(*imager.hole_arcsec, mode, side)
     settings = settings or default_settings(mode)
-    if limit_contrast is None:
-        limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
-        limit_contrast += settings.sensing_contrast / 2.0
+    limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
+    limit_contrast += settings.sensing_contrast / 2.0
     problem = Conjugation(imager, aberrations, mirror, zone, settings)
     wide_nodes, wide_weights = np.polynomial.legendre.leggauss(SCORE_WAVELENGTHS)
     wavelengths = imager.center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)

@@ -129,10 +129,9 @@ class Imager(Record, eq=False):
     def _clear_area(self) -> float:
         return math.pi / 4.0 * self.diameter_m**2
 
-    def stamp_axis(self, *, masked: bool, n_pixels: int | None = None) -> PixelAxis:
+    def stamp_axis(self, *, masked: bool) -> PixelAxis:
         """Return the nodes of one axis of the star-centred stamp."""
-        centres = centred_axis(n_pixels or self.knobs.stamp_pixels, self.pixel_scale_arcsec)
-        return self.axis(centres, masked=masked)
+        return self.axis(centred_axis(self.knobs.stamp_pixels, self.pixel_scale_arcsec), masked=masked)
 
     def axis(self, centres_arcsec: FloatArray, *, masked: bool, pixel_nodes: int | None = None) -> PixelAxis:
         """Return the nodes of an axis with the given pixel centres."""

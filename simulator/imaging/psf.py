@@ -287,7 +287,6 @@ def wide_on_axis(
     star_pixel: tuple[float, float],
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
-    wavelength_nodes: int = 9,
 ) -> FloatArray:
     """Return the masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
 
@@ -307,14 +306,12 @@ def wide_on_axis(
         Row and column of the centre of the mask.
     star_arcsec : tuple of float
         Place of the star relative to that, x and y.
-    wavelength_nodes : int
-        Wavelengths over the band.
 
     Returns
     -------
     ndarray, shape ``shape``
     """
-    imager = build_imager(instrument, band, Knobs(wavelength_nodes=wavelength_nodes, pixel_nodes=1))
+    imager = build_imager(instrument, band, Knobs(wavelength_nodes=9, pixel_nodes=1))
     places = zip(shape, star_pixel, strict=True)
     axes = [imager.axis(centred_axis(n, imager.pixel_scale_arcsec, star), masked=True) for n, star in places]
     return imager.image(*axes, source_arcsec=star_arcsec)

@@ -1,4 +1,9 @@
-from simulator.products.check import PROGRAMME_FILE as PROGRAMME_FILE, Finding as Finding, check_level0 as check_level0
+from simulator.products.check import (
+    CUBE_FOLDER as CUBE_FOLDER,
+    PROGRAMME_FILE as PROGRAMME_FILE,
+    Finding as Finding,
+    check_level0 as check_level0,
+)
 from simulator.products.ephemeris import (
     CircularOrbit as CircularOrbit,
     SequenceTimes as SequenceTimes,
@@ -9,6 +14,7 @@ from simulator.products.ephemeris import (
     sequence_times as sequence_times,
     times_after as times_after,
 )
+from simulator.products.keywords import load_keywords as load_keywords
 from simulator.products.sequence import (
     OBSID_DIGITS as OBSID_DIGITS,
     PartOfVisit as PartOfVisit,

@@ -20,6 +20,7 @@ QUESTIONS = {
     "How sure is the order": r"--instruments 200",
     "my star not there": r"parallax.*V <= 7",
     "one year at 5 %": r"--share-of-time 0\.05",
+    "orbit or atmosphere": r"astrometry\.csv.*orbitize!",
     "What is a visit": r"one stay of the telescope",
     "Blind or at a known place": r"--search known_place",
     "noise model checked": r"equations.*evaluated",

@@ -38,6 +38,7 @@ ALLOWED = {
     "simulator/target/star_spectrum.py": "opens what files gave it",
     "simulator/target/albedo_grid.py": "SQLite opens by name, after files looked at the file",
     "cpic_planner/jobs/folder.py": "adds lines to the list of a run",
+    "cpic_planner/validation/level1.py": "opens what files gave it",
     "cpic_planner/validation/confirm.py": "arrays of a part, in memory",
     "cpic_planner/report/words.py": "shipped words",
     "cpic_planner/schemas/__init__.py": "shipped schemas",

@@ -27,7 +27,6 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 
 import catalogs
 from cpic_core import InputError
@@ -75,7 +74,7 @@ def build_all(archives: Path, out_dir: Path, only: Sequence[str] = ()) -> list[s
     with tempfile.TemporaryDirectory(dir=out_dir, prefix=".build-") as scratch:
         folder = Path(scratch)
         for name in names:
-            module = _module(name)
+            module = importlib.import_module(f"{builders.__name__}.{name}")
             store.obtain(module.SOURCES)
             before = set(os.listdir(folder))
             entries: list[ProvenanceEntry] = module.build(store, folder)
@@ -168,10 +167,6 @@ def _copy_provenance(source: Path, target: Path) -> None:
     path = source / PROVENANCE_NAME
     if path.is_file():
         (target / PROVENANCE_NAME).write_bytes(path.read_bytes())
-
-
-def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"{builders.__name__}.{name}")
 
 
 if __name__ == "__main__":

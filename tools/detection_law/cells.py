@@ -101,7 +101,7 @@ class Programme:
         """Return the programme of a cell; None where no frame is possible."""
         question = cell.question()
         model = etc.build_model(images_of(question.instrument), [cell.band], question.strategy)
-        target = scene_target(question.scene)
+        target = scene_target(question.looked_at)
         if frames is None:
             x, y = model.metrics[cell.band].zone.middle
             place = math.hypot(x, y)
@@ -122,7 +122,7 @@ class Programme:
 
     def images(self) -> VisitPair:
         """Return its images."""
-        scene = self.cell.question().scene
+        scene = self.cell.question().looked_at
         task = task_of(self.model, scene, self.cell.band, self.frames, [], seed=self.cell.number, fidelity="standard")
         assert isinstance(task, ConfirmTask)
         return visit_pair(task, modelling=modelling_of(task))

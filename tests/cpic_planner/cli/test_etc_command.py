@@ -320,16 +320,6 @@ def test_a_tolerance_makes_images_only_where_it_has_to(call, done):
     assert record["message"].split(":")[0] in " ".join(text.split())
 
 
-def test_the_infrared_is_checked_by_images(call):
-    asked = ["tau Cet", "--band", "F940", "--separation-arcsec", "0.8", "--contrast", "1e-6", "--time-s", "1200"]
-    result = json.loads(call(*asked, "--fidelity", "standard", "--json")[1])
-    assert result["answers"][0]["status"] == "ok"
-    (record,) = result["fidelity"]["answers"]
-    assert record["status"] == "ok"
-    assert abs(record["images"]["etc_ratio"] - 1.0) < 4.0 * record["images"]["etc_ratio_error"]
-    assert record["closed_form_error"] is None  # none is stated of these bands
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

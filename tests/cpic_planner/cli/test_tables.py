@@ -78,7 +78,7 @@ def test_its_ranking(laplace, done):
 
 
 def test_its_surveys(laplace, done):
-    options = "--instrument laplace.yaml --universes 20 --images 2 --no-facts --days 90 --out survey"
+    options = "--instrument laplace.yaml --universes 20 --images 1 --workers 1 --no-facts --days 90 --out survey"
     done("whatif", "once.yaml", *split(options))
     found = json.loads((laplace / "survey/whatif.json").read_text())
     images = found["strategies"][0]["images"]

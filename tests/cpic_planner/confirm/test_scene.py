@@ -5,6 +5,8 @@ import json
 
 import numpy as np
 import pytest
+from astropy.table import Table
+from astropy.time import Time
 
 import cpic_planner
 from cpic_core import InputError, dump_json
@@ -320,6 +322,50 @@ def test_products_are_whole(finished):
     assert abs(band.recovered_contrast - band.true_contrast) < 5 * band.contrast_error
     assert band.audit is not None
     assert "Images" in (finished / "report.html").read_text()
+
+
+def test_places_are_told_with_their_day_and_covariance(finished):
+    result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
+    (band,) = result.bands
+    table = Table.read(finished / "astrometry.ecsv", format="ascii.ecsv")
+    assert len(table) == len(band.observations) == 2
+    first = table[0]
+    assert first["separation_arcsec"] == pytest.approx(np.hypot(first["east_arcsec"], first["north_arcsec"]), rel=1e-12)
+    assert first["separation_arcsec"] == band.found_separation_arcsec
+    # The middle of a visit of 2 x 6 frames of 3 s with their readouts, and its overhead, of which the Earth hides 54 %.
+    days = (first["epoch_mjd"] - Time("2028-01-01", scale="utc").mjd) * 2
+    assert days * 86400 == pytest.approx(band.time_s / 0.46, rel=0.02)
+    # Offsets east and north, turned by hand into errors along and across.
+    covariance = np.array(
+        [
+            [first["east_error_arcsec"] ** 2, first["east_north_covariance"]],
+            [first["east_north_covariance"], first["north_error_arcsec"] ** 2],
+        ]
+    )
+    angle = np.radians(first["pa_deg"])
+    along, across = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
+    errors = np.sqrt([along @ covariance @ along, across @ covariance @ across])
+    assert errors[0] == pytest.approx(first["separation_error_arcsec"], rel=1e-9)
+    assert np.degrees(errors[1] / first["separation_arcsec"]) == pytest.approx(first["pa_error_deg"], rel=1e-9)
+    mixed = along @ covariance @ across / errors.prod()
+    assert mixed == pytest.approx(first["separation_pa_correlation"], abs=1e-9)
+    csv = Table.read(finished / "astrometry.csv", format="ascii.csv")
+    assert list(csv["sep"]) == pytest.approx([1e3 * first["separation_arcsec"]])
+
+
+def test_curve_is_the_limit_of_the_planets_ring(finished):
+    result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
+    (band,) = result.bands
+    table = Table.read(finished / "contrast_curve.ecsv", format="ascii.ecsv")
+    assert list(table["separation_arcsec"]) == [row.separation_arcsec for row in result.searches[0].curve]
+    assert table.meta["sigma"] == 5.0
+    there = np.interp(band.separation_arcsec, table["separation_arcsec"], table["contrast_limit"])
+    # Another quadrant of the same ring: the scatter of some twenty sums is known to 16 %.
+    assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)
+    assert (
+        Table.read(finished / "contrast_curve.csv", format="ascii.csv")["contrast_limit"][3]
+        == table["contrast_limit"][3]
+    )
 
 
 def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finished):

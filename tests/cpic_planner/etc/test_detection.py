@@ -38,11 +38,6 @@ def test_table_for_five_sigma(n: int, expected: float) -> None:
     assert round(detection_threshold(n).unwrap(), digits) == expected
 
 
-@pytest.mark.parametrize(("n", "expected"), [(6, 7.3), (13, 4.0), (25, 3.4), (94, 3.1)])
-def test_table_for_three_sigma(n: int, expected: float) -> None:
-    assert round(detection_threshold(n, 3.0).unwrap(), 1) == expected
-
-
 @pytest.mark.parametrize("n", [3, 3.5, 4, 13, 52, 1002])
 @pytest.mark.parametrize("sigma", [1.0, 5.0, 12.0, 20.0])
 def test_false_alarm_probability_is_that_of_the_normal_law(n: float, sigma: float) -> None:

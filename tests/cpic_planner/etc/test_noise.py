@@ -149,33 +149,6 @@ def test_each_term_is_what_its_name_says():
     np.testing.assert_allclose(noise.terms["common_speckle"], (n * t) ** 2 * rates.speckle.common.k0, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("change", "name", "power"),
-    [
-        ("exposure", "halo", 1),
-        ("exposure", "read_noise", 0),
-        ("exposure", "cic", 0),
-        ("frames", "halo", 1),
-        ("frames", "read_noise", 1),
-        ("frames", "cic", 1),
-        ("frames", "planet", 1),
-        ("exposure", "planet", 1),
-        ("gain", "read_noise", -2),
-        ("gain", "rounding", -2),
-        ("exposure", "smear", 0),
-        ("frames", "smear", 1),
-    ],
-)
-def test_how_terms_grow(change, name, power):
-    rates, model = rates_of(instrument=load_instrument({"detector": {"switches": {"cosmic_rays": False}}}))
-    given = {"exposure": 4.0, "frames": 30.0, "gain": 50.0}
-    camera = model.camera("F520")
-    few = stack_noise(rates, given["exposure"], given["frames"], given["gain"], camera)
-    more = given | {change: 3.0 * given[change]}
-    many = stack_noise(rates, more["exposure"], more["frames"], more["gain"], camera)
-    np.testing.assert_allclose(many.terms[name], 3.0**power * few.terms[name], rtol=1e-12)
-
-
 def test_white_noise_averages_and_speckles_do_not():
     rates, model = rates_of()
     camera = model.camera("F520")
@@ -216,16 +189,6 @@ def test_neither_planet_nor_residual_is_no_nan():
     rates, model = rates_of(contrast=0.0)
     problem = frame_problem(only(rates), model.camera("F520"))
     assert np.all(np.isinf(problem.inverse_snr2(np.full(problem.z0.shape, 10.0), np.full(problem.z0.shape, 5.0))))
-
-
-def test_a_planet_of_less_than_an_electron_has_its_snr():
-    rates, model = rates_of()
-    camera = replace(model.camera("F520"), cic_e=0.0, read_noise_e=0.0, rounding_e=0.0)
-    faint = only(rates, planet_e_s=np.full((3, 1), 0.004))
-    noise = stack_noise(faint, 10.0, 5.0, 1.0, camera)
-    np.testing.assert_allclose(noise.signal_e, 0.2)
-    expected = np.full((3, 1), np.sqrt(0.2 / faint.source_noise_fraction.item()))
-    np.testing.assert_allclose(noise.snr, expected * np.exp(-5.0 * faint.loss_per_s), rtol=1e-12)
 
 
 def test_a_ramp_has_more_noise_of_light():

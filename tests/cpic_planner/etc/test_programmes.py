@@ -84,17 +84,6 @@ def test_an_archive_takes_no_time_and_has_the_noise_of_its_visits():
     np.testing.assert_allclose(many.terms["speckle"], few.terms["speckle"] * (1 / 4 + 1 / 100) / (1 / 2), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("tau_h", "gap_h"), [(1.0, 1.0), (10.0, 1.0), (5.0, 30.0), (1e6, 1.0)])
-@pytest.mark.parametrize("visits", [1, 2, 7, 50])
-def test_correlated_offsets_average_by_the_sum_of_their_covariances(tau_h, gap_h, visits):
-    """Variance of the mean of a chain with correlation rho^k, added up pair by pair."""
-    law = cases_of(model_of({"correlation_time_h": tau_h})).rates.speckle
-    rho = math.exp(-gap_h / tau_h)
-    lags = np.abs(np.subtract.outer(np.arange(visits), np.arange(visits)))
-    expected = 1.0 / (rho**lags).mean()
-    assert law.independent(visits, 3600.0 * gap_h) == pytest.approx(expected, rel=1e-6)
-
-
 def test_correlated_visits_average_less():
     quick, slow, free = (
         questions.signal_to_noise(model_of(drift, visits=16, visit_gap_h=gap), STARS["tau Cet"], **ASKED)[0].value
@@ -181,31 +170,6 @@ def test_the_closed_optimum_of_a_visit():
     assert answer[0].value == pytest.approx(least_s, rel=0.02)
     assert answer[0].visits == pytest.approx(level**2 * (residual + cost / math.sqrt(cost * 300.0 / residual)), rel=0.3)
     assert float(asked.quickest()[0][0, 0, 0]) == pytest.approx(answer[0].visits, abs=1.0)
-
-
-def test_where_drift_rules_noise_falls_with_the_root_of_visits():
-    """At a fixed length of visits, up to the floor of what all visits have in common."""
-    limits = {}
-    for common in (0.0, 0.2):
-        for visits in (1, 4, 16, 64, 1000):
-            drift = {"visit_nm": 0.3, "common_fraction": common, "orbital_nm": 0.0}
-            model = model_of(drift, visits=visits)
-            asked = {"separation_arcsec": 0.55, "bands": ["F520"], "sigma": 5.0, "exact": True}
-            answer = questions.contrast_limit(model, STARS["tau Cet"], visit_time_s=7800.0, **asked)[0]
-            limits[common, visits] = answer.value
-    for few, many in ((1, 4), (4, 16), (16, 64)):
-        assert math.log(limits[0.0, many] / limits[0.0, few]) / math.log(many / few) == pytest.approx(-0.5, abs=1e-6)
-    assert limits[0.2, 1000] > 1.5 * limits[0.0, 1000]
-
-
-@pytest.mark.parametrize("star", STARS)
-def test_more_visits_of_one_length_reach_more(star):
-    found = [
-        questions.signal_to_noise(model_of(visits=visits), STARS[star], visit_time_s=1800.0, **FOR_VISITS)[0]
-        for visits in (1, 2, 5, 20, 100)
-    ]
-    assert np.all(np.diff([answer.value for answer in found]) > 0)
-    assert [answer.time_s for answer in found] == pytest.approx([1800.0 * n for n in (1, 2, 5, 20, 100)], rel=1e-3)
 
 
 FOR_VISITS = {"separation_arcsec": 0.55, "bands": ["F520"], "contrast": 3e-9}

@@ -137,25 +137,6 @@ def test_two_rolls_take_the_negative_image_off_the_planet(light, roll_deg, withi
     np.testing.assert_allclose(own, 2.0 - rates.planet_left, rtol=1e-12)
 
 
-def test_stars_planets_and_places_broadcast():
-    """Two stars at three places with two contrasts each: every number is that of its own question."""
-    both = type(targets()).joined([targets(3.0), targets(4.0)])
-    x, y = X[None, :3, None], Y[None, :3, None]
-    contrast = np.array([1e-8, 3e-8])[None, None, :]
-    every = aperture_rates(model(), both, BAND, x, y, contrast)
-    assert every.planet_e_s.shape == (2, 3, 2)
-    for i, v_mag in enumerate((3.0, 4.0)):
-        for j in range(3):
-            for k in range(2):
-                one = of(model(), targets(v_mag), contrast[0, 0, k], X[j : j + 1], Y[j : j + 1])
-                for name in ("planet_e_s", "halo_e_s", "peak_in_hole_e_s", "background_e_s", "smear_e"):
-                    found = np.broadcast_to(getattr(every, name), (2, 3, 2))[i, j, k]
-                    assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
-                assert np.broadcast_to(every.speckle.law().k0, (2, 3, 2))[i, j, k] == pytest.approx(
-                    one.speckle.law().k0.item()
-                )
-
-
 def test_one_place_for_each_star():
     stars = targets(3.0), targets(4.0, **PAIR), targets(3.5, **(PAIR | {"pa_deg": 30.0}))
     every = aperture_rates(model(), type(stars[0]).joined(stars), BAND, X[:3], Y[:3], np.array([1e-8, 3e-8, 2e-8]))
@@ -168,8 +149,12 @@ def test_one_place_for_each_star():
 
 @pytest.mark.parametrize(
     ("x", "y", "contrast"),
-    [(X[None, :3, None], Y[None, :3, None], 1e-8), (X[:1], Y[:1], np.array([[[1e-8, 3e-8]]]))],
-    ids=["places of more dimensions", "contrasts of more dimensions"],
+    [
+        (X[None, :3, None], Y[None, :3, None], 1e-8),
+        (X[:1], Y[:1], np.array([[[1e-8, 3e-8]]])),
+        (X[None, :3, None], Y[None, :3, None], np.array([[[1e-8, 3e-8]]])),
+    ],
+    ids=["places of more dimensions", "contrasts of more dimensions", "both"],
 )
 def test_the_longer_shape_decides(x, y, contrast):
     both = type(targets()).joined([targets(3.0, **PAIR), targets(4.0, **PAIR)])
@@ -179,9 +164,11 @@ def test_the_longer_shape_decides(x, y, contrast):
         for place in np.ndindex(shape[1:]):
             there = [float(np.broadcast_to(part, shape)[(i, *place)]) for part in (x, y, contrast)]
             one = of(model(), targets(v_mag, **PAIR), there[2], *(np.array([part]) for part in there[:2]))
-            for name in ("planet_e_s", "halo_e_s", "companion_e_s", "smear_e"):
+            for name in ("planet_e_s", "halo_e_s", "companion_e_s", "smear_e", "peak_in_hole_e_s", "background_e_s"):
                 found = np.broadcast_to(getattr(every, name), shape)[(i, *place)]
                 assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
+            own = np.broadcast_to(every.speckle.law().k0, shape)[(i, *place)]
+            assert own == pytest.approx(one.speckle.law().k0.item())
 
 
 def test_every_star_has_the_sky_of_its_own_place():

@@ -322,7 +322,7 @@ def test_public_functions_keep_their_keywords(name):
         "signal_to_noise": ["target"],
         "contrast_limit": ["target"],
         "make_plan": ["out"],
-        "confirm_scene": ["scene"],
+        "confirm_scene": [],
         "rank_targets": [],
         "simulate_products": [],
         "compare_strategies": [],

@@ -293,15 +293,6 @@ def test_odds_add_up_to_the_value_of_the_calendar(sharp):
     assert not any(item.known for item in odds)
 
 
-TIGHT = st.fixed_dictionaries(
-    {
-        "budget_h": st.floats(2.0, 20.0),
-        "share": st.sampled_from([0.15, 0.25, 0.4]),
-        "gap_days": st.sampled_from([0.0, 25.0, 45.0]),
-    }
-)
-
-
 def visits_of(schedule):
     return [(visit.star, (visit.option, visit.slot)) for visit in schedule.visits if not visit.reserve]
 
@@ -313,7 +304,7 @@ def with_method(problem, method):
 
 
 @settings(max_examples=15)
-@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=TIGHT)
+@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS)
 def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed, limits):
     problem = problems.random_problem(seed, needed=needed, **limits)
     best = problems.optimum(problem)
@@ -393,7 +384,7 @@ def test_more_of_seven_stars_with_twenty_visits(problems, record_property):
 
 
 @settings(max_examples=20)
-@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=TIGHT, nodes=st.sampled_from([0, 3, 12]))
+@given(seed=st.integers(0, 10_000), needed=st.integers(1, 3), limits=LIMITS, nodes=st.sampled_from([0, 3, 12]))
 def test_bounds_are_true_wherever_the_search_ends(problems, seed, needed, limits, nodes):
     """With no search tree at all it is the cuts that bound a star; with a few nodes, whichever is lower."""
     problem = problems.random_problem(seed, slots=4, needed=needed, **limits)

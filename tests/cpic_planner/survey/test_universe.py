@@ -7,7 +7,6 @@ import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from catalogs import ORBIT, OrbitPlaces, load_known_planets, orbit_places, star_key
@@ -202,38 +201,6 @@ def test_places_on_many_days_are_those_of_each():
         np.testing.assert_array_equal(getattr(every, name), each)
         assert getattr(bodies.places([]), name).shape == (0, 1500)
         assert getattr(bodies.select(np.zeros(0, int)).places(days), name).shape == (57, 0)
-
-
-def test_places_against_integration_of_the_law_of_gravity():
-    mass, a, e = 0.8, 2.5, 0.6
-    period = 365.25 * math.sqrt(a**3 / mass)
-    bodies = bodies_of([a], [e], [57.0], [110.0], [35.0], [70.0], [period])
-    gm = 4.0 * math.pi**2 * mass / 365.25**2  # au^3 / day^2
-    step = 1e-3
-
-    def state(day):
-        """Place and velocity in three dimensions, the last away from the observer."""
-
-        def place(t):
-            p = bodies.places([t])
-            return np.array(
-                [p.east_au[0, 0], p.north_au[0, 0], p.distance_au[0, 0] * math.cos(math.radians(p.phase_deg[0, 0]))]
-            )
-
-        return place(day), (place(day + step) - place(day - step)) / (2.0 * step)
-
-    where, velocity = state(0.0)
-    found = solve_ivp(
-        lambda _, y: np.r_[y[3:], -gm * y[:3] / np.linalg.norm(y[:3]) ** 3],
-        (0.0, 2000.0),
-        np.r_[where, velocity],
-        method="DOP853",
-        rtol=1e-11,
-        atol=1e-12,
-        t_eval=[200.0, 900.0, 2000.0],
-    )
-    for day, y in zip(found.t, found.y.T, strict=True):
-        np.testing.assert_allclose(state(day)[0], y[:3], atol=2e-5)
 
 
 @given(

@@ -517,29 +517,6 @@ def test_reads_above_the_converter_count_as_saturated() -> None:
     assert not lost.any()
 
 
-@pytest.mark.parametrize("n", [2, 3, 5, 16])
-def test_read_noise_of_a_ramp(n) -> None:
-    """Equal weights over the ramp: variance of slope x time is 12 (n - 1) / (n (n + 1)) of a read's."""
-    rng = np.random.default_rng(n)
-    noise = rng.standard_normal((n, 400, 500)) * 10
-    adu, _, _ = fed("up_the_ramp", 1000 + noise)
-    expected = 100 * 12 * (n - 1) / (n * (n + 1))
-    assert adu.var() == pytest.approx(expected, rel=4.5 * np.sqrt(2 / adu.size))
-
-
-@pytest.mark.parametrize("n", [2, 3, 5, 16])
-def test_photon_noise_of_a_ramp(n) -> None:
-    """Correlated noise of arrivals: variance 6/5 (n^2 + 1) / (n (n + 1)) of the signal (n >= 2)."""
-    rng = np.random.default_rng(n)
-    signal = 900.0
-    steps = rng.poisson(signal / (n - 1), (n - 1, 400, 500))
-    reads = np.concatenate([np.zeros((1, 400, 500)), np.cumsum(steps, axis=0)]) + 1000
-    adu, _, _ = fed("up_the_ramp", reads)
-    expected = signal * 1.2 * (n**2 + 1) / (n * (n + 1))
-    assert adu.var() == pytest.approx(expected, rel=4.5 * np.sqrt(2 / adu.size))
-    assert abs(adu.mean() - 1000 - signal) < 4.5 * np.sqrt(expected / adu.size)
-
-
 @pytest.mark.parametrize("mode", ["single", "cds", "up_the_ramp"])
 @pytest.mark.parametrize("top", [65535.0, 40000.0])
 def test_more_light_is_never_less_cut_off(mode, top) -> None:

@@ -148,31 +148,13 @@ def test_two_quadrants_lie_on_the_named_side(small):
         assert means[sign] < 1e-2 * means[-sign]
 
 
-def test_two_quadrants_go_inside_the_four(small):
-    # The inner edge may differ from the imager's.
-    hole = solve_dark_hole(
-        small,
-        draw_aberrations(3, samples=64),
-        MIRROR,
-        mode="2q",
-        inner_arcsec=0.19,
-        settings=ControlSettings(max_iterations=8),
-    )
-    assert hole.zone.inner_arcsec == 0.19
-    assert hole.before.mean / hole.wide.mean > 100
-
-
 def test_a_hole_not_reached_is_another_type(small):
     hole = solve_dark_hole(small, draw_aberrations(4, samples=64), MIRROR, settings=ControlSettings(max_iterations=1))
     assert not hole.reached
     assert "F662 4q" in hole.reason
     assert "asked 2e-09" in hole.reason
     assert "1 iterations (iterations)" in hole.reason
-    lenient = solve_dark_hole(
-        small, draw_aberrations(4, samples=64), MIRROR, settings=ControlSettings(max_iterations=1), limit_contrast=1e-4
-    )
-    assert lenient.reached
-    np.testing.assert_array_equal(lenient.commands_nm, hole.commands_nm)
+    assert dataclasses.replace(hole, limit_contrast=1e-4).reached
 
 
 def test_single_jacobian_is_a_named_less_ideal_state(small):

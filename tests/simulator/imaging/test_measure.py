@@ -76,17 +76,6 @@ def test_strehl_of_perfect_optics_is_one_and_jitter_lowers_it():
     assert 1 - strehl(jittered) == pytest.approx(2 * wave**2 * moment, rel=0.02)
 
 
-def test_strehl_of_random_phase_follows_marechal():
-    rough = load_instrument(
-        {
-            "wavefront": {"opd_rms_nm": 10, "amplitude_rms": 0, "jitter_mas": 0, "psd_slope": 0},
-            "dark_hole": {"control": "off"},
-        }
-    )
-    expected = np.exp(-((2 * np.pi * 10 / 662) ** 2))
-    assert 1 - strehl(build_imager(rough, "F662")) == pytest.approx(1 - expected, rel=0.05)
-
-
 @pytest.mark.parametrize("instrument", [FLAT, INSTRUMENT])
 def test_core_is_the_energy_in_the_circle(instrument):
     psf = single_band_psf("F720", fidelity=MONO, instrument=instrument)

@@ -174,21 +174,6 @@ def test_empty_scenes_and_closed_windows_are_dark():
     assert scene_image(TRANSFER, axis[:1], axis[:1] + 0.5, PIXEL, one).shape == (1, 1)
 
 
-def test_mask_is_a_factor_on_the_open_pixels():
-    axis = centred_axis(41, PIXEL)
-    rng = np.random.default_rng(4)
-    sources = PointSources(*rng.uniform(-0.3, 0.3, (2, 5)), rng.random(5))
-    clear = scene_image(TRANSFER, axis, axis, PIXEL, sources)
-    masked = scene_image(TRANSFER, axis, axis, PIXEL, sources, mask_half_width_arcsec=0.155)
-    wholly_open = np.abs(axis) - PIXEL / 2 >= 0.155
-    open_pixels = np.ix_(wholly_open, wholly_open)
-    np.testing.assert_allclose(masked[open_pixels], clear[open_pixels], atol=1e-14 * clear.max())
-    closed = np.abs(axis) + PIXEL / 2 <= 0.155
-    assert not masked[closed].any()
-    assert not masked[:, closed].any()
-    assert (masked <= clear + 1e-14 * clear.max()).all()
-
-
 def test_extended_source_is_the_sum_of_its_points():
     rng = np.random.default_rng(6)
     y, x = centred_axis(20, PIXEL), centred_axis(27, PIXEL) + 0.1

@@ -269,17 +269,6 @@ def test_shipped_states_load_without_a_search(no_search, preset, band):
     assert np.abs(state.commands_nm).max() <= instrument.mirror.stroke_nm / 2
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("band", BANDS)
-def test_search_went_down_but_for_strong_steps(preset, band):
-    history, strong = (
-        getattr(dark_hole_of(load_instrument(preset), band).search, name) for name in ("history", "strong")
-    )
-    assert len(history) == 1 + len(strong)
-    for before, after, was_strong in zip(history[:-1], history[1:], strong, strict=True):
-        assert was_strong or after < before
-
-
 @pytest.mark.parametrize(("band", "ratio"), [("F520", 5e3), ("F662", 5e4), ("F720", 5e4), ("F850", 5e4)])
 def test_the_default_mirror_darkens_by_the_stated_ratio(band, ratio):
     state = dark_hole_of(load_instrument(), band)

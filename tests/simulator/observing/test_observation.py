@@ -1,12 +1,11 @@
 """Scenes to frames: absolute pictures, energy bookkeeping, streams."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from cpic_core import InputError
 from simulator import load_instrument, observe
+from simulator.imaging import psf_metrics, single_band_psf, store
 from simulator.imaging.pupil import configured_apodizer
 from simulator.passbands import Passbands
 
@@ -78,10 +77,20 @@ def test_a_planet_behind_an_arm_of_the_cross_is_not_seen():
     assert sums[1] > 0
 
 
-def test_light_is_counted_once(monkeypatch):
+@pytest.fixture
+def figures_of_others(tmp_path, monkeypatch):
+    """Metrics of the default optics for any other but for the state of the hole: measuring them takes long."""
+
+    def measure(instrument, band):
+        state = single_band_psf(band, instrument=instrument).hole_state
+        return psf_metrics(load_instrument(), band).to_arrays() | {"hole_state": np.asarray(state)}
+
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(store, "measure", measure)
+
+
+def test_light_is_counted_once(figures_of_others):
     """An unmasked star's image holds F A t_opt QE E, within the field's loss."""
-    # The header's working angle of optics that nobody has takes longer to measure than the image.
-    monkeypatch.setattr("simulator.imaging.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
     instrument = load_instrument(
         QUIET
         | {"coronagraph": {"mask_half_width_arcsec": 0.0}, "sky": {"model": "uniform", "brightness_v_mag_arcsec2": 40}}
@@ -220,13 +229,11 @@ def test_a_psf_from_a_file_is_used_as_it_is(refused, tmp_path):
     refused("scene_model", observe, scene(), band="F520", exposure_s=1.0, scene_model="fast")
 
 
-def test_header_says_how_dark_the_hole_is(monkeypatch):
+def test_header_says_how_dark_the_hole_is(figures_of_others):
     settings = {"band": "F850", "exposure_s": 1.0, "window": "hole"}
     header = observe(scene(), **settings).header
     assert header["HOLE"] == "reached"
     assert header["HOLEIN"] == pytest.approx(4.3 * 0.0876616, rel=1e-4)
-    # Its working angle takes longer to measure than the hole to find.
-    monkeypatch.setattr("simulator.imaging.psf_metrics", lambda *_: SimpleNamespace(iwa_arcsec=0.1))
     spoilt = observe(scene(), instrument={"mirror": {"bits": 10}}, **settings)
     assert spoilt.header["HOLE"] == "not_reached"
     assert any("brighter than asked" in row.reason for row in spoilt.ledger)
