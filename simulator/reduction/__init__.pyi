@@ -9,7 +9,9 @@ from simulator.reduction.level1 import (
     Level1 as Level1,
     Level1Frame as Level1Frame,
     error_file as error_file,
+    fits_units as fits_units,
     level1_name as level1_name,
+    named_header as named_header,
     read_level1 as read_level1,
     write_level1 as write_level1,
 )
