@@ -35,7 +35,7 @@ from simulator.imaging import ExternalPsf
 from simulator.passbands import Passbands, band_flux_density
 from simulator.target import LitStar, detector_to_sky
 
-N_LIMITS = 24
+N_LIMITS = 12
 """Separations of a contrast curve."""
 
 
