@@ -41,9 +41,9 @@ from cpic_planner.report.drawing import (
 )
 from cpic_planner.report.files import (
     PANELS as PANELS,
-    PRODUCTS as PRODUCTS,
     SOURCES_FILES as SOURCES_FILES,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
+    plan_products as plan_products,
     products_of as products_of,
     write_confirm_report as write_confirm_report,
     write_report as write_report,

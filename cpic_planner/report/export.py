@@ -227,7 +227,7 @@ def _first(result: AnyImages) -> Iterator[list[Observed]]:
 
 
 def _ecsv(result: AnyImages, columns: Sequence[results.Column], rows: Sequence[Any]) -> str:
-    meta = {"config_hash": result.config_hash, "instrument": result.instrument, "sigma": result.sigma}
+    meta = {name: getattr(result, name) for name in ("fingerprint", "config_hash", "instrument", "sigma")}
     return results.ecsv_text(columns, rows, meta) if rows else ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,11 @@ WHATIF_PRODUCTS = ("targets.csv", "report.html")
 
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
+
+
+def plan_products(bands: Iterable[str]) -> list[str]:
+    """Return the names of the files of a report of a plan in these bands."""
+    return list(dict.fromkeys([*PRODUCTS, *export_products(bands, 0)]))
 
 
 def products_of(bands: Sequence[str], planets: int = 0) -> list[str]:

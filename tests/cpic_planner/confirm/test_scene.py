@@ -21,6 +21,7 @@ from cpic_planner.etc import (
     reference_distance_au,
     usable_range_arcsec,
 )
+from cpic_planner.jobs import check_tree
 from cpic_planner.jobs.job import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
@@ -315,6 +316,7 @@ def finished(tmp_path_factory):
 def test_products_are_whole(finished):
     for name in PRODUCTS:
         assert (finished / name).stat().st_size > 100, name
+    assert check_tree(finished) == []
     assert not list(finished.glob("*.tmp*"))
     result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
     (band,) = result.bands
