@@ -187,7 +187,7 @@ def _as_flat(values: FloatArray, section: tuple[slice, slice], name: str, **nois
 
 
 def make_master(plan: Plan, masters: Masters, scratch: Path | None = None) -> Master:
-    """Combine calibration frames into a master with its noise.
+    """Return the master of calibration frames, with its noise.
 
     Bias: the mean without the level of each frame, and without the clock-induced charge that the camera states; that is
     taken off again by its own step, so that for frames of the same gain it cancels whatever it is. Dark: the mean

@@ -21,7 +21,7 @@ REJECTION = "in time, by the exact law of the register (chance 1e-6 a pixel and 
 
 
 class Reduced(Record, eq=False):
-    """What was done to a sequence.
+    """Calibrations, flags and levels of a reduced sequence.
 
     Attributes
     ----------
