@@ -487,6 +487,25 @@ def simulate_products(question: queries.SimulateQuestion) -> results.SimulationR
     return own(simulation, question.out, **question.how).result
 
 
+@takes(queries.ReduceQuestion, first=("what", "out"))
+def reduce_products(question: queries.ReduceQuestion) -> results.ReductionResult:
+    """Reduce Level-0 frames to Level 1, as ``cpic reduce`` does.
+
+    Returns
+    -------
+    ReductionResult
+        ``sequences[i].file`` is the Level-1 file below ``out``; `read_level1` reads its frames.
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    from cpic_planner.reduction import reduction_job
+
+    return run(reduction_job(question), question.out, **question.how).result
+
+
 @takes(queries.VisibilityQuestion, first=("target",))
 def star_visibility(question: queries.VisibilityQuestion) -> results.VisibilityResult:
     """Say when stars can be seen from the orbit, for how long, and at which roll.

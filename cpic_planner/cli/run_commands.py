@@ -228,6 +228,46 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
     output.show(done.result, report.simulation_blocks(done.result, question.out))
 
 
+def reduce(question: queries.ReduceQuestion, output: RunOutput) -> None:
+    """Reduce Level-0 frames to Level 1: electrons of light with their error and a mask.
+
+    WHAT are Level-0 files of any writer or folders of them. Bias, dark and flat frames that the folders hold, or that
+    --masters names, are combined to masters whose noise is carried to the errors; of each kind those nearest in gain,
+    exposure and band are taken. Maps without noise (flat.fits, dark.fits, cic.fits, bad_columns.fits, bias.fits) serve
+    where there are no frames. Without either, the overscan gives the bias, the instrument the dark current, and the
+    flat is 1: every product says what it was made with.
+
+    Frames are flagged where a limit was reached, then come bias, level of the overscan, gain, curves, clock-induced
+    charge, dark current, smear and flat; cosmic rays are found by comparing each pixel with itself in the other frames
+    of its file, so that nothing is rejected in a single frame. Only frames of the visible camera are reduced.
+
+    Writes one file a sequence, ..._L1_..., with a pair of units a frame (image, mask), the errors beside it in
+    ..._ERROR.fits, Masters, reduction.json and run.json into --out. Stopped half way, it continues when started again
+    on the same folder; the files are the same for any number of workers.
+
+    Examples:
+
+      cpic reduce level0
+
+      cpic reduce night.fits --masters calibrations --out reduced
+
+      cpic reduce level0 --masters bias.fits --masters dark.fits --masters flat.fits --workers 2
+
+      cpic reduce level0 --dry-run
+    """
+    from cpic_planner.reduction import reduction_job
+
+    def line(cost: Mapping[str, float]) -> str:
+        what = f"{cost['n_sequences']} sequence{'s' * (cost['n_sequences'] != 1)}, {cost['n_frames']} frames"
+        room = f"{cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
+        return f"{what}, about {command.time_text(cost, question.workers)}, {room}"
+
+    how: dict[str, Any] = {"steps": "n_steps", "dry_run": output.dry_run, "out": question.out}
+    result = command.result_of(question, reduction_job(question), output, "reducing", line, **how)
+    if result is not None:
+        output.show(result, report.reduction_blocks(result, question.out))
+
+
 def _print_presets(as_json: bool) -> None:
     from simulator.config import load_scene, load_simulation, preset_names
 

@@ -90,6 +90,7 @@ from cpic_planner.report.simulation import (
     columns_blocks as columns_blocks,
     instrument_blocks as instrument_blocks,
     planned_blocks as planned_blocks,
+    reduction_blocks as reduction_blocks,
     simulation_blocks as simulation_blocks,
 )
 from cpic_planner.report.whatif import (

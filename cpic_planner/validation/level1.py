@@ -5,7 +5,6 @@ A Level-1 file has an image of every frame in electrons at the register input an
 has the orientation of the detector: places are turned to the sky by POS_ANG0.
 """
 
-import contextlib
 import functools
 import hashlib
 import math
@@ -18,7 +17,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record, bounded_fits, open_file
+from cpic_core import FloatArray, InputError, NDArray, Record, open_file
 from cpic_planner.results import ProductVisitRecord, SourceRecord
 from cpic_planner.validation.astrometry import fit_position
 from cpic_planner.validation.frames import CalibratedFrames
@@ -38,7 +37,7 @@ from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from simulator.camera import MaskBit
 from simulator.observing import Observation, Role
-from simulator.products import load_keywords
+from simulator.reduction import fits_units, named_header
 
 _SPOILT = MaskBit.BAD | MaskBit.HOT | MaskBit.SATURATED | MaskBit.COSMIC_RAY | MaskBit.SATELLITE_TRAIL
 _KINDS = ("SCI", "CALS")
@@ -73,10 +72,10 @@ class Level1File(Record):
         InputError
             If it is no FITS file.
         """
-        with _units(path) as units:
+        with fits_units(path) as units:
             headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
             every = {**(headers[0] if headers else {}), **units[0].header}
-        header = {load_keywords().canonical(key): value for key, value in every.items() if key}
+        header = named_header(every)
         images = sum(one["BITPIX"] < 0 and not _is_error(one) for one in headers)
         paired = images == sum(one["BITPIX"] > 0 for one in headers)
         return cls(path, header, images if paired and header.get("OBSTYPE", _KINDS[0]) in _KINDS else 0)
@@ -124,7 +123,7 @@ class Level1File(Record):
 
     def frames(self) -> Iterator[tuple[FloatArray, NDArray[np.uint8]]]:
         """Yield the images in electrons, and their masks, one frame at a time."""
-        with _units(self.path) as units:
+        with fits_units(self.path) as units:
             image = None
             for unit in units:
                 if unit.header.get("NAXIS") != 2 or not unit.is_image or _is_error(unit.header):
@@ -134,21 +133,7 @@ class Level1File(Record):
                 elif image is not None:
                     yield np.asarray(image, dtype=np.float64), np.asarray(unit.data, dtype=np.uint8)
                     image = None
-
-
-@contextlib.contextmanager
-def _units(path: Path) -> Iterator[Any]:
-    """Open the units of a FITS file; refused in one line if it is none."""
-    from astropy.io import fits
-
-    with open_file(path, key="file", allowed=_ALLOWED, max_bytes=_MOST_BYTES) as file:
-        try:
-            with fits.open(bounded_fits(file), memmap=True) as units:
-                yield units
-        except (OSError, ValueError, TypeError, fits.VerifyError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError("file", str(path), allowed=_ALLOWED, hint=str(error).splitlines()[0]) from None
+                del unit.data  # or the file would be in memory as a whole
 
 
 def _is_error(header: Any) -> bool:
