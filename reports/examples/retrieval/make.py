@@ -121,10 +121,10 @@ def main() -> None:
         "their covariance, with which the fit is made, is that of single bands. "
         "Where truths are spread like the prior and errors are Gaussian, the intervals of four bands hold "
         f"{spread[0]:.0%} of the metallicities and {spread[1]:.0%} of f_sed; at one truth amid the nodes of the model, "
-        f"log10 [M/H] {BETWEEN[0]} and log10 f_sed {BETWEEN[1]}, {between[0]:.0%} and {between[1]:.0%}; at the truth of "
-        f"this example, on the node at 10 times solar metallicity and beside that at f_sed 3, {there[0]:.0%} and "
-        f"{there[1]:.0%}. The model is linear between nodes; beside its kinks the middle of a posterior is not the truth, "
-        "whatever the data: medians of f_sed are high here with Gaussian errors too.",
+        f"log10 [M/H] {BETWEEN[0]} and log10 f_sed {BETWEEN[1]}, {between[0]:.0%} and {between[1]:.0%}; at the truth "
+        "of this example, on the node at 10 times solar metallicity and beside that at f_sed 3, "
+        f"{there[0]:.0%} and {there[1]:.0%}. The model is linear between nodes; beside its kinks the middle of a "
+        "posterior is not the truth, whatever the data: medians of f_sed are high here with Gaussian errors too.",
         "![68 % intervals and medians of twelve draws, the truth dashed](intervals.png)",
         "Made by `python -m tools.reports retrieval`.",
     ]
